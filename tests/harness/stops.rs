@@ -3,7 +3,7 @@
 
 use std::{net::Ipv4Addr, time::Duration};
 
-use rig_engine::RigState;
+use rig_engine::{Command, RigState};
 use rig_model::RigTime;
 use rig_sim::PortId;
 use rigd::http::{Shared, access::Access, router, serve};
@@ -16,7 +16,7 @@ use tokio::{
 };
 use tokio_util::sync::CancellationToken;
 
-use crate::TestRig;
+use crate::{TestRig, text};
 
 /// The activity of the rig when the stop comes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,11 +35,19 @@ pub enum During {
     SilentRotaryStage,
     /// A move of the probe on a line with noise before each reply.
     NoisyLine,
+    /// The drives are found after an acknowledgement.
+    Preparing,
+    /// A run waits for a person at the bench.
+    WaitingForPerson,
+    /// A run is paused.
+    Paused,
+    /// The rig is latched by a stop before.
+    Latched,
 }
 
 impl During {
     /// All activities.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 11] = [
         Self::Idle,
         Self::LongReading,
         Self::PlannedSweep,
@@ -47,6 +55,10 @@ impl During {
         Self::Move,
         Self::SilentRotaryStage,
         Self::NoisyLine,
+        Self::Preparing,
+        Self::WaitingForPerson,
+        Self::Paused,
+        Self::Latched,
     ];
 
     /// The activity in words.
@@ -59,6 +71,10 @@ impl During {
             Self::Move => "a move of the probe",
             Self::SilentRotaryStage => "a silent rotary drive",
             Self::NoisyLine => "noise on the line of the drives",
+            Self::Preparing => "preparing",
+            Self::WaitingForPerson => "waiting for a person",
+            Self::Paused => "paused",
+            Self::Latched => "latched",
         }
     }
 
@@ -67,7 +83,7 @@ impl During {
             Self::SilentAnalyzer => Some("fault analyzer drop-request rate=1"),
             Self::SilentRotaryStage => Some("fault bus drop-request unit=2 rate=1"),
             Self::NoisyLine => Some("fault bus noise bytes=20 rate=1"),
-            Self::Idle | Self::LongReading | Self::PlannedSweep | Self::Move => None,
+            _ => None,
         }
     }
 
@@ -78,11 +94,11 @@ impl During {
         let planned =
             r#"{"min_hz": 125, "max_hz": 160, "target_sigma_hz": 0.001, "time_limit_s": 30}"#;
         match self {
-            Self::Idle => None,
             Self::LongReading | Self::SilentAnalyzer => Some(("sweeps", sweep)),
             Self::PlannedSweep => Some(("sweeps", planned)),
             Self::Move | Self::NoisyLine => Some(("moves", r#"{"axis": "linear", "to": 15}"#)),
             Self::SilentRotaryStage => Some(("moves", r#"{"axis": "rotary", "to": 30}"#)),
+            _ => None,
         }
     }
 
@@ -99,6 +115,9 @@ impl During {
 const fn stop_frame(unit: u8) -> [u8; 6] {
     [unit, 6, 0x00, 0x7D, 0x00, 0x20]
 }
+
+/// The person at the bench.
+const OPERATOR: &str = "the lab";
 
 /// Longest time for which anything is waited for.
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -119,7 +138,8 @@ impl StopBench {
     /// # Panics
     /// When there is no port for the listener.
     pub async fn open(clients: usize) -> Self {
-        let rig = TestRig::open_changed(&[("pace = \"virtual\"", "pace = \"real\"")]).await;
+        let changes = [("pace = \"virtual\"", "pace = \"real\""), ("\"answers\"\n", "\"waits\"\n")];
+        let rig = TestRig::open_changed(&changes).await;
         let (data, closing) = (TempDir::new().expect("a directory"), CancellationToken::new());
         let operator = "the lab".parse().expect("a name");
         let access = Access::new(Ipv4Addr::LOCALHOST.into(), [], None, operator);
@@ -153,6 +173,7 @@ impl StopBench {
             self.rig.fault(fault);
         }
         simulation.with(|_, rig| rig.listen_in());
+        self.reach(during).await;
         if let Some((path, body)) = during.request() {
             ask(&self.address, "POST", path, body).await.expect("the daemon listens");
             self.until("it has begun", |rig| {
@@ -169,7 +190,10 @@ impl StopBench {
         });
         let mut latencies = [Duration::ZERO; 2];
         for (latency, (unit, heard)) in latencies.iter_mut().zip(arrived) {
-            self.until(&format!("the stop of unit {unit}"), |rig| heard(rig).is_some()).await;
+            self.until(&format!("{}: the stop of unit {unit}", during.name()), |rig| {
+                heard(rig).is_some()
+            })
+            .await;
             let at = simulation.with(|_, rig| heard(rig)).expect("it was waited for");
             *latency = at.since(asked);
         }
@@ -178,6 +202,37 @@ impl StopBench {
         ask(&self.address, "POST", "acknowledge", "").await.expect("the daemon listens");
         self.rig.wait_for("service", |status| status.snapshot.state == RigState::Idle).await;
         latencies
+    }
+
+    /// Brings the rig into the state of this activity, if it is one of the engine.
+    async fn reach(&self, during: During) {
+        let to = |state| self.rig.wait_for("a state", move |at| at.snapshot.state == state);
+        let post =
+            async |path, body| ask(&self.address, "POST", path, body).await.expect("an answer");
+        let give = async |command, run| {
+            self.rig.handle.command(command, run, OPERATOR).await.expect("the state allows it");
+        };
+        match during {
+            During::Preparing | During::Latched => {
+                post("stop", "").await;
+                to(RigState::Latched).await;
+                if during == During::Preparing {
+                    give(Command::Acknowledge, None).await;
+                    to(RigState::Preparing).await;
+                }
+            }
+            During::WaitingForPerson | During::Paused => {
+                let protocol = self.rig.protocol(&text("config/protocols/smoke.toml"));
+                let run = self.rig.handle.run(protocol, OPERATOR).await.expect("an idle rig");
+                to(RigState::WaitingForPerson).await;
+                if during == During::Paused {
+                    give(Command::Pause, Some(run)).await;
+                    give(Command::Answer, Some(run)).await;
+                    to(RigState::Paused).await;
+                }
+            }
+            _ => {}
+        }
     }
 
     /// Closes the rig.

@@ -4,6 +4,7 @@ mod labels;
 mod list;
 mod motion;
 mod numbers;
+mod outside;
 
 use std::collections::BTreeSet;
 
@@ -28,7 +29,7 @@ fn names(verdict: &Verdict) -> Vec<Check> {
 }
 
 /// Every forgery by records, with the digests made anew.
-const BY_RECORDS: [&[Case]; 3] = [motion::CASES, labels::CASES, numbers::CASES];
+const BY_RECORDS: [&[Case]; 4] = [motion::CASES, labels::CASES, numbers::CASES, outside::CASES];
 
 #[tokio::test]
 async fn every_forgery_is_found_by_its_name() {

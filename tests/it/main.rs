@@ -13,6 +13,7 @@ mod homing;
 mod makes;
 mod operator;
 mod out_of_contact;
+mod read_only;
 mod refusals;
 mod remaining;
 mod runs;

@@ -52,7 +52,7 @@ const KEPT_PROMISE: f64 = 0.5;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Fitted {
     pub(crate) resonance_hz: f64,
-    pub(crate) quality_factor: f64,
+    pub(crate) circuit: Circuit,
     /// Standard deviation of the resonance by the noise alone, Hz.
     pub(crate) sigma_hz: f64,
     /// The same, if there may be a second mode of any size; only with a free decay.
@@ -121,15 +121,20 @@ pub(crate) fn fit(
         }
         found = Some(normal);
     }
-    let [ln_resonance, ln_q, _, c1, _] = at.circuit;
+    let [ln_resonance, ln_q, c0, c1, g] = at.circuit;
     let mode_sigma = f64::sqrt(mode_variance) / c1;
     let resonance_hz = ln_resonance.exp();
     let sigma_hz = resonance_hz * found?.variance(0)?.sqrt();
     let with_mode_hz = sigma_hz.max(resonance_hz * f64::sqrt(widest));
-    let quality_factor = ln_q.exp();
+    let circuit = Circuit {
+        quality_factor: ln_q.exp(),
+        static_capacitance_f: c0 * unit,
+        capacitance_ratio: c1 / c0,
+        loss_tangent: g / c0,
+    };
     let fitted = Fitted {
         resonance_hz,
-        quality_factor,
+        circuit,
         sigma_hz,
         with_mode_hz,
         mode_sigma,

@@ -1,6 +1,11 @@
 //! The journal as a file: its tables. Its records are in [`crate::record`].
 
-use std::path::Path;
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+    process,
+    sync::atomic::{AtomicU64, Ordering},
+};
 
 use rusqlite::{Connection, ErrorCode, OpenFlags, OptionalExtension, config::DbConfig, params};
 use sha2::{Digest, Sha256};
@@ -16,6 +21,9 @@ pub enum JournalError {
     /// SQLite cannot read the database.
     #[error("the journal cannot be read")]
     Sqlite(#[from] rusqlite::Error),
+    /// A journal that cannot be written to could not be copied to the directory for temporary files.
+    #[error("the journal cannot be copied to the directory for temporary files")]
+    Copy(#[from] io::Error),
     /// The journal has another format.
     #[error("journal format {found} is not {FORMAT}, which this checker reads")]
     OtherFormat {
@@ -177,19 +185,50 @@ pub(crate) fn read(connection: &Connection, run: &str) -> Result<Journal, Journa
     Ok(journal)
 }
 
-/// Opens a database to read. One on a medium that cannot be written to has no writer.
-pub(crate) fn open(path: &Path) -> Result<Connection, rusqlite::Error> {
+/// Opens a database to read. One on a medium that cannot be written to has no writer; if it has a log, a
+/// copy of both is read, because the log must be recovered first.
+pub(crate) fn open(path: &Path) -> Result<Connection, JournalError> {
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
     let connection = Connection::open_with_flags(path, flags)?;
     connection.busy_timeout(std::time::Duration::from_secs(10))?;
     let probe = connection.query_row("SELECT count(*) FROM runs", [], |row| row.get::<_, i64>(0));
     let Err(error) = probe else { return Ok(connection) };
     if error.sqlite_error_code() != Some(ErrorCode::CannotOpen) {
-        return Err(error);
+        return Err(error.into());
+    }
+    let log = with_ending(path, "-wal");
+    if fs::metadata(&log).is_ok_and(|log| log.len() > 0) {
+        return open_copy(path, &log);
     }
     let name = path.to_string_lossy().replace('%', "%25").replace('?', "%3f").replace('#', "%23");
     let uri = format!("file:{name}?immutable=1");
-    Connection::open_with_flags(uri, flags | OpenFlags::SQLITE_OPEN_URI)
+    Ok(Connection::open_with_flags(uri, flags | OpenFlags::SQLITE_OPEN_URI)?)
+}
+
+fn with_ending(path: &Path, ending: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(ending);
+    name.into()
+}
+
+/// Opens a copy of a database and its log. The files of the copy have no names as soon as they are open.
+fn open_copy(path: &Path, log: &Path) -> Result<Connection, JournalError> {
+    static COPIES: AtomicU64 = AtomicU64::new(0);
+    let number = COPIES.fetch_add(1, Ordering::Relaxed);
+    let directory = std::env::temp_dir().join(format!("rigd-verify-{}-{number}", process::id()));
+    let copied = || -> Result<Connection, JournalError> {
+        fs::create_dir(&directory)?;
+        let copy = directory.join("rigd.db");
+        fs::copy(path, &copy)?;
+        fs::copy(log, with_ending(&copy, "-wal"))?;
+        let connection = Connection::open(&copy)?;
+        connection.query_row("SELECT count(*) FROM runs", [], |row| row.get::<_, i64>(0))?;
+        Ok(connection)
+    };
+    let opened = copied();
+    // Where it cannot be removed, it can be read all the same.
+    _ = fs::remove_dir_all(&directory);
+    opened
 }
 
 /// Opens a database of this program in memory.

@@ -11,15 +11,20 @@ use crate::{
     finding::{Check, Findings},
     motion::{Descent, Motion, Probe, Turn},
     record::{
-        Action, FitSettings, Outcome, Pose, Prompt, PromptAnswered, PromptAsked, StepStarted,
-        Sweep, Touch, TouchResult,
+        Action, FitSettings, Flag, Outcome, Pose, Prompt, PromptAnswered, PromptAsked, Reading,
+        StepStarted, Sweep, Touch, TouchResult,
     },
     settings::{Settings, orientation, tilt_deg},
+    surface,
 };
 
 /// Clocks of drivers and journal may differ by this much, s: an analyzer is asked for settings and
 /// measurement in one message, and the time within it is an estimate.
 pub(crate) const CLOCK_SLACK_S: f64 = 0.05;
+/// A standstill is noticed at most this late, s.
+const BEAT_S: f64 = 0.15;
+/// At most one reading in this number is left out of a fit.
+pub(crate) const READINGS_PER_OUTLIER: usize = 10;
 
 /// A finished sweep.
 #[derive(Debug, Clone)]
@@ -69,8 +74,8 @@ pub(crate) struct Labels {
     surface: Option<SurfaceFacts>,
     /// The read-back after the indentation, mm, until the next surface.
     indented_mm: Option<f64>,
-    /// Whether the surface was still there after the sweep; `None` before it was looked for.
-    is_still_there: Option<bool>,
+    /// What was found of the surface after the sweep; `None` before it was looked for.
+    again: Option<surface::Again>,
     /// The window of the sweep in contact after it was widened, Hz.
     window: Option<[f64; 2]>,
     /// The last reading may not begin before this, s.
@@ -81,6 +86,11 @@ pub(crate) struct Labels {
     /// The last touch with a result, until it is contradicted.
     last: Option<TouchResult>,
     elsewhere: BTreeSet<String>,
+    /// When the computer was held up, s on the rig's clock.
+    standstills: Vec<(f64, f64)>,
+    /// Why the last touch is said to be contradicted, and the last fault.
+    contradiction: Option<(u64, String)>,
+    fault: Option<String>,
     /// Whether the next step may have any number.
     is_anew: bool,
     is_amendment: bool,
@@ -125,9 +135,29 @@ impl Labels {
         }
         (self.step, self.sample, self.orientation, self.reference) = (None, None, None, None);
         (self.surface, self.indented_mm, self.free_s) = (None, None, 0.0);
-        self.is_still_there = None;
+        self.again = None;
         self.bench = bench::BenchChain::default();
+        (self.contradiction, self.fault) = (None, None);
+        self.standstills.clear();
         self.is_anew = true;
+    }
+
+    /// The computer was held up until now: no reading is of that time. A standstill is noticed at a beat.
+    pub(crate) fn stalled(&mut self, rig_us: u64, stalled_s: f64) {
+        let end_s = rig_us as f64 / 1e6;
+        let standstill = (end_s - stalled_s + BEAT_S, end_s - BEAT_S);
+        self.standstills.push(standstill);
+    }
+
+    fn check_standstills(&self, seq: u64, readings: &[Reading], findings: &mut Findings) {
+        for &(from_s, to_s) in &self.standstills {
+            let is_of = |reading: &&Reading| reading.begin_s() < to_s && from_s < reading.end_s();
+            if let Some(reading) = readings.iter().find(is_of) {
+                let what = "a reading from a time in which the computer was held up, s";
+                let expected = format!("none from {from_s:.3} to {to_s:.3}");
+                findings.add(Check::ReadingTime, seq, what, expected, reading.begin_s());
+            }
+        }
     }
 
     pub(crate) fn step_started(
@@ -137,6 +167,7 @@ impl Labels {
         motion: &mut Motion,
         findings: &mut Findings,
     ) {
+        self.check_contradiction(findings);
         self.step_ended(motion.fault.is_some(), findings);
         let is_anew = std::mem::take(&mut self.is_anew) || self.is_amendment;
         let is_ahead = self.pass_amended(&started.step) && started.index > self.index;
@@ -178,7 +209,7 @@ impl Labels {
                 findings.add(Check::Sample, seq, what, placed, sample);
             }
         }
-        (self.surface, self.indented_mm, self.is_still_there) = (None, None, None);
+        (self.surface, self.indented_mm, self.again) = (None, None, None);
         self.window = None;
         self.step = Some(Step { seq, started, is_done: false });
     }
@@ -344,6 +375,8 @@ impl Labels {
             pose_is_taken(seq, pose, motion, settings, findings);
         }
         self.check_times(seq, rig_us, sweep, findings);
+        Self::check_readings(seq, sweep, findings);
+        self.check_standstills(seq, &sweep.readings, findings);
         if let Some(settings) = settings.filter(|_| !is_manual) {
             let window = self.window.filter(|_| sweep.purpose == "touch");
             request(seq, sweep, window, settings, findings);
@@ -441,10 +474,32 @@ impl Labels {
                 findings.within(Check::ReadingTime, seq, what, expected, time_s, limit);
             }
         }
-        if sweep.probe_readings > sweep.readings.len() || sweep.readings.is_empty() {
-            let what = "the number of readings of a sweep";
-            let expected = format!("more than {}", sweep.probe_readings);
-            findings.add(Check::Sweep, seq, what, expected, sweep.readings.len());
+    }
+
+    /// Every reading counts, except flagged ones that were measured again, and one in ten that was left
+    /// out.
+    fn check_readings(seq: u64, sweep: &Sweep, findings: &mut Findings) {
+        let Sweep { readings, probe_readings, outcome, .. } = sweep;
+        if readings.is_empty() {
+            findings.add(Check::Sweep, seq, "the number of readings of a sweep", "some", 0);
+        }
+        if *probe_readings > 0 {
+            let what = "readings of a sweep that do not count";
+            findings.add(Check::Sweep, seq, what, 0, probe_readings);
+        }
+        let Outcome::Accepted { left_out, .. } = *outcome else { return };
+        let most = readings.len().div_ceil(READINGS_PER_OUTLIER);
+        if left_out > most {
+            let what = "readings that were left out";
+            findings.within(Check::Sweep, seq, what, "few", left_out, Some(most.to_string()));
+        }
+        for (index, reading) in readings.iter().enumerate() {
+            let next_hz = readings.get(index + 1).map(|next| next.frequency_hz);
+            if reading.flag != Flag::Normal && next_hz != Some(reading.frequency_hz) {
+                let what = format!("the reading after the flagged reading {}, Hz", index + 1);
+                let found = next_hz.map_or_else(|| "none".to_owned(), |hz| hz.to_string());
+                findings.add(Check::Sweep, seq, what, reading.frequency_hz, found);
+            }
         }
     }
 

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::{
     finding::{Check, Findings},
     record::{RunStarted, Touch},
-    settings::Protocol,
+    settings::{Protocol, Rig, Scene},
 };
 
 /// Steps of the angles of blind touches, degrees.
@@ -84,4 +84,34 @@ pub(crate) fn check(
 
 fn main_step(sample: &str, direction: &str, angle_deg: f64, repeat: u32) -> String {
     format!("main/{sample}/{direction}/{angle_deg}/{repeat}")
+}
+
+/// Checks that the run says of its bench what the files say that it keeps: whether it is simulated, and
+/// how stiff its samples are.
+pub(crate) fn check_files(started: &RunStarted, rig: &Rig, record: u64, findings: &mut Findings) {
+    let scene = started.scene.as_ref().map(|scene| toml::from_str::<Scene>(&scene.toml));
+    let is_simulated = rig.connection.as_deref() == Some("simulated");
+    if [started.is_simulated, started.scene.is_some()] != [is_simulated; 2] {
+        let what = "whether the run is simulated";
+        let expected = rig.connection.as_deref().unwrap_or("none");
+        findings.add(Check::Plan, record, what, expected, started.is_simulated);
+    }
+    let known = match &scene {
+        Some(Ok(scene)) => &scene.samples,
+        Some(Err(error)) => {
+            let what = "the scene in the journal cannot be read";
+            findings.add(Check::Readable, record, what, "TOML with the known keys", error);
+            return;
+        }
+        None => &rig.samples,
+    };
+    for sample in &started.samples {
+        let of_file = known.iter().find(|known| known.name == sample.name);
+        let of_file = of_file.and_then(|known| known.stiffness_mpa);
+        if of_file != sample.stiffness_mpa {
+            let what = format!("the stiffness of sample {}, MPa", sample.name);
+            let (expected, found) = (format!("{of_file:?}"), format!("{:?}", sample.stiffness_mpa));
+            findings.add(Check::Sample, record, what, expected, found);
+        }
+    }
 }

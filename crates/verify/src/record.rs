@@ -24,7 +24,7 @@ pub(crate) enum Record {
     Fault(Fault),
     BlackBox(BlackBox),
     StateChanged(StateChanged),
-    Stalled {},
+    Stalled(Stalled),
     RetractTried(RetractTried),
     ClockJumped {},
     Resumed(Box<Resumed>),
@@ -37,6 +37,8 @@ pub(crate) enum Record {
 pub(crate) struct RunStarted {
     pub(crate) protocol: Source,
     pub(crate) rig: Source,
+    pub(crate) is_simulated: bool,
+    pub(crate) scene: Option<Source>,
     pub(crate) samples: Vec<Sample>,
     pub(crate) plan: PlanSize,
     pub(crate) touches: Vec<Touch>,
@@ -50,6 +52,7 @@ pub(crate) struct Source {
 #[derive(Debug, Clone, Deserialize)]
 pub(crate) struct Sample {
     pub(crate) name: String,
+    pub(crate) stiffness_mpa: Option<f64>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
@@ -312,6 +315,12 @@ pub(crate) struct Operator {
 #[derive(Debug, Clone, Deserialize)]
 pub(crate) struct Fault {
     pub(crate) probe: String,
+    pub(crate) cause: String,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub(crate) struct Stalled {
+    pub(crate) stalled_s: f64,
 }
 
 #[derive(Debug, Clone, Deserialize)]

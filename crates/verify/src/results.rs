@@ -5,7 +5,8 @@ use std::{num::NonZero, thread};
 use crate::{
     finding::{Check, Findings},
     fit::{self, Fitted},
-    record::{FitNoise, FitSettings, Outcome, Reading, Sweep},
+    labels::READINGS_PER_OUTLIER,
+    record::{Circuit, FitNoise, FitSettings, Outcome, Reading, Sweep},
     survey::{self, Doubt, turned},
 };
 
@@ -27,17 +28,19 @@ const SCATTER_SIGMAS: f64 = 6.0;
 const GUESS: f64 = 5.0;
 /// The stated time for which a resonance holds may differ from that of this checker by this part of the
 /// duration of the sweep, and by more with few degrees of freedom, where the two weigh readings
-/// differently. In 2,088 sweeps the largest difference is a third of the limit, with seven readings a half.
+/// differently: with seven readings the difference reached two sweeps, with twenty a tenth.
 const TIME_SPANS: f64 = 0.15;
-const TIME_SPANS_BY_DEGREES: f64 = 150.0;
+const TIME_SPANS_BY_DEGREES: f64 = 500.0;
 /// The same as a part of the distance from the middle of the sweep.
 const TIME_REL: f64 = 0.3;
-/// The stated quality factor over that of this checker.
+/// The stated quality factor and ratio of capacitances over those of this checker.
 const Q_RATIO: [f64; 2] = [0.5, 2.0];
-/// At most one reading in ten may be left out.
-const READINGS_PER_OUTLIER: usize = 10;
 /// Largest number of readings of which each is tried as a wrong one.
 const SUSPECTS: usize = 60;
+/// The stated static capacitance over that of this checker.
+const CAPACITANCE_RATIO: [f64; 2] = [0.8, 1.25];
+/// The stated loss tangent less that of this checker: few points determine it poorly.
+const LOSS: f64 = 0.25;
 /// A circuit has five unknowns; fewer readings than this leave nothing to check it by.
 const READINGS_MIN: usize = 7;
 /// Fewer fits than this are not worth a thread.
@@ -201,7 +204,8 @@ fn check_outcome(
     else {
         return;
     };
-    let Fitted { resonance_hz: fit_hz, sigma_hz: fit_sigma, quality_factor, degrees, .. } = *fitted;
+    let Fitted { resonance_hz: fit_hz, sigma_hz: fit_sigma, degrees, .. } = *fitted;
+    let quality_factor = fitted.circuit.quality_factor;
     let limit = RESONANCE_SIGMAS * sigma_hz;
     if (fit_hz - resonance_hz).abs() > limit || !fit_hz.is_finite() {
         let what = "the resonance, Hz";
@@ -228,10 +232,12 @@ fn check_outcome(
             add(Check::ReadingTime, what, fit_s.to_string(), time_s, limit);
         }
     }
-    let stated = circuit.as_ref().map_or(f64::NAN, |circuit| circuit.quality_factor);
-    if !(Q_RATIO[0]..=Q_RATIO[1]).contains(&(stated / quality_factor)) {
-        let limit = Some(format!("a ratio from {} to {}", Q_RATIO[0], Q_RATIO[1]));
-        add(Check::Resonance, "the quality factor", quality_factor.to_string(), stated, limit);
+    let Some(circuit) = circuit else { return };
+    for (what, expected, stated, [least, most]) in values(&fitted.circuit, circuit) {
+        if !(least..=most).contains(&stated) {
+            let limit = Some(format!("from {least} to {most}"));
+            add(Check::Resonance, what, expected.to_string(), stated, limit);
+        }
     }
 }
 
@@ -251,4 +257,17 @@ fn most_scatter(noise: Option<FitNoise>, degrees: f64) -> f64 {
     // The cube root of χ²/n is nearly normal with variance 2/9n (Wilson and Hilferty).
     let part = (2.0 / 9.0 * (1.0 / degrees + 1.0 / known)).sqrt();
     guess * (1.0 + SCATTER_SIGMAS * part).powi(3)
+}
+
+/// Name, value of this checker, stated value and its limits, of each value of a circuit.
+fn values(found: &Circuit, stated: &Circuit) -> [(&'static str, f64, f64, [f64; 2]); 4] {
+    let of = |factors: [f64; 2], value: f64| factors.map(|factor| factor * value);
+    let (q, c0) = (found.quality_factor, found.static_capacitance_f);
+    let (ratio, loss) = (found.capacitance_ratio, found.loss_tangent);
+    [
+        ("the quality factor", q, stated.quality_factor, of(Q_RATIO, q)),
+        ("the static capacitance, F", c0, stated.static_capacitance_f, of(CAPACITANCE_RATIO, c0)),
+        ("the ratio of capacitances", ratio, stated.capacitance_ratio, of(Q_RATIO, ratio)),
+        ("the loss tangent", loss, stated.loss_tangent, [loss - LOSS, loss + LOSS]),
+    ]
 }

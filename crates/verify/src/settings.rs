@@ -7,10 +7,27 @@ use serde::Deserialize;
 
 #[derive(Debug, Clone, Deserialize)]
 pub(crate) struct Rig {
+    pub(crate) connection: Option<String>,
+    #[serde(default)]
+    pub(crate) samples: Vec<KnownSample>,
     pub(crate) linear: Linear,
     pub(crate) rotary: Rotary,
     pub(crate) geometry: Geometry,
     pub(crate) limits: Limits,
+}
+
+/// A sample whose stiffness a file states.
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct KnownSample {
+    pub(crate) name: String,
+    pub(crate) stiffness_mpa: Option<f64>,
+}
+
+/// A scene file, as far as it matters here.
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Scene {
+    #[serde(default)]
+    pub(crate) samples: Vec<KnownSample>,
 }
 
 #[derive(Debug, Clone, Deserialize)]
@@ -97,6 +114,10 @@ pub(crate) struct Approach {
     pub(crate) coarse_step_mm: f64,
     pub(crate) fine_step_mm: f64,
     pub(crate) contact_threshold: f64,
+    #[serde(default)]
+    pub(crate) settle_s: f64,
+    #[serde(default)]
+    pub(crate) cycles: u32,
     slip_mm: Option<f64>,
 }
 

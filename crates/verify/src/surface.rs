@@ -5,7 +5,7 @@ use crate::{
     labels::CLOCK_SLACK_S,
     motion::{Descent, ROUNDING},
     record::{Flag, SurfaceFound, Tried},
-    settings::Protocol,
+    settings::{Approach, Protocol},
 };
 
 /// Checks that the surface lies in the middle of the last clear position and the contact below it, and
@@ -22,6 +22,7 @@ pub(crate) fn check(seq: u64, found: &SurfaceFound, protocol: &Protocol, finding
         );
         return;
     };
+    check_contacts(seq, &found.trail, protocol.approach.contact_threshold, findings);
     let middle = 0.5 * (clear + contact);
     let what = "the surface, mm: the middle of the last clear position and the contact";
     findings.agree(Check::Surface, seq, what, (middle, found.position_mm), ROUNDING);
@@ -38,13 +39,26 @@ pub(crate) fn check(seq: u64, found: &SurfaceFound, protocol: &Protocol, finding
     }
 }
 
+/// An integration has at least this part of the cycles that the protocol asks for: frequencies are rounded.
+const CYCLES_PART: f64 = 0.95;
 /// The relative change of an impedance that counts as contact is compared with the clear probe here, and
 /// with the probe at the last clear position of the search by this checker: both may differ by this much,
 /// and by half of the limit.
 const THRESHOLD_SLACK: f64 = 0.03;
 
-/// Checks that the surface was looked for at the right distances after a sweep. Returns whether the
-/// readings show it still where the search `found` it.
+/// What the readings after a sweep say of the surface.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Again {
+    /// It is still where the search found it.
+    pub(crate) is_still_there: bool,
+    /// The probe may touch above it.
+    pub(crate) may_be_higher: bool,
+    /// The probe may be free below it.
+    pub(crate) may_be_lower: bool,
+}
+
+/// Checks that the surface was looked for at the right distances after a sweep. Returns what the readings
+/// say of the surface that the search `found`.
 pub(crate) fn check_again(
     seq: u64,
     (surface_mm, clear): (f64, Option<[f64; 2]>),
@@ -52,7 +66,7 @@ pub(crate) fn check_again(
     protocol: &Protocol,
     tolerance_mm: f64,
     findings: &mut Findings,
-) -> bool {
+) -> Again {
     // A reading that the analyzer flagged was repeated.
     let valid = trail.iter().copied().filter(|tried| tried.reading.flag == Flag::Normal);
     let trail = &valid.collect::<Vec<Tried>>()[..];
@@ -69,14 +83,59 @@ pub(crate) fn check_again(
         let found_mm = tried.position_mm - surface_mm;
         findings.agree(Check::Surface, seq, what, (*asked_mm, found_mm), tolerance_mm + ROUNDING);
     }
-    let change = |tried: &Tried| {
-        let ([re, im], [clear_re, clear_im]) = (parts(tried)?, clear?);
-        Some((re - clear_re).hypot(im - clear_im) / clear_re.hypot(clear_im))
+    let limit = protocol.approach.contact_threshold;
+    let change = |tried: &Tried| clear.and_then(|clear| change(tried, clear));
+    let may_touch = |tried: &Tried| change(tried).is_none_or(|by| may_be_contact(by, limit));
+    let may_be_free = |tried: &Tried| change(tried).is_none_or(|by| may_be_clear(by, limit));
+    let ([above, below] | [_, _, above, below]) = trail else {
+        let may_be_higher = trail.iter().any(may_touch);
+        return Again { is_still_there: false, may_be_higher, may_be_lower: false };
     };
-    let (limit, slack) = (protocol.approach.contact_threshold, THRESHOLD_SLACK);
-    let ([above, below] | [_, _, above, below]) = trail else { return false };
-    change(above).is_some_and(|change| change <= 1.5 * limit + slack)
-        && change(below).is_some_and(|change| 0.5 * limit - slack <= change)
+    let is_known = change(above).is_some() && change(below).is_some();
+    Again {
+        is_still_there: is_known && may_be_free(above) && may_touch(below),
+        may_be_higher: may_touch(above),
+        may_be_lower: may_be_free(below),
+    }
+}
+
+/// The relative change of an impedance from that of the clear probe.
+fn change(tried: &Tried, [clear_re, clear_im]: [f64; 2]) -> Option<f64> {
+    let [re, im] = parts(tried)?;
+    Some((re - clear_re).hypot(im - clear_im) / clear_re.hypot(clear_im))
+}
+
+fn may_be_clear(change: f64, limit: f64) -> bool {
+    change <= 1.5 * limit + THRESHOLD_SLACK
+}
+
+fn may_be_contact(change: f64, limit: f64) -> bool {
+    0.5 * limit - THRESHOLD_SLACK <= change
+}
+
+/// Checks that the readings of a search show a contact where the trail has one, and none elsewhere. They
+/// are compared with the mean of those of the clear probe.
+fn check_contacts(seq: u64, trail: &[Tried], limit: f64, findings: &mut Findings) {
+    let next = trail.iter().skip(1).map(|tried| tried.position_mm).chain([f64::INFINITY]);
+    let tried: Vec<(&Tried, bool)> =
+        trail.iter().zip(next).map(|(tried, next)| (tried, tried.position_mm < next)).collect();
+    let clear: Vec<[f64; 2]> = tried
+        .iter()
+        .filter(|(_, touches)| !touches)
+        .filter_map(|(tried, _)| parts(tried))
+        .collect();
+    let mean =
+        [0, 1].map(|part| clear.iter().map(|parts| parts[part]).sum::<f64>() / clear.len() as f64);
+    for (index, (tried, touches)) in tried.into_iter().enumerate() {
+        let is_shown = if touches { may_be_contact } else { may_be_clear };
+        let Some(change) = change(tried, mean).filter(|change| !is_shown(*change, limit)) else {
+            continue;
+        };
+        let state = if touches { "in contact" } else { "clear" };
+        let what = format!("reading {} of the search, {state}: relative change", index + 1);
+        let slack = Some(format!("a half and {THRESHOLD_SLACK}"));
+        findings.within(Check::Surface, seq, what, limit, change, slack);
+    }
 }
 
 /// Resistance and reactance of a reading without a flag, ohm.
@@ -100,12 +159,13 @@ fn bracket(trail: &[Tried]) -> Option<(f64, f64)> {
     (clear > contact).then_some((clear, contact))
 }
 
-/// Checks that each reading of a search was taken where the trail says, between two moves.
+/// Checks that each reading of a search was taken where the trail says, between two moves, with the
+/// settling and the cycles of the protocol.
 pub(crate) fn check_trail(
     seq: u64,
     rig_us: u64,
     trail: &[Tried],
-    descent: Option<&Descent>,
+    (descent, approach): (Option<&Descent>, Option<&Approach>),
     findings: &mut Findings,
 ) {
     let Some(descent) = descent else { return };
@@ -123,6 +183,17 @@ pub(crate) fn check_trail(
             let found = format!("{position_mm} at {begin_s:.3} s");
             let expected = at_mm.map_or_else(|| "a move before it".to_owned(), |at| at.to_string());
             findings.add(Check::Surface, seq, what, expected, found);
+        }
+        if let (Some(approach), Some((at_us, _))) = (approach, before) {
+            let settled_s = begin_s - *at_us as f64 / 1e6;
+            let cycles = reading.integration_s * reading.frequency_hz;
+            let has_settled = settled_s >= approach.settle_s - CLOCK_SLACK_S;
+            if !has_settled || cycles < CYCLES_PART * f64::from(approach.cycles) {
+                let what = format!("settling and cycles of reading {place} of the search");
+                let expected = format!("{} s, {} cycles", approach.settle_s, approach.cycles);
+                let found = format!("{settled_s:.3} s, {cycles:.1} cycles");
+                findings.add(Check::Request, seq, what, expected, found);
+            }
         }
         let is_in_order =
             begin_s >= last_s && reading.end_s() <= rig_us as f64 / 1e6 + CLOCK_SLACK_S;

@@ -30,6 +30,7 @@ pub(crate) fn check(journal: &Journal) -> Verdict {
         labels: Labels::new(&journal.elsewhere),
         accepted: Vec::new(),
         session: None,
+        before: None,
         foreign: false,
         skip: None,
         fault: None,
@@ -92,6 +93,8 @@ struct Walk {
     accepted: Vec<Accepted>,
     /// The session whose rig moves.
     session: Option<i64>,
+    /// Epoch of the last record, whether it is one of this run, and its time, µs.
+    before: Option<(u64, bool, u64)>,
     /// Whether a record of another run or session came after the last one of this run.
     foreign: bool,
     /// The amendment that leaves a touch out.
@@ -111,6 +114,7 @@ impl Walk {
             self.session = Some(entry.key);
             self.motion = Motion::new();
         }
+        self.check_order(entry);
         if entry.is_own {
             self.own(entry);
         } else {
@@ -119,6 +123,23 @@ impl Walk {
         }
         if !DURING_A_MOVE.contains(&&*entry.kind) {
             self.motion.pass(entry.rig_us);
+        }
+    }
+
+    /// The runs and the session of an epoch have one clock. The end of a session whose program was killed
+    /// is written by the next one, with the time of its last record.
+    fn check_order(&mut self, entry: &Entry) {
+        let &Entry { epoch, is_own, rig_us, .. } = entry;
+        if entry.kind == "run_finished" {
+            return;
+        }
+        if let Some((before, was_own, before_us)) = self.before.replace((epoch, is_own, rig_us))
+            && (before, was_own) == (epoch, !is_own)
+            && rig_us < before_us
+        {
+            let what = "the time of a record lies before that of another run or session, µs";
+            let seq = if is_own { entry.seq } else { self.chain.records() };
+            self.findings.add(Check::Time, seq, what, format!("at least {before_us}"), rig_us);
         }
     }
 
@@ -238,17 +259,15 @@ impl Walk {
                 labels.refused(seq, &refused, motion, settings, findings);
             }
             Record::Operator(operator) => self.operator(&operator),
-            Record::Fault(Fault { probe, .. }) => {
-                motion.fault(seq, &probe, findings);
-                self.fault = self.fault.or(Some(seq));
-            }
+            Record::Fault(fault) => self.faulted(seq, &fault),
             Record::BlackBox(black_box) => kept_before(seq, rig_us, &black_box, findings),
             Record::StateChanged(changed) => {
                 motion.changed(&changed.state);
             }
             // A sweep that was held up is measured again, and is held against its readings as any.
             Record::RetractTried(tried) => motion.tried(seq, &tried.probe, findings),
-            Record::Stalled {} | Record::ClockJumped {} => {}
+            Record::Stalled(stalled) => labels.stalled(rig_us, stalled.stalled_s),
+            Record::ClockJumped {} => {}
             Record::Resumed(resumed) => self.resumed(seq, &resumed),
             Record::GivenUp(_) => self.is_given_up = true,
             Record::Amended(amended) => {
@@ -268,6 +287,7 @@ impl Walk {
         match Settings::read(&started.rig.toml, &started.protocol.toml) {
             Ok(settings) => {
                 plan::check(&started, &settings.protocol, seq, findings);
+                plan::check_files(&started, &settings.rig, seq, findings);
                 self.settings = Some(settings);
             }
             Err(error) => {
@@ -326,6 +346,12 @@ impl Walk {
         self.labels.resume(seq, next, resumed.touches_done + resumed.touches_left, findings);
     }
 
+    fn faulted(&mut self, seq: u64, Fault { probe, cause }: &Fault) {
+        self.motion.fault(seq, probe, &mut self.findings);
+        self.labels.faulted(cause);
+        self.fault = self.fault.or(Some(seq));
+    }
+
     fn operator(&mut self, operator: &Operator) {
         match operator.action.as_str() {
             "prepare" | "acknowledge" | "home with nothing below the probe" => {
@@ -344,6 +370,7 @@ impl Walk {
         let findings = &mut self.findings;
         let status = finished.status.as_str();
         let probe = self.motion.probe;
+        self.labels.check_contradiction(findings);
         if self.kind == Kind::Run && !self.is_given_up {
             let is_whole = status.starts_with("completed");
             self.labels.step_ended(!is_whole, findings);

@@ -23,6 +23,7 @@ use super::{
     table::note,
 };
 use crate::{
+    loaded_rig::LoadedRig,
     protocol_file::LoadedProtocol,
     rig::{self, Status, TouchOrder},
     run_files,
@@ -69,6 +70,21 @@ enum Order {
     Redo { touch: TouchOrder, is_confirmed: bool },
 }
 
+/// What matters here of the bench.
+#[derive(Debug, Clone, Copy)]
+struct BenchKind {
+    /// Nobody is asked at the terminal.
+    is_simulated: bool,
+    /// The rig's clock does not follow that of the wall.
+    is_virtual_time: bool,
+}
+
+impl BenchKind {
+    fn of(rig: &LoadedRig) -> Self {
+        Self { is_simulated: rig.is_simulated(), is_virtual_time: rig.is_virtual_time() }
+    }
+}
+
 pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     let data = &args.bench.data.data;
     let (order, rig, left) = match (&args.resume, &args.protocol) {
@@ -91,11 +107,11 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
         // The command line asks for one of them.
         (None, None) => return Ok(()),
     };
-    let is_simulated = rig.is_simulated();
+    let bench = BenchKind::of(&rig);
     let operator = args.bench.operator.name();
     let touches = args.output.touches(data);
     let (run, ending, status) = with_rig(rig, data, &operator, left, async |session| {
-        replay(session, order, is_simulated, touches).await
+        replay(session, order, bench, touches).await
     })?;
     end(data, &args.output, run, ending, &status)
 }
@@ -104,11 +120,11 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
 pub(super) fn redo(args: &RedoArgs) -> Result<(), Failure> {
     let (data, rig) = (&args.touch.run.data.data, args.rig.load()?);
     let touch = args.touch.order()?;
-    let (run, is_simulated, operator) = (touch.run, rig.is_simulated(), args.touch.operator.name());
+    let (run, bench, operator) = (touch.run, BenchKind::of(&rig), args.touch.operator.name());
     let order = Order::Redo { touch, is_confirmed: args.accept_changes };
     let touches = args.output.touches(data);
     let redone = with_rig(rig, data, &operator, LeftInContact::Refuse, async |session| {
-        replay(session, order, is_simulated, touches).await
+        replay(session, order, bench, touches).await
     });
     let (_, ending, status) = redone?;
     end(data, &args.output, run, ending, &status)
@@ -161,10 +177,10 @@ async fn begin(session: &Session, order: Order) -> Result<RunId, Failure> {
 async fn replay(
     session: &mut Session,
     order: Order,
-    is_simulated: bool,
+    bench: BenchKind,
     journal: Option<&Path>,
 ) -> Result<(RunId, RunStatus, Status), Failure> {
-    let mut terminal = if is_simulated { None } else { Some(open_terminal()?) };
+    let mut terminal = if bench.is_simulated { None } else { Some(open_terminal()?) };
     let (mut resizes, mut resized) = (resizes()?, None);
     let run = begin(session, order).await?;
     let mut touches = journal.map(|data| Touches::new(data, run, &session.status.borrow()));
@@ -196,7 +212,7 @@ async fn replay(
             _ = redraw.tick() => {
                 let is_asking = terminal.as_ref().is_some_and(Terminal::is_asking);
                 if !is_asking && session.signals.count == 0 {
-                    progress(&now).iter().for_each(Progress::draw);
+                    progress(&now, bench).iter().for_each(Progress::draw);
                 }
                 if resized.is_some_and(|at: Instant| at.elapsed() >= RESIZE_PAUSE) {
                     resized = None;
@@ -274,10 +290,10 @@ async fn answer(terminal: &mut Option<Terminal>) -> Option<String> {
     }
 }
 
-/// The progress of the run.
-fn progress(status: &Status) -> Option<Progress> {
+/// The progress of the run at this moment, which can be long after the last change of the status.
+fn progress(status: &Status, bench: BenchKind) -> Option<Progress> {
     let (run, progress) = (status.run.as_ref()?, status.snapshot.progress.as_ref()?);
-    let remaining = run.remaining(progress.step, status.now);
+    let remaining = run.remaining(progress.step, status.present(bench.is_virtual_time));
     let estimate = status.live.as_ref().and_then(|live| live.estimates.last());
     Some(Progress {
         step: progress.step,
@@ -330,6 +346,44 @@ impl Touches {
                     say_touch(&record);
                 }
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rig_engine::RigState;
+    use tempfile::TempDir;
+
+    use super::*;
+
+    #[tokio::test]
+    async fn the_remaining_time_goes_on_between_two_changes_of_the_status() {
+        let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config");
+        let load = || LoadedRig::load(&config.join("rigs/simulated.toml")).unwrap();
+        let protocol = config.join("protocols/smoke.toml");
+        let protocol = LoadedProtocol::load(&protocol, &load().facts()).unwrap();
+        let data = TempDir::new().unwrap();
+        let (handle, _thread) = rig::open(load(), data.path().to_owned()).unwrap();
+        let mut watch = handle.status();
+        watch.wait_for(|status| status.snapshot.state == RigState::Idle).await.unwrap();
+        handle.run(protocol, "Ada").await.unwrap();
+        let is_touching = |status: &Status| {
+            status.snapshot.progress.as_ref().is_some_and(|progress| progress.step == 3)
+        };
+        let mut status = watch.wait_for(is_touching).await.unwrap().clone();
+        handle.close().await;
+        let range = |status: &Status, is_virtual_time| {
+            let bench = BenchKind { is_simulated: true, is_virtual_time };
+            progress(status, bench).unwrap().remaining_s
+        };
+        let virtually = range(&status, true);
+        status.published = status.published.checked_sub(Duration::from_secs(2)).unwrap();
+        // Virtual time does not pass by itself.
+        assert_eq!(range(&status, true), virtually);
+        for (later_s, first_s) in range(&status, false).into_iter().zip(virtually) {
+            let passed_s = first_s - later_s;
+            assert!((1.0..10.0).contains(&passed_s), "{later_s} after {first_s}");
         }
     }
 }

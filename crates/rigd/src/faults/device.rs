@@ -164,8 +164,10 @@ pub(super) const FAULTS: [ListedFault; 14] = [
         number: 26,
         class: Device,
         what: "an emergency stop is pressed",
-        reaction: "**none of its own**: rigd reads no emergency stop. A button that takes the power off \
-                   the drives shows as 24, one that opens their enable input as 21 or 22",
+        reaction: "**none of its own**: rigd reads no emergency stop, and is no safety function. A button \
+                   that takes the power off the drives shows as 1 and then as 24, one that opens their \
+                   enable input as 21 or 22: the run ends, and nothing is lowered or turned before a \
+                   person acknowledges. When the power is back, the probe may be retracted by itself",
         seen: None,
         tests: &[],
     },
@@ -173,7 +175,8 @@ pub(super) const FAULTS: [ListedFault; 14] = [
         number: 27,
         class: Device,
         what: "the input of an emergency stop is not connected",
-        reaction: "**none**: rigd reads no emergency stop",
+        reaction: "**none**: rigd reads no emergency stop. The button has to act on the power of the \
+                   drives, without a program in between",
         seen: None,
         tests: &[],
     },

@@ -33,7 +33,7 @@ fn the_circuit_behind_steady_readings_is_found_from_a_wrong_start() {
     let readings = steady(141.3, 34.0, 21e-9, 0.09, 0.01);
     let found = fit(&readings, false, None, (140.9, &STATED)).unwrap();
     assert!((found.resonance_hz - 141.3).abs() < 2e-3, "{found:?}");
-    assert!((found.quality_factor - 34.0).abs() < 0.05, "{found:?}");
+    assert!((found.circuit.quality_factor - 34.0).abs() < 0.05, "{found:?}");
     assert!(found.scatter < 0.2 && found.sigma_hz > 0.0, "{found:?}");
 }
 

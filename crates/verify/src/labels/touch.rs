@@ -16,9 +16,11 @@ use crate::{
 const COPY: f64 = 1e-9;
 /// A touch without a shift of this many standard deviations is refused: no contact was felt.
 const NO_SHIFT_SIGMAS: f64 = 6.0;
-/// Begins of the reason if a measurement after the sweep speaks against the touch.
-const LATER: [&str; 3] =
-    ["it is contradicted by what was measured next", "contact sense:", "after the sweep the probe"];
+/// Begins of the reason if what was measured after the sweep speaks against the touch.
+const CONTRADICTED: &str = "it is contradicted by what was measured next: ";
+const SLIPPED: &str = "after the sweep the probe ";
+const HIGHER: &str = "after the sweep the probe touches";
+const LOWER: &str = "after the sweep the probe is free";
 
 impl Labels {
     pub(crate) fn surface_found(
@@ -39,7 +41,7 @@ impl Labels {
         let (position_mm, sigma_mm) = (*position_mm, *sigma_mm);
         let clear = surface::clear_impedance(trail);
         self.surface = Some(SurfaceFacts { step: step.clone(), position_mm, sigma_mm, clear });
-        (self.indented_mm, self.is_still_there) = (None, None);
+        (self.indented_mm, self.again) = (None, None);
     }
 
     /// The surface was looked for again after the sweep.
@@ -56,9 +58,8 @@ impl Labels {
         let (Some(surface), Some(settings)) = (&self.surface, settings) else { return };
         let (protocol, tolerance_mm) = (&settings.protocol, settings.rig.linear.tolerance_mm);
         let found = (surface.position_mm, surface.clear);
-        let is_still_there =
-            surface::check_again(seq, found, trail, protocol, tolerance_mm, findings);
-        self.is_still_there = Some(is_still_there);
+        let again = surface::check_again(seq, found, trail, protocol, tolerance_mm, findings);
+        self.again = Some(again);
     }
 
     /// A search belongs to the touch under way, and its readings to the places of the probe.
@@ -85,7 +86,34 @@ impl Labels {
             pose_is_taken(seq, pose, motion, settings, findings);
         }
         let descent = motion.descent.as_ref().filter(|descent| descent.what == what);
-        surface::check_trail(seq, rig_us, trail, descent, findings);
+        let approach = settings.map(|all| &all.protocol.approach);
+        surface::check_trail(seq, rig_us, trail, (descent, approach), findings);
+        let readings: Vec<_> = trail.iter().map(|tried| tried.reading).collect();
+        self.check_standstills(seq, &readings, findings);
+    }
+
+    /// The readings after the sweep allow that the surface has moved as the reason says.
+    fn slipped(&self, seq: u64, reason: &str, findings: &mut Findings) {
+        let again = self.again.unwrap_or_default();
+        let may_be = [(HIGHER, again.may_be_higher), (LOWER, again.may_be_lower)];
+        if !may_be.iter().any(|(begin, may_be)| *may_be && reason.starts_with(begin)) {
+            let what = "a surface that is said to have moved after the sweep";
+            findings.add(Check::Surface, seq, what, "where the search found it", reason);
+        }
+    }
+
+    /// A fault, which may contradict the last touch.
+    pub(crate) fn faulted(&mut self, cause: &str) {
+        self.contradiction.take_if(|(_, contradiction)| contradiction == cause);
+        self.fault = Some(cause.to_owned());
+    }
+
+    /// A run ends, or goes on to the next step: what contradicts a touch is a fault.
+    pub(crate) fn check_contradiction(&mut self, findings: &mut Findings) {
+        if let Some((seq, cause)) = self.contradiction.take() {
+            let what = "a touch that is said to be contradicted";
+            findings.add(Check::Row, seq, what, format!("the fault: {cause}"), "no such fault");
+        }
     }
 
     /// A refused touch is repeated, kept or the last one.
@@ -163,9 +191,9 @@ impl Labels {
         };
         self.place(seq, &indented, settings, findings);
         let asks = settings.is_some_and(|all| all.protocol.slip_mm().is_some());
-        if asks && self.is_still_there != Some(true) {
+        if asks && !self.again.is_some_and(|again| again.is_still_there) {
             let what = "a result without a surface that was still there after the sweep";
-            let found = format!("{:?}", self.is_still_there);
+            let found = format!("{:?}", self.again);
             findings.add(Check::Surface, seq, what, "clear above it, contact below it", found);
         }
         let mut copy = |what, expected, found| {
@@ -205,6 +233,11 @@ impl Labels {
         findings: &mut Findings,
     ) {
         self.refused += 1;
+        if let Some(cause) = refused.reason.strip_prefix(CONTRADICTED)
+            && self.fault.as_deref() != Some(cause)
+        {
+            self.contradiction = Some((seq, cause.to_owned()));
+        }
         // The last touch of a run is confirmed while its step is still the last one.
         let is_over = self
             .step
@@ -226,9 +259,12 @@ impl Labels {
         match sweep.map(|sweep| &sweep.outcome) {
             Some(Err(reason)) if *reason == refused.reason => {}
             // The surface was no longer where it had been found, or could not be looked for.
-            Some(Ok(_)) if self.is_still_there == Some(false) => {}
-            // A measurement after the sweep speaks against the touch, whatever the shift.
-            Some(Ok(_)) if LATER.iter().any(|begin| refused.reason.starts_with(begin)) => {}
+            Some(Ok(_)) if self.again.is_some_and(|again| !again.is_still_there) => {}
+            // What was measured after the sweep speaks against the touch, whatever the shift.
+            Some(Ok(_)) if refused.reason.starts_with(CONTRADICTED) => {}
+            Some(Ok(_)) if refused.reason.starts_with(SLIPPED) => {
+                self.slipped(seq, &refused.reason, findings);
+            }
             Some(&Ok((hz, sigma_hz))) => {
                 let limit_hz = NO_SHIFT_SIGMAS * sigma_hz.hypot(refused.no_load_sigma_hz);
                 let shift_hz = hz - refused.no_load_hz;

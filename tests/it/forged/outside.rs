@@ -1,0 +1,173 @@
+//! Forgeries by somebody who knows the format but not the checks: results that are hidden, readings that
+//! show something else, files that say something else.
+
+use rig_tests::forge::{Forged, Forgery};
+use rig_verify::Check;
+use serde_json::{Value, json};
+
+use super::{Case, any, change, get};
+
+fn is_touch_sweep(payload: &Value) -> bool {
+    payload["purpose"] == "touch"
+}
+
+fn sweep(forged: &mut Forgery, n: usize) -> &mut Value {
+    let place = forged.nth("sweep", n, is_touch_sweep);
+    &mut forged.records[place].payload
+}
+
+/// The search with this number.
+fn search(forged: &mut Forgery, n: usize) -> &mut Vec<Value> {
+    let place = forged.nth("surface_found", n, any);
+    forged.records[place].payload["trail"].as_array_mut().expect("a trail")
+}
+
+/// Copies the impedance of one reading of a search to another one.
+fn copy_impedance(trail: &mut [Value], from: usize, to: usize) {
+    for key in ["resistance_ohm", "reactance_ohm"] {
+        trail[to]["reading"][key] = trail[from]["reading"][key].clone();
+    }
+}
+
+/// Changes a file that the first record keeps.
+fn source(forged: &mut Forgery, path: &str, from: &str, to: &str) {
+    let text = forged.records[0].payload.pointer_mut(path).expect("a file");
+    let changed = text.as_str().expect("a text").replace(from, to);
+    assert_ne!(*text, changed, "there is no {from}");
+    *text = changed.into();
+}
+
+/// Turns a measured touch into a refused one.
+fn refuse(forged: &mut Forgery, n: usize, reason: &str) {
+    let place = forged.nth("touch_result", n, any);
+    let of = forged.records[place].payload.clone();
+    let payload = json!({
+        "kind": "touch_refused", "touch": of["touch"], "reason": reason,
+        "no_load_sweep": of["no_load_sweep"], "no_load_hz": of["no_load_hz"],
+        "no_load_sigma_hz": of["no_load_sigma_hz"], "rotary_deg": of["rotary_deg"],
+        "indented": {
+            "sweep": of["sweep"], "surface_mm": of["surface_mm"],
+            "surface_sigma_mm": of["surface_sigma_mm"],
+            "indentation_mm": of["indentation_mm"], "linear_mm": of["linear_mm"],
+        },
+    });
+    let rig_us = forged.records[place].rig_us;
+    forged.records[place] = Forged { rig_us, kind: "touch_refused".to_owned(), payload };
+    let last = forged.records.len() - 1;
+    forged.records[last].payload["status"] = "completed_with_refusals".into();
+    forged.execute("UPDATE runs SET status = 'completed_with_refusals' WHERE key = ?1");
+}
+
+fn insert(forged: &mut Forgery, place: usize, rig_us: i64, payload: Value) {
+    let kind = payload["kind"].as_str().expect("a kind").to_owned();
+    forged.records.insert(place, Forged { rig_us, kind, payload });
+}
+
+pub(super) const CASES: &[Case] = &[
+    ("another static capacitance", Check::Resonance, |forged| {
+        change(sweep(forged, 2), "/outcome/circuit/static_capacitance_f", |c| 1.3 * c);
+    }),
+    ("another capacitance ratio", Check::Resonance, |forged| {
+        change(sweep(forged, 2), "/outcome/circuit/capacitance_ratio", |ratio| 2.5 * ratio);
+    }),
+    ("another loss", Check::Resonance, |forged| {
+        change(sweep(forged, 2), "/outcome/circuit/loss_tangent", |loss| loss + 0.4);
+    }),
+    ("readings that are said not to count", Check::Sweep, |forged| {
+        sweep(forged, 2)["probe_readings"] = json!(3);
+    }),
+    ("more readings left out than may be", Check::Sweep, |forged| {
+        sweep(forged, 2)["outcome"]["left_out"] = json!(9);
+    }),
+    ("a reading that is said to be flagged", Check::Sweep, |forged| {
+        let readings = sweep(forged, 2)["readings"].as_array_mut().expect("readings");
+        let last = readings.last_mut().and_then(Value::as_object_mut).expect("a reading");
+        last.remove("resistance_ohm");
+        last.remove("reactance_ohm");
+        last.insert("flag".to_owned(), "overload".into());
+    }),
+    ("a touch that is said to be contradicted", Check::Row, |forged| {
+        let reason = "it is contradicted by what was measured next: contact sense: at 141.200 Hz \
+                      the impedance of the clear probe is 64 % from that of the last no-load \
+                      resonance, where at most 20 % are allowed";
+        refuse(forged, 3, reason);
+    }),
+    ("a touch that is said to have slipped upwards", Check::Surface, |forged| {
+        refuse(
+            forged,
+            3,
+            "after the sweep the probe touches at 10.025 mm, 0.025 mm above the \
+                           surface that the search found",
+        );
+    }),
+    ("a touch that is said to have slipped downwards", Check::Surface, |forged| {
+        refuse(
+            forged,
+            3,
+            "after the sweep the probe is free at 9.975 mm, 0.025 mm below the \
+                           surface that the search found",
+        );
+    }),
+    ("a contact that no reading shows", Check::Surface, |forged| {
+        let trail = search(forged, 1);
+        let last = trail.len() - 1;
+        copy_impedance(trail, 0, last);
+    }),
+    ("a clear position whose reading shows the contact", Check::Surface, |forged| {
+        let trail = search(forged, 1);
+        let last = trail.len() - 1;
+        copy_impedance(trail, last, 1);
+    }),
+    ("a surface one step higher", Check::Surface, |forged| {
+        let found = forged.nth("surface_found", 1, any);
+        // Not the last step, but the move to it and its reading.
+        forged.records.remove(found - 1);
+        let trail = search(forged, 1);
+        trail.pop();
+        let [.., clear, contact] = &trail[..] else { panic!("two positions") };
+        let (clear, contact) = (get(clear, "/position_mm"), get(contact, "/position_mm"));
+        let payload = &mut forged.records[found - 1].payload;
+        payload["position_mm"] = (0.5 * (clear + contact)).into();
+        payload["sigma_mm"] = ((clear - contact) / 12.0_f64.sqrt()).into();
+    }),
+    ("a longer settling in the protocol", Check::Request, |forged| {
+        source(forged, "/protocol/toml", "settle_s = 0.1\n", "settle_s = 4.0\n");
+    }),
+    ("more cycles in the protocol", Check::Request, |forged| {
+        source(forged, "/protocol/toml", "cycles = 10\n", "cycles = 100\n");
+    }),
+    ("a standstill during a sweep", Check::ReadingTime, |forged| {
+        let place = forged.nth("sweep", 3, is_touch_sweep);
+        let rig_us = forged.records[place].rig_us - 1000;
+        let payload = json!({"kind": "stalled", "stalled_s": 1.5, "is_measured_again": false});
+        insert(forged, place, rig_us, payload);
+    }),
+    ("another stiffness of a sample", Check::Sample, |forged| {
+        change(&mut forged.records[0].payload, "/samples/0/stiffness_mpa", |mpa| 2.0 * mpa);
+    }),
+    ("a simulated run that is said to be real", Check::Plan, |forged| {
+        forged.records[0].payload["is_simulated"] = false.into();
+    }),
+    ("a run before its session was prepared", Check::Time, |forged| {
+        for record in &mut forged.records {
+            record.rig_us -= 500_000;
+            let payload = &mut record.payload;
+            for list in ["/readings", "/trail"] {
+                let Some(list) = payload.pointer_mut(list).and_then(Value::as_array_mut) else {
+                    continue;
+                };
+                for one in list {
+                    let path = if one.get("reading").is_some() {
+                        "/reading/started_s"
+                    } else {
+                        "/started_s"
+                    };
+                    change(one, path, |at| at - 0.5);
+                }
+            }
+            if payload.pointer("/outcome/effective_time_s").is_some_and(Value::is_number) {
+                change(payload, "/outcome/effective_time_s", |at| at - 0.5);
+            }
+        }
+    }),
+];
