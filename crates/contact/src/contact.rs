@@ -1,6 +1,9 @@
 //! One contact of a sensor with a tissue, and the load at which it rests.
 
-use crate::{ContactLaw, ContactPatch, LawError, Pose, Refusal, Sensor, Tissue, equilibrium};
+use crate::{
+    ContactLaw, ContactPatch, LawError, Pose, Refusal, Sensor, Tissue, equilibrium,
+    grip::needed_friction,
+};
 
 /// The depth of a contact, as an indentation or as a move of the stage.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,7 +29,8 @@ pub enum Friction {
     /// The contact sticks up to this coefficient of friction; a slipping contact is refused.
     ///
     /// A ball that is pressed in at an angle α loads the contact along the surface with τ tan α of
-    /// the normal force from the first touch on. τ is the tangential over the normal stiffness.
+    /// the normal force from the first touch on. τ is the tangential over the normal stiffness. The arm
+    /// of a sensor that gives way drags the ball in addition, the more the stiffer the tissue is.
     Coulomb {
         /// Tangential over normal force at which the contact slips.
         coefficient: f64,
@@ -69,15 +73,21 @@ impl Contact {
         }
     }
 
-    pub(crate) fn check_grip(&self, tissue: &Tissue) -> Result<(), Refusal> {
+    /// Refuses a contact that slips on its way to a depth, normal to the surface in ball radii.
+    pub(crate) fn check_grip(
+        &self,
+        sensor: &Sensor,
+        tissue: &Tissue,
+        depth_rel: f64,
+    ) -> Result<(), Refusal> {
         let Friction::Coulomb { coefficient } = self.friction else { return Ok(()) };
-        let limit_rad = (coefficient / tissue.tangential_ratio()).atan();
-        let angle_rad = self.pose.angle_rad();
-        if angle_rad <= limit_rad {
+        let (modulus_pa, ratio) = (tissue.contact_modulus_pa(), tissue.tangential_ratio());
+        let (section, pose) = (sensor.section(), &self.pose);
+        let needed = needed_friction(section, pose, self.law, modulus_pa, ratio, depth_rel);
+        if needed <= coefficient {
             return Ok(());
         }
-        let (angle_deg, limit_deg) = (angle_rad.to_degrees(), limit_rad.to_degrees());
-        Err(Refusal::Slips { angle_deg, coefficient, limit_deg })
+        Err(Refusal::Slips { angle_deg: pose.angle_rad().to_degrees(), coefficient, needed })
     }
 }
 
@@ -123,10 +133,10 @@ impl Sensor {
     /// [`Refusal::Law`] when the depth lies outside the contact law, or is not a number;
     /// [`Refusal::Slips`] when friction does not hold the contact.
     pub fn load(&self, tissue: &Tissue, contact: &Contact) -> Result<Load, Refusal> {
-        contact.check_grip(tissue)?;
         let radius_m = self.section().radius_m;
         let modulus_pa = tissue.contact_modulus_pa();
         let patch = self.patch(modulus_pa, contact)?;
+        contact.check_grip(self, tissue, patch.depth_rel)?;
         let normal = 2.0 * modulus_pa * radius_m * patch.radius_rel;
         Ok(Load {
             depth_mm: patch.depth_rel * radius_m * 1e3,

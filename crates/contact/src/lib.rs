@@ -16,6 +16,7 @@ mod design;
 mod element;
 mod equilibrium;
 mod exact;
+mod grip;
 mod law;
 mod lumped;
 mod models;

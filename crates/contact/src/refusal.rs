@@ -10,16 +10,16 @@ pub enum Refusal {
     Law(#[from] LawError),
     /// The contact slips, so that its stiffness depends on its history.
     #[error(
-        "contact angle {angle_deg:.2}° slips at a friction coefficient of {coefficient}, \
-         which holds up to {limit_deg:.2}°"
+        "a contact at {angle_deg:.2}° slips at a friction coefficient of {coefficient}: it sticks \
+         from {needed:.3} on"
     )]
     Slips {
         /// The contact angle, degrees.
         angle_deg: f64,
         /// The coefficient of friction.
         coefficient: f64,
-        /// The largest contact angle that sticks, degrees.
-        limit_deg: f64,
+        /// The smallest coefficient at which it sticks.
+        needed: f64,
     },
     /// The tier takes no stage moves, because it lacks the static deflection of the sensor.
     #[error("tier {tier}: a move of the stage is not an indentation", tier = tier.name())]

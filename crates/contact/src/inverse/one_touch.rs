@@ -52,7 +52,6 @@ impl Models {
         }
         check_control(tier, contact)?;
         let tissue = kind.with(1.0)?;
-        contact.check_grip(&tissue)?;
         let normal = self.normal_of_shift(tier, shift_hz, &tissue, contact)?;
         let section = self.sensor().section();
         let move_rel = along_probe_mm * 1e-3 * contact.pose.cos() / section.radius_m;
@@ -65,7 +64,9 @@ impl Models {
             }
         };
         let of_one_mpa = 2.0 * tissue.contact_modulus_pa() * section.radius_m * patch.radius_rel;
-        Ok(normal / of_one_mpa)
+        let young_mpa = normal / of_one_mpa;
+        contact.check_grip(self.sensor(), &kind.with(young_mpa)?, patch.depth_rel)?;
+        Ok(young_mpa)
     }
 
     /// The normal contact stiffness in N/m that gives this shift.

@@ -87,20 +87,25 @@ fn what_is_no_contact_and_what_is_beyond_the_tier_is_refused() {
     ));
 }
 
-/// tan α = μ/τ: 8.53° for the paper's 0.1.
+/// A soft sample slips from tan α = μ/τ on, 8.53° for the paper's 0.1; the arm drags the ball on a stiff
+/// one even upright.
 #[test]
-fn a_contact_that_slips_is_refused_just_beyond_its_angle() {
+fn a_contact_that_slips_is_refused() {
     let models = models();
-    let at = |degrees: f64| {
+    let at = |shift_hz: f64, degrees: f64| {
         let friction = Friction::Coulomb { coefficient: 0.1 };
         let contact = Contact { friction, ..contact(Direction::Back, degrees, SUNK) };
-        models.young_of_shift_mpa(Tier::E1, 5.0, TissueKind::SOFT, &contact)
+        models.young_of_shift_mpa(Tier::E1, shift_hz, TissueKind::SOFT, &contact)
     };
-    assert!(at(8.53).is_ok());
+    assert!(at(0.01, 8.52).is_ok());
     assert_eq!(
-        at(8.54).unwrap_err().to_string(),
-        "contact angle 8.54° slips at a friction coefficient of 0.1, which holds up to 8.53°"
+        at(0.01, 8.54).unwrap_err().to_string(),
+        "a contact at 8.54° slips at a friction coefficient of 0.1: it sticks from 0.100 on"
     );
+    assert!(at(5.0, 0.0).is_ok());
+    let stiff = at(89.0, 0.0).unwrap_err();
+    let InverseError::Refused(Refusal::Slips { needed, .. }) = stiff else { panic!("{stiff}") };
+    assert!((needed - 0.26).abs() < 0.02, "{needed}");
 }
 
 const SIGMAS: TouchSigmas = TouchSigmas { shift_hz: 0.3, depth_mm: 0.02, angle_rad: 0.017_453 };
