@@ -14,7 +14,7 @@ from pypdf import PdfReader
 
 from bench import check, equal
 
-PAGES_MAX = 6
+PAGES_MAX = 5
 
 
 def main():

@@ -184,7 +184,7 @@ export function RunPage({ id, view }: { id: string; view: View }) {
             return (
               <div key={s.sample}><h3><SampleMark index={samples.indexOf(s.sample)} /> sample {s.sample}</h3>
                 <p class="value second">{value ? <>{value.value} <span class="sigma">± {value.sigma}</span> <span class="unit">{value.unit}</span></> : <span class="refused-word">none</span>}</p>
-                <p class="soft">{s.used} of {s.planned} touches{s.known_mpa != null ? ` · known: ${fixed(s.known_mpa, 3)} MPa` : ""}</p>
+                <p class="soft">{s.used} of {s.planned} touches{s.known_mpa != null ? ` · known: ${knownAs(s.known_mpa, value?.unit)}` : ""}</p>
                 {s.planned > s.used && <p class="refused-word">{s.planned - s.used} without a value</p>}</div>
             );
           })}</div>
@@ -240,11 +240,15 @@ function Continue({ detail, view, onGivenUp }: { detail: RunDetail; view: View; 
   );
 }
 
+/** A stiffness from another method, in the unit of the value beside it. */
+const knownAs = (mpa: number, unit = "MPa") => unit === "kPa" ? `${fixed(mpa * 1000, 0)} kPa` : `${fixed(mpa, 3)} MPa`;
+
 function Downloads({ id, name }: { id: string; name: string }) {
   const base = `/api/v1/runs/${id}`;
   const files: [string, string, string][] = [
     ["Touches, CSV", "csv", "touches.csv"], ["Sweeps, CSV", "sweeps", "sweeps.csv"],
-    ["Readings, CSV", "readings", "readings.csv"], ["All records, JSONL", "jsonl", "records.jsonl"],
+    ["Readings, CSV", "readings", "readings.csv"], ["All tables, HDF5", "hdf5", "tables.h5"],
+    ["All records, JSONL", "jsonl", "records.jsonl"],
   ];
   return (
     <div class="buttons">
