@@ -49,7 +49,6 @@ impl Display for Page<'_> {
             measured - unnoticed,
             counts.digest,
         )?;
-        self.pieces(f)?;
         writeln!(
             f,
             "A run fails if, by the truth of the simulated bench, the sample turned with the probe in \
@@ -59,9 +58,10 @@ impl Display for Page<'_> {
              differs from that of the undisturbed run by more than six standard deviations and the \
              touch is not refused. Decision \
              [41](../decisions/0041-a-campaign-of-faults-in-one-process.md) names the known ways in \
-             which a shift can be wrong without notice.\n\n\
-             ## Reasons\n\n| reason | number |\n| --- | ---: |"
+             which a shift can be wrong without notice.\n"
         )?;
+        self.pieces(f)?;
+        writeln!(f, "## Reasons\n\n| reason | number |\n| --- | ---: |")?;
         for (reason, count) in &counts.reasons {
             writeln!(f, "| {} | {count} |", reason.replace('|', "/"))?;
         }
