@@ -62,7 +62,7 @@ function* endless(rig, { id, records }) {
   }
 }
 
-/** The daemon behind another stream of events. Whoever reads it gets `count` events at a time. */
+/** The daemon behind another stream of events. The reader gets `count` events at a time. */
 async function standIn(base, id) {
   let [page, begin] = [];
   const isRead = new Promise((resolve) => { begin = resolve; });
