@@ -194,9 +194,9 @@ mod tests {
         check("name = \"2\"", "name = \"1\"", "there are two samples named \"1\"");
         check("length_mm = 35", "length_mm = 5.9", "sensor length_mm = 5.9 is below 6.000");
         check("length_mm = 35", "length_mm = 0.035", "if 0.035 is in metres, write 35");
-        check("length_mm = 35\n", "", "`length_mm` is missing in [sensor]");
-        check("modulus_gpa = 61.0\n", "", "`modulus_gpa` is missing in [sensor.piezo]");
-        check("modulus_gpa = 100\n", "", "`modulus_gpa` is missing in [sensor.core]");
+        check("length_mm = 35", "", "`length_mm` is missing in [sensor]");
+        check("modulus_gpa = 61.0", "", "`modulus_gpa` is missing in [sensor.piezo]");
+        check("modulus_gpa = 100", "", "`modulus_gpa` is missing in [sensor.core]");
         check("stiffness_mpa = 0.104", "stiffness_mpa = 0", "stiffness_mpa = 0");
         check("law = \"sneddon\"", "law = \"snedon\"", "did you mean \"sneddon\"");
         check("slope_deg = 1", "slope_degrees = 1", "`slope_degrees` is not a key in [nuisances]");

@@ -339,7 +339,7 @@ fn a_protocol_that_contradicts_itself_is_refused() {
         ("[\"front\", \"back\", \"left\"]", "[\"front\", \"left\", \"left\"]"),
         ("coarse_step_mm = 0.1", "coarse_step_mm = 0.7"),
         ("fine_step_mm = 0.005", "fine_step_mm = 0.75\nslip_mm = 0.6"),
-        ("method = \"adaptive\"\nmin_hz = 130", "method = \"uniform\"\nmin_hz = 130"),
+        ("[contact_sweep]\nmethod = \"adaptive\"", "[contact_sweep]\nmethod = \"uniform\""),
         ("level_v = 5\n\n# Before", "level_v = 5\npoints = 11\n# Before"),
         ("survey_s = 20", "survey_s = 5"),
         ("trials = 50", "trials = 4"),
