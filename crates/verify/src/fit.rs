@@ -53,6 +53,8 @@ const KEPT_PROMISE: f64 = 0.5;
 pub(crate) struct Fitted {
     pub(crate) resonance_hz: f64,
     pub(crate) circuit: Circuit,
+    /// Standard deviations of its values, each relative but that of the loss tangent.
+    pub(crate) circuit_sigma: Circuit,
     /// Standard deviation of the resonance by the noise alone, Hz.
     pub(crate) sigma_hz: f64,
     /// The same, if there may be a second mode of any size; only with a free decay.
@@ -124,7 +126,10 @@ pub(crate) fn fit(
     let [ln_resonance, ln_q, c0, c1, g] = at.circuit;
     let mode_sigma = f64::sqrt(mode_variance) / c1;
     let resonance_hz = ln_resonance.exp();
-    let sigma_hz = resonance_hz * found?.variance(0)?.sqrt();
+    let found = found?;
+    let sigma = |unknown: usize| Some(found.variance(unknown)?.sqrt());
+    let sigma_hz = resonance_hz * sigma(0)?;
+    let of_c0 = sigma(2)? / c0;
     let with_mode_hz = sigma_hz.max(resonance_hz * f64::sqrt(widest));
     let circuit = Circuit {
         quality_factor: ln_q.exp(),
@@ -132,9 +137,16 @@ pub(crate) fn fit(
         capacitance_ratio: c1 / c0,
         loss_tangent: g / c0,
     };
+    let circuit_sigma = Circuit {
+        quality_factor: sigma(1)?,
+        static_capacitance_f: of_c0,
+        capacitance_ratio: of_c0.hypot(sigma(3)? / c1),
+        loss_tangent: sigma(4)? / c0,
+    };
     let fitted = Fitted {
         resonance_hz,
         circuit,
+        circuit_sigma,
         sigma_hz,
         with_mode_hz,
         mode_sigma,

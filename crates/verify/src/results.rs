@@ -39,8 +39,10 @@ const Q_RATIO: [f64; 2] = [0.5, 2.0];
 const SUSPECTS: usize = 60;
 /// The stated static capacitance over that of this checker.
 const CAPACITANCE_RATIO: [f64; 2] = [0.8, 1.25];
-/// The stated loss tangent less that of this checker: few points determine it poorly.
+/// The stated loss tangent less that of this checker.
 const LOSS: f64 = 0.25;
+/// Each of these limits is wider by this many standard deviations of this checker.
+const CIRCUIT_SIGMAS: f64 = 5.0;
 /// A circuit has five unknowns; fewer readings than this leave nothing to check it by.
 const READINGS_MIN: usize = 7;
 /// Fewer fits than this are not worth a thread.
@@ -233,7 +235,7 @@ fn check_outcome(
         }
     }
     let Some(circuit) = circuit else { return };
-    for (what, expected, stated, [least, most]) in values(&fitted.circuit, circuit) {
+    for (what, expected, stated, [least, most]) in values(fitted, circuit) {
         if !(least..=most).contains(&stated) {
             let limit = Some(format!("from {least} to {most}"));
             add(Check::Resonance, what, expected.to_string(), stated, limit);
@@ -259,15 +261,31 @@ fn most_scatter(noise: Option<FitNoise>, degrees: f64) -> f64 {
     guess * (1.0 + SCATTER_SIGMAS * part).powi(3)
 }
 
-/// Name, value of this checker, stated value and its limits, of each value of a circuit.
-fn values(found: &Circuit, stated: &Circuit) -> [(&'static str, f64, f64, [f64; 2]); 4] {
-    let of = |factors: [f64; 2], value: f64| factors.map(|factor| factor * value);
+/// Name, value of this checker, stated value and its limits, of each value of a circuit. Few readings
+/// determine some of them poorly.
+fn values(fitted: &Fitted, stated: &Circuit) -> [(&'static str, f64, f64, [f64; 2]); 4] {
+    let Fitted { circuit: found, circuit_sigma: sigma, .. } = fitted;
+    let of = |factors: [f64; 2], value: f64, sigma: f64| {
+        let more = 1.0 + CIRCUIT_SIGMAS * sigma;
+        [factors[0] / more * value, factors[1] * more * value]
+    };
     let (q, c0) = (found.quality_factor, found.static_capacitance_f);
     let (ratio, loss) = (found.capacitance_ratio, found.loss_tangent);
+    let of_loss = LOSS + CIRCUIT_SIGMAS * sigma.loss_tangent;
     [
-        ("the quality factor", q, stated.quality_factor, of(Q_RATIO, q)),
-        ("the static capacitance, F", c0, stated.static_capacitance_f, of(CAPACITANCE_RATIO, c0)),
-        ("the ratio of capacitances", ratio, stated.capacitance_ratio, of(Q_RATIO, ratio)),
-        ("the loss tangent", loss, stated.loss_tangent, [loss - LOSS, loss + LOSS]),
+        ("the quality factor", q, stated.quality_factor, of(Q_RATIO, q, sigma.quality_factor)),
+        (
+            "the static capacitance, F",
+            c0,
+            stated.static_capacitance_f,
+            of(CAPACITANCE_RATIO, c0, sigma.static_capacitance_f),
+        ),
+        (
+            "the ratio of capacitances",
+            ratio,
+            stated.capacitance_ratio,
+            of(Q_RATIO, ratio, sigma.capacitance_ratio),
+        ),
+        ("the loss tangent", loss, stated.loss_tangent, [loss - of_loss, loss + of_loss]),
     ]
 }
