@@ -41,7 +41,7 @@ const SUSPECTS: usize = 60;
 const CAPACITANCE_RATIO: [f64; 2] = [0.8, 1.25];
 /// The stated loss tangent less that of this checker.
 const LOSS: f64 = 0.25;
-/// Each of these limits is wider by this many standard deviations of this checker.
+/// Each of these limits is at least this many standard deviations of this checker.
 const CIRCUIT_SIGMAS: f64 = 5.0;
 /// A circuit has five unknowns; fewer readings than this leave nothing to check it by.
 const READINGS_MIN: usize = 7;
@@ -267,11 +267,11 @@ fn values(fitted: &Fitted, stated: &Circuit) -> [(&'static str, f64, f64, [f64; 
     let Fitted { circuit: found, circuit_sigma: sigma, .. } = fitted;
     let of = |factors: [f64; 2], value: f64, sigma: f64| {
         let more = 1.0 + CIRCUIT_SIGMAS * sigma;
-        [factors[0] / more * value, factors[1] * more * value]
+        [factors[0].min(1.0 / more) * value, factors[1].max(more) * value]
     };
     let (q, c0) = (found.quality_factor, found.static_capacitance_f);
     let (ratio, loss) = (found.capacitance_ratio, found.loss_tangent);
-    let of_loss = LOSS + CIRCUIT_SIGMAS * sigma.loss_tangent;
+    let of_loss = LOSS.max(CIRCUIT_SIGMAS * sigma.loss_tangent);
     [
         ("the quality factor", q, stated.quality_factor, of(Q_RATIO, q, sigma.quality_factor)),
         (
