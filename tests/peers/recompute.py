@@ -198,7 +198,10 @@ def main():
         rows = readings[sweep["sweep"]]
         column = lambda name: np.array([float(row[name]) for row in rows])
         frequency = column("frequency_hz")
+        # The phase error of the analyzer that a survey found, rad.
+        phase = float(rows[0]["fit_bench_phase_rad"] or 0)
         impedance = column("resistance_ohm") + 1j * column("reactance_ohm")
+        impedance = impedance * np.exp(-1j * phase)
         times = [column(name) for name in ("started_s", "settle_s", "integration_s")]
         names = ("resonance_hz", "quality_factor", "static_capacitance_f", "capacitance_ratio")
         stated = [*np.log([float(sweep[name]) for name in names]), float(sweep["loss_tangent"])]
