@@ -3,9 +3,6 @@
 use super::table::{POSITION_DECIMALS, TableValue};
 use crate::results::touches::TouchRow;
 
-/// A residual is one draw of a normal variable.
-const RESIDUAL_DECIMALS: usize = 2;
-
 /// The values of a touch, in the order of the columns. Those that differ between two runs of one
 /// seed are the last two.
 pub(super) fn touch<'a>(
@@ -45,7 +42,7 @@ pub(super) fn touch<'a>(
         stiffness,
         stiffness_sigma,
         TableValue::of(row.model_verdict, TableValue::Text),
-        TableValue::of(row.model_residual, |value| TableValue::Decimals(value, RESIDUAL_DECIMALS)),
+        TableValue::of(row.model_residual, TableValue::Exact),
         TableValue::of(row.class.as_deref(), TableValue::Text),
         TableValue::of(row.known_mpa, TableValue::Exact),
         TableValue::Whole(row.attempts.into()),
