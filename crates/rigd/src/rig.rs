@@ -29,6 +29,7 @@ mod rig_loop;
 mod shell;
 mod slot;
 mod space;
+mod status;
 mod thread;
 mod view;
 mod way_out;
@@ -36,13 +37,11 @@ mod way_out;
 use std::{
     path::PathBuf,
     sync::{Arc, Weak},
-    time::Instant,
 };
 
-use rig_engine::{Command, CommandRefusal, Snapshot};
-use rig_link::{Clock, HealthMeter, Transcript};
-use rig_model::{RigLimits, RigTime, SweepRequest, with_causes};
-use rig_protocol::{Action, Plan, Prompt};
+use rig_engine::{Command, CommandRefusal};
+use rig_link::Clock;
+use rig_model::{RigTime, SweepRequest, with_causes};
 use rig_sim::SimHandle;
 use rig_store::{MemoryDisk, RunId, StoreError};
 use tokio::sync::{mpsc, oneshot, watch};
@@ -65,9 +64,11 @@ pub use resume::{ResumeRefusal, SOFTWARE};
 pub use rig_loop::RigLoop;
 pub(crate) use shell::{CLOCK_WAS_SET, HELD_UP};
 pub(crate) use space::free_bytes;
+pub use status::{DeviceIdentity, RunView, Status};
+pub(crate) use status::{PortFrames, Setting};
 pub use way_out::{WayOut, make_safe};
 
-use crate::{describe, loaded_rig::LoadedRig, protocol_file::LoadedProtocol};
+use crate::{loaded_rig::LoadedRig, protocol_file::LoadedProtocol};
 
 /// Commands wait here while the rig thread is busy for a moment. One person and one program
 /// together never have as many outstanding.
@@ -86,85 +87,6 @@ pub struct RigHandle {
 #[derive(Debug)]
 pub struct RigThread {
     thread: std::thread::JoinHandle<()>,
-}
-
-/// The published state of the rig.
-#[derive(Debug, Clone)]
-pub struct Status {
-    /// The engine's view.
-    pub snapshot: Snapshot,
-    /// When this was so, on the rig's clock.
-    pub now: RigTime,
-    /// The same by the clock of the computer.
-    pub published: Instant,
-    /// The run under way or the last one.
-    pub run: Option<RunView>,
-    /// The journal of what happens between runs.
-    pub session: RunId,
-    /// Number of the manual sweep under way.
-    pub sweep: Option<u64>,
-    /// Number of manual sweeps begun in this session.
-    pub sweeps: u64,
-    /// Identities of the devices.
-    pub devices: Arc<[DeviceIdentity; 3]>,
-    /// The files and the limits of the rig.
-    pub(crate) setting: Arc<Setting>,
-    /// The last frames of each port.
-    pub(crate) ports: Arc<[PortFrames]>,
-    /// The sweep under way or the last one.
-    pub live: Option<Arc<LiveSweep>>,
-    /// Time of the last change of state, on the rig's clock.
-    pub state_since: RigTime,
-    /// The first event of this session in the journal.
-    pub first_event: u64,
-    /// The newest event in the journal.
-    pub last_event: u64,
-    /// Why the journal cannot be written any more.
-    pub journal_error: Option<Arc<str>>,
-    /// Since when the rig loop gives no sign of life. All else is then as it was at that time.
-    pub silence: Option<Silence>,
-}
-
-/// The published state of a run.
-#[derive(Debug, Clone)]
-pub struct RunView {
-    /// Id of the run in the journal.
-    pub id: RunId,
-    /// Plan of the run.
-    pub plan: Arc<Plan>,
-    /// When it began, on the rig's clock.
-    pub started: RigTime,
-    /// Its expected duration, s.
-    pub expected_s: f64,
-    /// Duration of each of its steps, s.
-    pub durations_s: Arc<[f64]>,
-    /// When the step under way began, on the rig's clock.
-    pub step_began: RigTime,
-    /// Number of steps that were done before this part of the run began.
-    pub first_step: usize,
-    /// The touches that were done before this part of the run began.
-    pub touches_before: usize,
-    /// The touches that are done, also those that were refused.
-    pub touches_done: usize,
-    /// The touches that were refused.
-    pub touches_refused: usize,
-    /// Time spent waiting for people, s.
-    pub pace: Pace,
-    /// The touches of earlier runs of this rig.
-    pub history: Arc<History>,
-    /// How the run ended; `None` during the run.
-    pub ending: Option<rig_engine::RunStatus>,
-}
-
-/// A device that answered.
-#[derive(Debug, Clone)]
-pub struct DeviceIdentity {
-    /// Its role on the rig, such as `analyzer`.
-    pub role: &'static str,
-    /// Its reported identity.
-    pub identity: String,
-    /// Its counts since the rig was opened.
-    pub health: HealthMeter,
 }
 
 /// Why a request was not taken.
@@ -508,81 +430,6 @@ impl From<ResumeRefusal> for RequestRefusal {
     fn from(refusal: ResumeRefusal) -> Self {
         Self::Resume(Arc::new(refusal))
     }
-}
-
-impl Status {
-    /// The present time on the rig's clock. Virtual time does not pass while the rig is idle.
-    pub fn present(&self, is_virtual_time: bool) -> RigTime {
-        if is_virtual_time { self.now } else { self.now + self.published.elapsed() }
-    }
-}
-
-impl RunView {
-    /// The description of a step of this run.
-    pub fn describe_step(&self, index: usize) -> String {
-        describe::step(&self.plan, index)
-    }
-
-    /// The text of a prompt.
-    pub fn ask(&self, prompt: &Prompt) -> String {
-        describe::prompt(&self.plan, prompt)
-    }
-
-    /// Number of planned touches.
-    pub fn touches_planned(&self) -> usize {
-        let is_touch = |step: &&rig_protocol::Step| matches!(step.action, Action::Touch(_));
-        self.plan.steps.iter().filter(is_touch).count()
-    }
-
-    /// Remaining time of the run, from the step under way on.
-    pub fn remaining(&self, step: usize, now: RigTime) -> Remaining {
-        let lasted_s = now.since(self.step_began.min(now)).as_secs_f64();
-        self.left(step, step, now).after(lasted_s, self.left(step, step + 1, now))
-    }
-
-    /// The least time until a later step begins, s.
-    pub fn until_s(&self, step: usize, later: usize, now: RigTime) -> f64 {
-        let least_s = self.remaining(step, now).least_s - self.left(step, later, now).least_s;
-        least_s.max(0.0)
-    }
-
-    /// The time of the steps from `from` on, as expected at the beginning of the step under way.
-    fn left(&self, step: usize, from: usize, now: RigTime) -> Remaining {
-        let (steps, durations_s) = (&self.plan.steps, &self.durations_s);
-        let end = steps.len().min(durations_s.len());
-        let part = |from: usize, to: usize| pace::Part {
-            steps: &steps[from.min(to)..to],
-            durations_s: &durations_s[from.min(to)..to],
-        };
-        let parts = (part(self.first_step, step.min(end)), part(from, end));
-        let touches = self.touches_done.saturating_sub(self.touches_before);
-        let began = self.step_began.min(now);
-        let elapsed_s = began.since(self.started).as_secs_f64();
-        self.pace.remaining(began, parts, elapsed_s, touches, &self.history)
-    }
-}
-
-/// The last frames of a port, which its owner goes on writing.
-#[derive(Debug, Clone)]
-pub(crate) struct PortFrames {
-    port: Arc<str>,
-    transcript: Transcript,
-}
-
-impl PortFrames {
-    /// A copy of what is there now. The owner of the port waits for the copy, which has a bounded size.
-    pub(crate) fn read(&self) -> rig_store::BlackBox {
-        record::frames(&self.port, &self.transcript)
-    }
-}
-
-/// Facts about the rig that the rig thread keeps beside its devices.
-#[derive(Debug, Clone)]
-pub(crate) struct Setting {
-    limits: RigLimits,
-    rig: rig_store::Source,
-    scene: Option<rig_store::Source>,
-    devices: Arc<[DeviceIdentity; 3]>,
 }
 
 /// Waits until the rig loop is silent; for ever, when it has ended.
