@@ -2,13 +2,13 @@
 
 use std::collections::BTreeSet;
 
-use rig_model::{Clearance, RigLimits, RigTime, SweepMethod, SweepRequest, Window};
+use rig_model::{Clearance, DriveLevel, RigLimits, RigTime, SweepMethod, SweepRequest, Window};
 use rig_protocol::{Action, NoLoadPolicy, Plan, Pose, Prompt, RefusalPolicy, Step, StepId};
-use rig_resonance::{Bench, FitOutcome, Prior, Resonance};
+use rig_resonance::{Bench, FitOutcome, Prior, Reason, Refusal, Resonance};
 
 use crate::{
-    Event, Fault, Operation, RefusalAnswer, RefusedTouch, RunPhase, RunStatus, SweepPurpose,
-    TouchOutcome, TouchResult,
+    Event, Fault, FinishedSweep, Operation, RefusalAnswer, RefusedTouch, RunPhase, RunStatus,
+    SweepPurpose, TouchOutcome, TouchResult,
     contact_sense::{Neighbours, check_free, check_reference},
     machine::{MachineContext, MachineEvent, MachineStep},
     refusal::widened,
@@ -314,7 +314,7 @@ impl Run {
         self.machine = match step.action {
             Action::Prompt(prompt) => Machine::Prompting(prompt),
             Action::NoLoad(pose) => {
-                Machine::NoLoad(Box::new(NoLoad { pose, sweep: None, attempt: 0 }))
+                Machine::NoLoad(Box::new(NoLoad { pose, sweep: None, attempt: 0, surveyed: None }))
             }
             Action::Touch(touch) => match &self.no_load {
                 Some(no_load) => {
@@ -370,6 +370,11 @@ fn prompting(
     }
 }
 
+/// Whether this sweep is a survey after which the resonance is measured at half the level.
+fn is_to_be_checked(sweep: &FinishedSweep, context: &MachineContext<'_>) -> bool {
+    context.plan.level_check && context.bench.is_none() && sweep.fit.bench.is_some()
+}
+
 /// Rotates to the pose and measures the free sensor there.
 #[derive(Debug)]
 struct NoLoad {
@@ -377,6 +382,8 @@ struct NoLoad {
     sweep: Option<Sweep>,
     /// Attempts begun so far.
     attempt: u32,
+    /// The result of a survey whose resonance is being measured at half the level.
+    surveyed: Option<(Resonance, Option<Bench>)>,
 }
 
 impl NoLoad {
@@ -401,18 +408,25 @@ impl NoLoad {
     fn begin(&mut self, last: Option<&Resonance>, context: &mut MachineContext<'_>) -> SweepStep {
         self.attempt += 1;
         let planned = context.plan.no_load_sweep;
+        let surveyed = self.surveyed.and_then(|(_, bench)| bench);
+        let bench = context.bench.or(surveyed);
         let method = match context.plan.survey_s {
-            Some(seconds) if context.bench.is_none() => SweepMethod::Survey { seconds },
+            Some(seconds) if bench.is_none() => SweepMethod::Survey { seconds },
             _ => planned.method,
         };
-        let request = &SweepRequest { method, ..planned };
-        let anywhere = Prior::anywhere(request.window, context.bench);
+        let level = if surveyed.is_some() {
+            DriveLevel { volt: 0.5 * planned.level.volt }
+        } else {
+            planned.level
+        };
+        let request = &SweepRequest { method, level, ..planned };
+        let anywhere = Prior::anywhere(request.window, bench);
         let prior = last.map_or(anywhere, |last| {
             let (low_hz, high_hz) =
                 (last.resonance_hz * (1.0 - DRIFT), last.resonance_hz * (1.0 + DRIFT));
             let min_hz = request.window.min_hz.max(low_hz);
             let max_hz = request.window.max_hz.min(high_hz);
-            Prior::moved(last, Window { min_hz, max_hz }, context.bench)
+            Prior::moved(last, Window { min_hz, max_hz }, bench)
         });
         let (sweep, step) =
             Sweep::begin(context.now, SweepPurpose::NoLoad, request, Some(&prior), context.notes);
@@ -430,9 +444,18 @@ impl NoLoad {
                 SweepStep::Measure(operation) => return MachineStep::Do(operation),
                 SweepStep::Fault(fault) => return MachineStep::Fault(fault),
                 SweepStep::Finished(sweep) => match sweep.outcome {
-                    FitOutcome::Accepted(resonance) => {
-                        return MachineStep::Done((resonance, sweep.fit.bench));
-                    }
+                    FitOutcome::Accepted(resonance) => match self.surveyed {
+                        None if is_to_be_checked(&sweep, context) => {
+                            self.surveyed = Some((resonance, sweep.fit.bench));
+                            self.attempt = 0;
+                            step = self.begin(Some(&resonance), context);
+                            continue;
+                        }
+                        Some((full, _)) if full.is_apart_from(&resonance) => {
+                            Refusal { reason: Reason::Nonlinear, estimate: Some(resonance) }
+                        }
+                        _ => return MachineStep::Done((resonance, sweep.fit.bench)),
+                    },
                     FitOutcome::Refused(refusal) => refusal,
                 },
             };

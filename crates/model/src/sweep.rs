@@ -1,5 +1,7 @@
 //! Requests to an impedance analyzer, and its readings.
 
+use std::ops::RangeInclusive;
+
 use crate::RigTime;
 
 /// A frequency interval in Hz, with `min_hz` below `max_hz`.
@@ -77,6 +79,11 @@ pub enum SweepMethod {
     },
 }
 
+impl SweepMethod {
+    /// Possible durations of a survey, s.
+    pub const SURVEY_S: RangeInclusive<u32> = 10..=600;
+}
+
 /// A resonance to be found: where, how well, and at what cost.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SweepRequest {
@@ -151,6 +158,10 @@ impl SweepRequest {
         if let SweepMethod::Uniform { points } = self.method {
             // Five circuit parameters need five points; two more leave something to judge by.
             within("points", f64::from(points), 7.0, 10_001.0);
+        }
+        if let SweepMethod::Survey { seconds } = self.method {
+            let (min, max) = (*SweepMethod::SURVEY_S.start(), *SweepMethod::SURVEY_S.end());
+            within("survey_s", f64::from(seconds), f64::from(min), f64::from(max));
         }
         let finest_hz = (min_hz / FINEST_PARTS).clamp(1e-6, 1.0);
         within("target_sigma_hz", self.target_sigma_hz, finest_hz, 100.0);

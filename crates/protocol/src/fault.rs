@@ -110,6 +110,8 @@ pub(crate) enum ProtocolFault {
     OnlyAdaptive { key: &'static str },
     #[error("survey_s = {found} is outside [{min}, {max}]")]
     SurveyTime { found: u32, min: u32, max: u32 },
+    #[error("level_check is part of a survey, and there is no survey_s")]
+    CheckNeedsSurvey,
     #[error(transparent)]
     Sweep(#[from] SweepRequestError),
     #[error(
@@ -166,6 +168,7 @@ impl Complaint for ProtocolFault {
             }
             Self::OnlyUniform { .. } => "remove it, or write method = \"uniform\"".into(),
             Self::OnlyAdaptive { .. } => "remove it, or write method = \"adaptive\"".into(),
+            Self::CheckNeedsSurvey => "remove it, or write for example survey_s = 60".into(),
             Self::SurveyTime { .. } => "write for example survey_s = 60".into(),
             Self::UniformNeeds { key: "points" } => "write for example points = 101".into(),
             Self::UniformNeeds { .. } => "write for example settle_s = 0.5".into(),

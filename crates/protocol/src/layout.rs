@@ -62,6 +62,7 @@ impl Plan {
             no_load: protocol.no_load,
             no_load_sweep: protocol.no_load_sweep.sweep.request,
             survey_s: protocol.no_load_sweep.survey_s,
+            level_check: protocol.no_load_sweep.level_check,
             contact_sweep: protocol.contact_sweep.request,
             classes: protocol.blind.as_ref().map(|blind| blind.classes.value as usize),
             seed: protocol.seed,

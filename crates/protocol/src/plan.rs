@@ -22,6 +22,8 @@ pub struct Plan {
     pub no_load_sweep: SweepRequest,
     /// Duration of the survey of the bench before the first no-load sweep, s; without it there is none.
     pub survey_s: Option<u32>,
+    /// Whether the resonance is compared with that at half the level after a survey.
+    pub level_check: bool,
     /// The sweep in contact.
     pub contact_sweep: SweepRequest,
     /// Classification of the blind touches, if there are any.

@@ -116,7 +116,8 @@ impl Plan {
             };
             include(&mut summary.rotary, pose.direction.rotary_position(pose.angle));
         }
-        let of_survey = self.survey_s.map_or(0, |_| SURVEY_READINGS);
+        let of_survey = self.survey_s.map_or(0, |_| SURVEY_READINGS)
+            + usize::from(self.level_check) * readings(&self.no_load_sweep);
         let readings = of_survey
             + summary.no_loads * readings(&self.no_load_sweep)
             + summary.touches * (SEARCH_READINGS + readings(&self.contact_sweep));
@@ -129,7 +130,8 @@ impl Plan {
     /// [`Plan::summary`]. A prompt counts as zero.
     pub fn durations_s(&self, limits: &RigLimits) -> Vec<f64> {
         let mut here = limits.rotary.rest_target().position();
-        let mut survey_s = self.survey_s.map_or(0.0, f64::from);
+        let check_s = if self.level_check { sweep_s(&self.no_load_sweep) } else { 0.0 };
+        let mut survey_s = self.survey_s.map_or(0.0, f64::from) + check_s;
         let mut duration = |step: &Step| {
             let (pose, at_pose_s) = match step.action {
                 Action::Prompt(_) => return 0.0,

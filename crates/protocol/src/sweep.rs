@@ -1,7 +1,5 @@
 //! The sections that say how a resonance is measured.
 
-use std::ops::RangeInclusive;
-
 use rig_files::{
     Location,
     settings::{Setting, Table},
@@ -31,25 +29,33 @@ pub(crate) struct NoLoadKeys {
     pub(crate) sweep: SweepKeys,
     /// Duration of the survey at the beginning of a run, s.
     pub(crate) survey_s: Option<u32>,
+    /// Whether the resonance is then compared with that at half the level.
+    pub(crate) level_check: bool,
 }
-
-/// Duration of a survey, s.
-const SURVEY_S: RangeInclusive<u32> = 10..=600;
 
 /// Reads the sweep of the free sensor.
 pub(crate) fn read_no_load(table: &mut Table<'_>) -> NoLoadKeys {
     let survey_s = table.count("survey_s").optional();
+    let level_check = table.flag("level_check").optional();
     let sweep = read(table);
     if let Some(seconds) = &survey_s {
-        let (found, min, max) = (seconds.value, *SURVEY_S.start(), *SURVEY_S.end());
-        if seconds.sound().is_some() && !SURVEY_S.contains(&found) {
+        let allowed = SweepMethod::SURVEY_S;
+        let (found, min, max) = (seconds.value, *allowed.start(), *allowed.end());
+        if seconds.sound().is_some() && !allowed.contains(&found) {
             table.refuse(seconds, &ProtocolFault::SurveyTime { found, min, max });
         }
         if sweep.request.method != SweepMethod::Adaptive {
             table.refuse(seconds, &ProtocolFault::OnlyAdaptive { key: "survey_s" });
         }
     }
-    NoLoadKeys { sweep, survey_s: survey_s.map(|seconds| seconds.value) }
+    if let (Some(check), None) = (&level_check, &survey_s) {
+        table.refuse(check, &ProtocolFault::CheckNeedsSurvey);
+    }
+    NoLoadKeys {
+        sweep,
+        survey_s: survey_s.map(|seconds| seconds.value),
+        level_check: level_check.is_some_and(|check| check.value),
+    }
 }
 
 /// Reads a sweep and checks it without a rig.

@@ -256,6 +256,7 @@ fn the_expected_duration_is_the_sum_that_the_documentation_gives() {
         ("repeats = 1", "repeats = 2"),
         ("no_load = \"every-touch\"", "no_load = \"once\""),
         ("survey_s = 20\n", ""),
+        ("level_check = true\n", ""),
         (adaptive, uniform),
         (adaptive, uniform),
     ]);
@@ -330,6 +331,12 @@ fn a_number_in_another_unit_is_told_what_it_would_be() {
         ("max_indentation_mm = 0.5", "max_indentation_mm = 500"),
     ];
     insta::assert_snapshot!(complaints(&changes, &limits()));
+}
+
+#[test]
+fn a_check_of_the_level_needs_a_survey() {
+    let found = complaints(&[("survey_s = 20\n", "")], &limits());
+    assert!(found.contains("level_check is part of a survey, and there is no survey_s"), "{found}");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The form of a single sweep, with the same keys and defaults on the command line and over HTTP.
 
-use rig_model::{AnalyzerRange, DriveLevel, SweepMethod, SweepRequest, SweepRequestError, Window};
+use rig_model::{AnalyzerRange, DriveLevel, SweepMethod, SweepRequest, Window};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -17,6 +17,10 @@ pub(crate) struct SweepForm {
     /// Measure this many evenly spaced points instead of letting the planner choose
     #[arg(long, value_name = "N")]
     points: Option<u32>,
+    /// Survey the bench for this long around the resonance: the phase error of the analyzer, and second
+    /// modes of the sensor, which is refused with one
+    #[arg(long, value_name = "S", conflicts_with = "points")]
+    survey_s: Option<u32>,
     /// The standard deviation to be reached
     #[arg(long, value_name = "HZ", default_value_t = default_target_sigma_hz())]
     #[serde(default = "default_target_sigma_hz")]
@@ -61,8 +65,8 @@ const fn default_level_v() -> f64 {
 
 /// Every reason for which a sweep cannot be made.
 #[derive(Debug, Clone, thiserror::Error)]
-#[error("{}", self.0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
-pub(crate) struct SweepFaults(Vec<SweepRequestError>);
+#[error("{}", self.0.join("; "))]
+pub(crate) struct SweepFaults(Vec<String>);
 
 impl SweepForm {
     /// The sweep, for a bench with this analyzer.
@@ -72,17 +76,22 @@ impl SweepForm {
     pub(crate) fn request(&self, analyzer: &AnalyzerRange) -> Result<SweepRequest, SweepFaults> {
         let request = SweepRequest {
             window: Window { min_hz: self.min_hz, max_hz: self.max_hz },
-            method: self
-                .points
-                .map_or(SweepMethod::Adaptive, |points| SweepMethod::Uniform { points }),
+            method: match (self.points, self.survey_s) {
+                (Some(points), _) => SweepMethod::Uniform { points },
+                (None, Some(seconds)) => SweepMethod::Survey { seconds },
+                (None, None) => SweepMethod::Adaptive,
+            },
             target_sigma_hz: self.target_sigma_hz,
             time_limit_s: self.time_limit_s,
             cycles: self.cycles,
             settle_s: self.settle_s,
             level: DriveLevel { volt: self.level_v },
         };
-        let mut faults = request.faults();
-        faults.extend(analyzer.faults(&request));
+        let of_request = request.faults().into_iter().chain(analyzer.faults(&request));
+        let mut faults: Vec<String> = of_request.map(|fault| fault.to_string()).collect();
+        if self.points.is_some() && self.survey_s.is_some() {
+            faults.push("points and survey_s exclude each other: give one of them".to_owned());
+        }
         if faults.is_empty() { Ok(request) } else { Err(SweepFaults(faults)) }
     }
 }

@@ -18,6 +18,7 @@ mod outcome;
 mod page;
 mod paper;
 mod paper_bench;
+mod planned;
 mod progress;
 mod simulate;
 mod speed_accuracy;

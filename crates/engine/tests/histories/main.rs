@@ -7,6 +7,7 @@
 mod attempts;
 mod drive;
 mod hold_up;
+mod level;
 mod out_of_contact;
 mod refusals;
 mod world;

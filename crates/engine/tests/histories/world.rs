@@ -77,6 +77,7 @@ pub(crate) fn plan() -> Plan {
         },
         no_load_sweep: sweep(125.0, 160.0),
         survey_s: None,
+        level_check: false,
         contact_sweep: sweep(130.0, 190.0),
         classes: None,
         seed: 0,
@@ -160,6 +161,9 @@ pub(crate) struct World {
     pub(crate) frozen: Option<PointResult>,
     /// Drift of the resonance, Hz/s.
     pub(crate) drift_hz_per_s: f64,
+    /// Fall of the resonance with the square of the level of the drive, Hz/V², and that level, V.
+    pub(crate) softening_hz_per_v2: f64,
+    pub(crate) level_v: f64,
     /// What a person says about refused touches.
     pub(crate) decision: RefusalAnswer,
     /// C₁/C₀ of the sensor.
@@ -197,6 +201,8 @@ impl World {
             last_read: None,
             frozen: None,
             drift_hz_per_s: 0.0,
+            softening_hz_per_v2: 0.0,
+            level_v: 0.0,
             decision: RefusalAnswer::Skip,
             ratio: 0.05,
             slip_mm: 0.0,
@@ -421,7 +427,8 @@ impl World {
             Operation::PrepareRotary => self.rotary_deg = 0.0,
             Operation::MoveLinear { target, .. } => self.linear_mm = target.position().value(),
             Operation::MoveRotary { target, .. } => self.rotary_deg = target.position().value(),
-            Operation::Measure { points, .. } => {
+            Operation::Measure { points, level } => {
+                self.level_v = level.volt;
                 if points.len() > 2 {
                     self.pressed_mm = self.surface_mm() - self.linear_mm - self.slip_mm;
                 }
@@ -448,7 +455,8 @@ impl World {
     pub(crate) fn reading(&mut self, point: &SweepPoint) -> Reading {
         let is_touching = self.linear_mm + self.slip_mm <= self.surface_mm();
         let drifted_hz = self.drift_hz_per_s * self.now.as_micros() as f64 * 1e-6;
-        let resonance_hz = drifted_hz + if is_touching { LOADED_HZ } else { FREE_HZ };
+        let softened_hz = self.softening_hz_per_v2 * self.level_v * self.level_v;
+        let resonance_hz = drifted_hz - softened_hz + if is_touching { LOADED_HZ } else { FREE_HZ };
         if !self.measured_hz.1 {
             self.measured_hz.0 = point.frequency_hz;
         }

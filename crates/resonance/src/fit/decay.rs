@@ -161,6 +161,10 @@ impl Sample {
     fn end_s(&self) -> f64 {
         self.start_s + self.integration_s
     }
+
+    const fn exclude(&mut self) {
+        (self.impedance, self.length) = (None, 0.0);
+    }
 }
 
 impl Stays {
@@ -218,8 +222,7 @@ impl Stays {
 
     /// Excludes a reading.
     fn exclude(&mut self, stay: usize, sample: usize) {
-        let sample = &mut self.all[stay].samples[sample];
-        (sample.impedance, sample.length) = (None, 0.0);
+        self.all[stay].samples[sample].exclude();
         self.excluded += 1;
     }
 

@@ -9,7 +9,7 @@ use clap::Args;
 use rig_engine::Command;
 use rig_model::{Deg, Mm, Position, SweepRequest};
 use rig_report::export;
-use rig_store::{Reader, ReadingRecord, Sweep};
+use rig_store::{BenchSettings, Reader, ReadingRecord, Sweep};
 use serde::Serialize;
 
 use super::{
@@ -68,6 +68,9 @@ struct MeasureView {
     linear_mm: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     rotary_deg: Option<f64>,
+    /// What a survey says of the bench.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bench: Option<BenchSettings>,
     /// Number of first readings that only helped to find the resonance.
     probe_readings: usize,
     readings: Vec<ReadingRecord>,
@@ -110,8 +113,17 @@ async fn sweep(
     Ok(Measurement { sweep, status })
 }
 
+/// What a survey says of the bench, for a person.
+fn of_bench(bench: &BenchSettings) -> [(&'static str, String); 2] {
+    let BenchSettings { phase_rad, phase_sigma_rad, mode_sigma, .. } = bench;
+    let phase = format!("{:.4}° ± {:.4}°", phase_rad.to_degrees(), phase_sigma_rad.to_degrees());
+    let modes = format!("none, ± {:.2} % of the first", 100.0 * mode_sigma);
+    [("analyzer phase", phase), ("second modes", modes)]
+}
+
 fn show(args: &MeasureArgs, Measurement { sweep, status }: Measurement) -> Result<(), Failure> {
     let outcome = OutcomeView::from(&sweep.outcome);
+    let bench = sweep.fit.as_ref().and_then(|fit| fit.bench);
     let refusal = outcome.refusal();
     if args.csv {
         let mut out = io::stdout().lock();
@@ -122,12 +134,14 @@ fn show(args: &MeasureArgs, Measurement { sweep, status }: Measurement) -> Resul
             outcome,
             linear_mm: status.snapshot.linear.map(Position::value),
             rotary_deg: status.snapshot.rotary.map(Position::value),
+            bench,
             probe_readings: sweep.probe_readings,
             readings: sweep.readings,
         })?;
     } else {
         let mut rows = outcome.rows();
         rows.push(("readings", sweep.readings.len().to_string()));
+        rows.extend(bench.iter().flat_map(of_bench));
         rows.extend(positions(&status));
         print(&facts(&rows))?;
     }

@@ -4,7 +4,7 @@ use super::{
     Args,
     axis::Axis,
     counts, coverage, gate,
-    judge::{Cell, Counts, others},
+    judge::{Cell, Counts, SURVEY_S, others},
     maps,
     path::Path,
     power, reasons,
@@ -82,15 +82,18 @@ fn introduction(page: &mut Page, args: &Args) {
          where there is no resonance). Drifts and phase errors have both signs.",
         seed + seeds - 1
     ));
-    page.text(
+    page.text(format!(
         "Unless the axis says otherwise, a fitted sweep has 101 settled points from 112 to 168 Hz, \
          and noise of 0.5 %. The `planner` is that of the daemon, on an analyzer whose drive starts \
          at any phase at each change of frequency, with gaps of up to 3 ms before each reading, known \
-         to 1 ms. It starts cold, with a limit of 30 s and a target of 10 mHz (quality 10, coupling 0.02: 30 mHz); in half of the sweeps \
-         it knows the noise, as after an earlier sweep, and in the others nothing, as in the first \
-         sweep of a rig. On the axis `contact` it starts from a sweep without a sample, as every \
-         touch does; the resonance then lies where a contact may put it, or below.",
-    );
+         to 1 ms. As in a run, a survey of {SURVEY_S} s comes first, on a bench that stands still but has \
+         the other disturbances of the axis; a refused survey counts as a refused sweep, and its time \
+         is not counted. The sweep itself starts cold, with a limit of 30 s and a target of 10 mHz \
+         (quality 10, coupling 0.02: 30 mHz). Half of the surveys know the noise, as after an earlier \
+         run, and the others nothing. On the axis `contact` the sweep starts from the survey, as every \
+         touch starts from a sweep without a sample; the resonance then lies where a contact may put it, \
+         or below.",
+    ));
     page.text(
         "The production fit, `maximum-likelihood`, and the planner are silently wrong if they accept a \
          resonance with an error of more than five of its own standard deviations. The other \

@@ -3,9 +3,9 @@
 use std::ops::Range;
 
 use rayon::prelude::*;
-use rig_model::{DriveLevel, Reading, SweepMethod, SweepRequest, Window, random::Stream};
+use rig_model::{Reading, SweepMethod, Window, random::Stream};
 use rig_resonance::{
-    Estimator, FitOptions, FitOutcome, ModelOrder, Next, NoisePrior, Planner, Prior, Reason, fit,
+    Estimator, FitOptions, FitOutcome, ModelOrder, NoisePrior, Planner, Prior, Reason, Refusal, fit,
 };
 
 use super::{
@@ -13,7 +13,11 @@ use super::{
     path::Path,
     scene::Scene,
 };
-use crate::{analyzer::ANY_PHASE_STARTS_S, bound::Information};
+use crate::{
+    analyzer::ANY_PHASE_STARTS_S,
+    bound::Information,
+    planned::{self, request},
+};
 
 /// The outcome of a sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,6 +37,8 @@ const OWN_SIGMAS: f64 = 5.0;
 const BOUNDS: f64 = 10.0;
 /// Time limit of a planned sweep, s: that of the shipped protocols.
 const LIMIT_S: f64 = 30.0;
+/// Duration of the survey before a planned sweep, s.
+pub(super) const SURVEY_S: u32 = 60;
 /// The resonance of a planned sweep is shifted at random by at most this much, Hz.
 const MOVED_HZ: f64 = 5.0;
 
@@ -225,66 +231,68 @@ fn moved(axis: Axis, scene: Scene, most_hz: f64, random: &mut Stream) -> Scene {
     Scene { resonance_hz: scene.resonance_hz + by_hz, ..scene }
 }
 
-/// The prior of a planned sweep. The first sweep of a rig has none, and a later one knows the noise. A
-/// sweep in contact knows the reference, and that a contact hardly lowers the resonance.
-fn prior(scene: &Scene, trial: u32, random: &mut Stream) -> Option<Prior> {
-    /// Possible drift since the reference, relative, as in the engine.
-    const DRIFT: f64 = 0.01;
-    let Some((reference_hz, q)) = scene.reference else {
-        let known = NoisePrior { at_ten_cycles: scene.noise, degrees_of_freedom: 1000.0 };
-        let noise = scene.stated_noise.or(trial.is_multiple_of(2).then_some(known))?;
-        return Some(Prior {
-            circuit: None,
-            within: scene.window,
-            noise: Some(noise),
-            bench: None,
-        });
-    };
-    let free = Scene { resonance_hz: reference_hz, ..Scene::good(q, scene.coupling) };
-    let options = FitOptions { window: Some(free.window), ..FitOptions::default() };
-    let found = fit(&free.measure(random.fork()), &options);
-    let within = Window { min_hz: reference_hz * (1.0 - DRIFT), ..scene.window };
-    Some(Prior::moved(found.accepted()?, within, None))
+/// What is known before the survey: half of the runs know the noise of the analyzer, as after an earlier
+/// run, and the others nothing.
+fn before_survey(scene: &Scene, trial: u32) -> Prior {
+    let known = NoisePrior { at_ten_cycles: scene.noise, degrees_of_freedom: 1000.0 };
+    let noise = scene.stated_noise.or(trial.is_multiple_of(2).then_some(known));
+    Prior { noise, ..Prior::anywhere(scene.window, None) }
 }
 
-/// Judges the planner of the daemon. It measures as the daemon does: with a drive of any phase, gaps
-/// of unknown length, and all readings of a stay at once.
+/// Judges the planner of the daemon. It measures as the daemon does: after a survey of the sensor
+/// without a sample, with a drive of any phase, gaps of unknown length, and all readings of a stay at
+/// once.
 fn planned(axis: Axis, scene: Scene, id: SweepId, mut random: Stream) -> SweepResult {
+    /// Possible drift since the reference, relative, as in the engine.
+    const DRIFT: f64 = 0.01;
     let scene = moved(axis, Scene { is_any_phase: true, ..scene }, MOVED_HZ, &mut random);
-    let prior = prior(&scene, id.trial, &mut random);
-    let request = SweepRequest {
-        window: scene.window,
-        method: SweepMethod::Adaptive,
-        target_sigma_hz: scene.target_hz,
-        time_limit_s: LIMIT_S,
-        cycles: 10,
-        settle_s: 0.5,
-        level: DriveLevel { volt: 1.0 },
+    // The bench is at rest when it is surveyed.
+    let at_rest = Scene { drift_hz: 0.0, capacitance_drift: 0.0, ..scene };
+    let free =
+        scene.reference.map_or(at_rest, |(resonance_hz, q)| Scene { q, resonance_hz, ..at_rest });
+    let anywhere = before_survey(&free, id.trial);
+    let method = SweepMethod::Survey { seconds: SURVEY_S };
+    let survey = sweep(&free, method, &anywhere, &mut random);
+    let (FitOutcome::Accepted(found), bench @ Some(_)) = (&survey.verdict, survey.planner.bench())
+    else {
+        return result(&scene, id, &survey.verdict);
     };
-    let mut planner = Planner::new(&request, prior.as_ref());
-    let mut defects = scene.defects(random.fork());
-    let mut analyzer = scene.analyzer(random);
-    let verdict = loop {
-        match planner.next() {
-            Next::Finished(verdict) => break verdict,
-            Next::Measure(points) => {
-                let mut read = |point| {
-                    let mut reading = analyzer.visit(point);
-                    defects.apply(&mut reading);
-                    reading
-                };
-                let readings: Vec<Reading> = points.iter().map(&mut read).collect();
-                planner.pass(analyzer.elapsed_s());
-                planner.add(&readings);
-            }
-        }
+    let prior = if let Some((reference_hz, _)) = scene.reference {
+        // A contact hardly lowers the resonance.
+        let within = Window { min_hz: reference_hz * (1.0 - DRIFT), ..scene.window };
+        Prior::moved(found, within, bench)
+    } else {
+        Prior { bench, ..anywhere }
     };
+    let Measured { planner, verdict, time_s } =
+        sweep(&scene, SweepMethod::Adaptive, &prior, &mut random);
     // The truth is the resonance at the effective time of the result.
     let effective_time_s =
         (scene.drift_hz != 0.0).then(|| planner.effective_time_s(&verdict)).flatten();
     let at_s = effective_time_s.map_or(0.0, |clock_s| clock_s - ANY_PHASE_STARTS_S);
     let scene = Scene { resonance_hz: scene.resonance_at(at_s), ..scene };
-    SweepResult { time_s: analyzer.elapsed_s(), ..result(&scene, id, &verdict) }
+    SweepResult { time_s, ..result(&scene, id, &verdict) }
+}
+
+/// A planned sweep.
+struct Measured {
+    planner: Planner,
+    verdict: FitOutcome,
+    time_s: f64,
+}
+
+fn sweep(scene: &Scene, method: SweepMethod, prior: &Prior, random: &mut Stream) -> Measured {
+    let request = request(scene.window, method, scene.target_hz, LIMIT_S);
+    let mut defects = scene.defects(random.fork());
+    let mut analyzer = scene.analyzer(random.fork());
+    let (verdict, planner) = planned::sweep(&request, prior, |points| {
+        let mut readings: Vec<Reading> = points.iter().map(|point| analyzer.visit(point)).collect();
+        for reading in &mut readings {
+            defects.apply(reading);
+        }
+        (readings, analyzer.elapsed_s())
+    });
+    Measured { planner, verdict, time_s: analyzer.elapsed_s() }
 }
 
 /// Judges the fit of the daemon.
@@ -315,7 +323,11 @@ fn with_step(
     let of_low = verdict(axis, &half, &low);
     let of_high = verdict(axis, scene, &scene.measure(random));
     let differ = differ(&of_low, &of_high);
-    let verdict = of_low.without_drive(&of_high, 2.0);
+    let verdict = if differ {
+        FitOutcome::Refused(Refusal { reason: Reason::Nonlinear, estimate: None })
+    } else {
+        of_low
+    };
     (low, SweepResult { differ: Some(differ), ..result(scene, id, &verdict) })
 }
 

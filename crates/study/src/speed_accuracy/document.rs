@@ -8,7 +8,7 @@ use super::{
     finder,
     finder::Searches,
     goals::{self, Evidence},
-    method::{LABORATORY, LIMIT_S, Method},
+    method::{LABORATORY, LIMIT_S, Method, SURVEY_S},
     trial::Group,
 };
 use crate::page::{Page, Table};
@@ -74,7 +74,8 @@ fn introduction(page: &mut Page, args: &Args) {
          integrated over ten cycles. The analyzer is that of the simulated bench, exact in time, \
          with the motion of the sensor carried from point to point. The resonance lies between 130 \
          and 150 Hz and is sought from 112 to 168 Hz; the loss tangent is 0.018. A planner knows \
-         the noise of its analyzer and nothing of the sensor, and has {LIMIT_S} s.",
+         the noise of its analyzer and, from a survey of {SURVEY_S} s before its sweeps, what stays \
+         the same on the bench; its times are those of the sweeps, each of which has {LIMIT_S} s.",
         args.trials
     ));
     page.text(

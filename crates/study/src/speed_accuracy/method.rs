@@ -2,13 +2,14 @@
 
 use num_complex::Complex64;
 use rig_contact::Circuit;
-use rig_model::{
-    DriveLevel, Reading, RigTime, SweepMethod, SweepPoint, SweepRequest, random::Stream,
-};
-use rig_resonance::{FitOptions, FitOutcome, Next, NoisePrior, Past, Planner, Prior, Timing, fit};
+use rig_model::{Reading, RigTime, SweepMethod, SweepPoint, SweepRequest, random::Stream};
+use rig_resonance::{Bench, FitOptions, FitOutcome, NoisePrior, Past, Prior, Timing, fit};
 
 use super::case::Case;
-use crate::analyzer::{Analyzer, Gaps, WINDOW, reading, time_constant_s};
+use crate::{
+    analyzer::{Analyzer, Gaps, WINDOW, reading, time_constant_s},
+    planned,
+};
 
 /// A method of measuring a resonance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,6 +28,8 @@ pub(super) enum Method {
 pub(super) const LABORATORY: Method = Method::Even { points: 201 };
 /// Time limit of a planner, s.
 pub(super) const LIMIT_S: f64 = 5.0;
+/// Duration of the survey of the bench, s.
+pub(super) const SURVEY_S: u32 = 300;
 
 /// A measured sweep.
 #[derive(Debug)]
@@ -36,6 +39,8 @@ pub(super) struct Measured {
     pub(super) time_s: f64,
     /// The result of the production fit.
     pub(super) verdict: FitOutcome,
+    /// The knowledge of the bench after a planned sweep.
+    pub(super) bench: Option<Bench>,
 }
 
 impl Method {
@@ -61,7 +66,8 @@ impl Method {
         }
     }
 
-    /// Measures a sensor at rest. Only the window and the noise of the analyzer are known.
+    /// Measures a sensor at rest. Only the window and the noise of the analyzer are known and, for the
+    /// planner, what a survey of the bench says.
     pub(super) fn measure(self, circuit: &Circuit, case: &Case, random: Stream) -> Measured {
         let at_rest = |random| Analyzer::at_rest(*circuit, case.noise, random);
         match self {
@@ -76,14 +82,20 @@ impl Method {
             }
             // No more is known of the drive and of the times than of those of a real analyzer.
             Self::Decay { target_hz } => {
-                let mut analyzer = at_rest(random).with_any_phase(Gaps::USUAL);
-                plan(&mut analyzer, &request(target_hz), &cold(case.noise))
+                let mut random = random;
+                let analyzer = |random| at_rest(random).with_any_phase(Gaps::USUAL);
+                let survey = survey(&mut analyzer(random.fork()), target_hz, case.noise);
+                if survey.bench.is_none() {
+                    return Measured { time_s: 0.0, ..survey };
+                }
+                let prior = Prior { bench: survey.bench, ..cold(case.noise) };
+                plan(&mut analyzer(random), &request(target_hz), &prior)
             }
         }
     }
 }
 
-/// The prior before the first sweep: only the noise of the analyzer.
+/// The prior before the survey: only the noise of the analyzer.
 pub(super) fn cold(noise: f64) -> Prior {
     let noise = NoisePrior { at_ten_cycles: noise, degrees_of_freedom: 1000.0 };
     Prior { circuit: None, within: WINDOW, noise: Some(noise), bench: None }
@@ -91,15 +103,7 @@ pub(super) fn cold(noise: f64) -> Prior {
 
 /// The request for a sweep with a target standard deviation.
 pub(super) fn request(target_sigma_hz: f64) -> SweepRequest {
-    SweepRequest {
-        window: WINDOW,
-        method: SweepMethod::Adaptive,
-        target_sigma_hz,
-        time_limit_s: LIMIT_S,
-        cycles: 10,
-        settle_s: 0.5,
-        level: DriveLevel { volt: 1.0 },
-    }
+    planned::request(WINDOW, SweepMethod::Adaptive, target_sigma_hz, LIMIT_S)
 }
 
 /// Readings of the settled circuit.
@@ -115,35 +119,35 @@ fn steady(circuit: &Circuit, noise: f64, points: u32, mut random: Stream) -> Mea
     let readings: Vec<Reading> = points.iter().map(read).collect();
     let time_s = points.iter().map(SweepPoint::duration_s).sum();
     let verdict = fit(&readings, &FitOptions { window: Some(WINDOW), ..FitOptions::default() });
-    Measured { points, readings, time_s, verdict }
+    Measured { points, readings, time_s, verdict, bench: None }
 }
 
 fn sweep(mut analyzer: Analyzer, points: Vec<SweepPoint>, timing: Timing) -> Measured {
     let readings: Vec<Reading> = points.iter().map(|point| analyzer.visit(point)).collect();
     let options = FitOptions { window: Some(WINDOW), timing, ..FitOptions::default() };
     let verdict = fit(&readings, &options);
-    Measured { points, readings, time_s: analyzer.elapsed_s(), verdict }
+    Measured { points, readings, time_s: analyzer.elapsed_s(), verdict, bench: None }
 }
 
 /// Runs a planner to its end. Its time starts with its first point.
 pub(super) fn plan(analyzer: &mut Analyzer, request: &SweepRequest, prior: &Prior) -> Measured {
     let begun_s = analyzer.elapsed_s();
-    let mut planner = Planner::new(request, Some(prior));
     let mut visited = Vec::new();
-    loop {
-        match planner.next() {
-            Next::Measure(points) => {
-                let readings: Vec<Reading> =
-                    points.iter().map(|point| analyzer.visit(point)).collect();
-                planner.pass(analyzer.elapsed_s() - begun_s);
-                planner.add(&readings);
-                visited.extend(points);
-            }
-            Next::Finished(verdict) => {
-                let time_s = analyzer.elapsed_s() - begun_s;
-                let readings = planner.readings().to_vec();
-                return Measured { points: visited, readings, time_s, verdict };
-            }
-        }
-    }
+    let (verdict, planner) = planned::sweep(request, prior, |points| {
+        visited.extend_from_slice(points);
+        let readings = points.iter().map(|point| analyzer.visit(point)).collect();
+        (readings, analyzer.elapsed_s() - begun_s)
+    });
+    let time_s = analyzer.elapsed_s() - begun_s;
+    let (readings, bench) = (planner.readings().to_vec(), planner.bench());
+    Measured { points: visited, readings, time_s, verdict, bench }
+}
+
+/// The survey of the bench that comes once, before all sweeps.
+pub(super) fn survey(analyzer: &mut Analyzer, target_hz: f64, noise: f64) -> Measured {
+    let method = SweepMethod::Survey { seconds: SURVEY_S };
+    let request = SweepRequest { method, ..request(target_hz) };
+    let first = plan(analyzer, &request, &cold(noise));
+    // The daemon repeats a refused survey once too.
+    if first.bench.is_some() { first } else { plan(analyzer, &request, &cold(noise)) }
 }

@@ -6,7 +6,7 @@ use rig_resonance::{Prior, Resonance};
 
 use super::{
     case::{Case, RESONANCES_HZ},
-    method::{cold, plan, request},
+    method::{cold, plan, request, survey},
 };
 use crate::analyzer::{Analyzer, Gaps, sensor};
 
@@ -74,7 +74,7 @@ fn follow(case: &Case, target_hz: f64, mut random: Stream) -> Vec<WarmReading> {
     let mut analyzer =
         Analyzer::at_rest(circuit(resonance_hz), case.noise, random).with_any_phase(Gaps::USUAL);
     let request = request(target_hz);
-    let first = plan(&mut analyzer, &request, &cold(case.noise));
+    let first = survey(&mut analyzer, target_hz, case.noise);
     let Some(mut last) = first.verdict.accepted().copied() else { return Vec::new() };
     let mut readings = Vec::new();
     for step in steps {
@@ -82,14 +82,15 @@ fn follow(case: &Case, target_hz: f64, mut random: Stream) -> Vec<WarmReading> {
         analyzer.set_circuit(circuit(resonance_hz));
         let within =
             Window { min_hz: last.resonance_hz - moves_hz, max_hz: last.resonance_hz + moves_hz };
-        let prior = Prior::moved(&last, within, None);
+        let prior = Prior::moved(&last, within, first.bench);
         let measured = plan(&mut analyzer, &request, &prior);
         let found = measured.verdict.accepted().copied();
         let error_hz = found.map_or(0.0, |found| found.resonance_hz - resonance_hz);
         let mut reading = WarmReading { time_s: measured.time_s, found, error_hz };
         let next = found.or_else(|| {
             // After a refusal the sensor is looked for again, which takes time too.
-            let again = plan(&mut analyzer, &request, &cold(case.noise));
+            let anywhere = Prior { bench: first.bench, ..cold(case.noise) };
+            let again = plan(&mut analyzer, &request, &anywhere);
             reading.time_s += again.time_s;
             again.verdict.accepted().copied()
         });

@@ -27,6 +27,8 @@ pub(crate) const MODE_WIDENS: f64 = 1.2;
 
 /// Largest number of wrong readings for which the circuit is searched anew.
 const SEARCHES: usize = 8;
+/// The readings are compared within their stays at most this many times.
+const FAR_ROUNDS: usize = 4;
 
 /// Finds the resonance in readings of stays without settling.
 pub(crate) fn fit(readings: &[Reading], options: &FitOptions) -> FitOutcome {
@@ -74,17 +76,28 @@ pub(super) fn best(
 ) -> Option<(Hypothesis, CircuitPrior)> {
     let expected = CircuitPrior::any(Q_TYPICAL).within(window);
     let mut trials = Trials::none();
-    let mut found = if let Some(near) = options.near {
-        vec![stays.minimum(ModelEstimate::of(&near, stays.unit_farad), &expected)]
+    let mut best = if let Some(near) = options.near {
+        let near = ModelEstimate::of(&near, stays.unit_farad);
+        let is_suspect = |stays: &Stays, one: &Hypothesis| {
+            Search { stays, trials: &Trials::none(), expected: &expected, noise }.is_suspect(one)
+        };
+        let (mut best, mut at) = (stays.minimum(near, &expected), near);
+        for _ in 0..FAR_ROUNDS {
+            if !is_suspect(stays, &best) || !stays.exclude_far(&at) {
+                break;
+            }
+            best = stays.minimum(at, &expected);
+            at = best.at;
+        }
+        best
     } else {
         trials = Trials::new(window);
         trials.add_all(stays);
         let search = Search { stays, trials: &trials, expected: &expected, noise };
-        search.run(Vec::new(), None, Effort::Trials)
+        let mut found = search.run(Vec::new(), None, Effort::Trials);
+        found.pop().filter(|_| found.is_empty())?
     };
-    let best = found.pop().filter(|_| found.is_empty())?;
     let search = Search { stays, trials: &trials, expected: &expected, noise };
-    let mut best = best;
     if search.is_suspect(&best) {
         let criteria = Criteria { expected: &expected, noise, within: window };
         let is_misfit = search.is_misfit(&best);

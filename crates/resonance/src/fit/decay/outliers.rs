@@ -4,6 +4,9 @@
 //! too. So each of the readings that deviate most is left out by itself, the circuit is fitted or
 //! searched again, and the reading whose omission explains the rest best is excluded. This is repeated
 //! while the rest is not described, up to one reading in ten.
+//!
+//! Where the circuit is known roughly, each stay is first compared with itself: a reading that lies far
+//! from the others of its stay is excluded whatever the circuit exactly is.
 
 use std::f64::consts::PI;
 
@@ -12,12 +15,14 @@ use rig_model::Window;
 
 use super::{
     Hypothesis, Stay, Stays,
+    model::Model,
     search::{Effort, Search},
     start::Trials,
     stay::State,
 };
 use crate::{
-    diagnose::outliers::READINGS_PER_OUTLIER, fit::grid::CircuitPrior, noise::PooledVariance,
+    circuit::trace::ModelEstimate, diagnose::outliers::READINGS_PER_OUTLIER,
+    fit::grid::CircuitPrior, noise::PooledVariance,
 };
 
 /// Number of readings that are left out by themselves in a round.
@@ -27,6 +32,8 @@ const SEARCHED: usize = 2;
 /// Twice the log-likelihood that an excluded reading must gain, which is also the largest weighted |r|²
 /// of a usual one. One good reading in fifty thousand exceeds it, and its loss is harmless.
 const GAIN_MIN: f64 = 22.0;
+/// Median of the weighted |r|² of usual readings.
+const MEDIAN: f64 = 1.386;
 /// Number of rows after which no further reading is left out at once, a few milliseconds.
 pub(crate) const ROWS_MAX: u64 = 30_000;
 /// Largest number of readings that are excluded at once.
@@ -88,6 +95,62 @@ pub(crate) fn without(
         }
     }
     (rest.stays.excluded > stays.excluded).then_some(rest)
+}
+
+impl Stays {
+    /// Excludes readings that lie far from the others of their stay, for a circuit near this one. Returns
+    /// whether there were any. An error of the circuit shifts all readings, so that it raises the limit.
+    pub(super) fn exclude_far(&mut self, at: &ModelEstimate) -> bool {
+        let alone = |stay: &Stay, model: &Model, square| {
+            let mut state = State::default();
+            let prior = model.prior(square);
+            let (normal, rounds) = model.normal(at, stay, prior, &self.known, &mut state);
+            self.work.update(|work| work + (rounds * stay.samples.len()) as u64);
+            (normal.cost, state)
+        };
+        let states: Vec<(f64, State)> =
+            self.models(at).map(|(stay, model, square)| alone(stay, &model, square)).collect();
+        let mut sizes: Vec<f64> =
+            states.iter().flat_map(|(_, state)| state.sizes()).filter(|size| *size > 0.0).collect();
+        sizes.sort_unstable_by(f64::total_cmp);
+        let Some(median) = sizes.get(sizes.len() / 2) else { return false };
+        let limit = GAIN_MIN * (median / MEDIAN).max(1.0);
+        let readings = self.count() + self.excluded;
+        let mut left = readings.div_ceil(READINGS_PER_OUTLIER).saturating_sub(self.excluded);
+        let mut far = Vec::new();
+        for (n, ((stay, model, square), (mut cost, mut state))) in
+            self.models(at).zip(states).enumerate()
+        {
+            let mut stay = stay.clone();
+            for _ in 0..left.min(stay.samples.len() / 2) {
+                if state.sizes().all(|size| size <= limit) {
+                    break;
+                }
+                let without = |sample: usize| {
+                    let mut stay = stay.clone();
+                    stay.samples[sample].exclude();
+                    let (rest, state) = alone(&stay, &model, square);
+                    (rest, sample, state)
+                };
+                let used = |sample: &usize| stay.samples[*sample].length > 0.0;
+                let all = (0..stay.samples.len()).filter(used).map(without);
+                let Some((rest, sample, next)) = all.min_by(|a, b| a.0.total_cmp(&b.0)) else {
+                    break;
+                };
+                if cost - rest <= limit {
+                    break;
+                }
+                stay.samples[sample].exclude();
+                (cost, state) = (rest, next);
+                far.push((n, sample));
+                left -= 1;
+            }
+        }
+        for &(stay, sample) in &far {
+            self.exclude(stay, sample);
+        }
+        !far.is_empty()
+    }
 }
 
 impl Rest {
