@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use rand_core::Rng;
 use rand_pcg::Pcg64;
 use rig_files::rig_file::RigFile;
+use rig_model::{Mm, Position};
 use rig_store::Source;
 use rig_tests::changed;
 use rigd::{
@@ -59,6 +60,8 @@ pub(crate) struct Bench {
     pub(crate) forgets_position: bool,
     /// Whether a sample that is placed again is stiffer or softer there.
     pub(crate) is_uneven: bool,
+    /// Whether the surface is looked for again after each sweep.
+    pub(crate) has_slip_check: bool,
 }
 
 /// Patience with a linear stage that does not answer, s: longer than the shorter interruptions of the menu.
@@ -143,9 +146,28 @@ impl Bench {
             scene: Some(LoadedScene { scene: scene.clone(), source: scene_text.clone() }),
         };
         let protocol = protocol(level_v, draw);
+        // A tissue that stays indented needs a protocol without the check.
+        let has_slip_check = draw.happens(0.9);
+        let slip = if has_slip_check { "" } else { "slip_mm = 0\n" };
+        let protocol = changed(&protocol, &[("cycles = 10\n", &format!("cycles = 10\n{slip}"))]);
         let protocol = LoadedProtocol::check("campaign", &protocol, &loaded.facts())
             .unwrap_or_else(|faults| panic!("bench {number}: {faults}\n{protocol}"));
-        Self { rig, rig_text, scene, scene_text, protocol, makes, forgets_position, is_uneven }
+        Self {
+            rig,
+            rig_text,
+            scene,
+            scene_text,
+            protocol,
+            makes,
+            forgets_position,
+            is_uneven,
+            has_slip_check,
+        }
+    }
+
+    /// The clear position.
+    pub(crate) fn rest(&self) -> Position<Mm> {
+        self.rig.limits.linear.rest_target().position()
     }
 
     /// The rig, to be opened.

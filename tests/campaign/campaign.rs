@@ -72,7 +72,7 @@ impl Campaign {
         }
         let undisturbed: &Touches = &known.undisturbed.touches;
         let mut unnoticed = judge::differences(&known.bench, &played, undisturbed);
-        let why = judge::is_beyond_notice(&played);
+        let why = judge::is_beyond_notice(&played, known.bench.has_slip_check);
         if why.is_none() {
             failures.append(&mut unnoticed);
         }

@@ -27,14 +27,16 @@ const STEPS: usize = 4000;
 const MOMENTS: u64 = 120;
 
 /// Troubles that last, in addition to those of one operation.
-const LASTING: [Trouble; 10] = [
+const LASTING: [Trouble; 12] = [
     Trouble::Freezes,
     Trouble::Drive(DriveTrouble::Silent { seconds: 1 }),
     Trouble::Drive(DriveTrouble::Silent { seconds: 30 }),
     Trouble::Drive(DriveTrouble::Silent { seconds: 100_000 }),
     Trouble::Drive(DriveTrouble::Refuses { requests: 6 }),
-    Trouble::Drive(DriveTrouble::Alarm { resets: 1 }),
-    Trouble::Drive(DriveTrouble::Alarm { resets: 2 }),
+    Trouble::Drive(DriveTrouble::Alarm { resets: 1, is_another: false }),
+    Trouble::Drive(DriveTrouble::Alarm { resets: 2, is_another: false }),
+    Trouble::Drive(DriveTrouble::Alarm { resets: 2, is_another: true }),
+    Trouble::Drive(DriveTrouble::Alarm { resets: 3, is_another: true }),
     Trouble::Drive(DriveTrouble::Unhomed { is_homing_safe: true }),
     Trouble::Drive(DriveTrouble::Unhomed { is_homing_safe: false }),
     Trouble::Drive(DriveTrouble::Jumped { by_mm: 45.0 }),

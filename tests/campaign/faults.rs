@@ -15,6 +15,8 @@ pub(crate) enum Fault {
     Frame(&'static str),
     /// A fault of a device.
     Device(&'static str),
+    /// Faults of both drives at once.
+    Drives([&'static str; 2]),
     /// The journal cannot be written.
     Disk(DiskFailure),
     /// The daemon is killed.
@@ -27,6 +29,21 @@ pub(crate) enum Fault {
     Late,
     /// The person answers for another step, for another run, without a name, and twice.
     WrongAnswer,
+    /// The person presses a button that is not connected, and then stops the rig on its page.
+    DeadButton,
+    /// The person aborts the run, lowers the probe into the sample by hand, and turns the sample.
+    ByHand,
+}
+
+/// A person sees within this time that a button has no effect, s.
+const DEAD_BUTTON_S: f64 = 2.0;
+
+impl Fault {
+    /// How far the load of the linear drive is moved without its knowledge, upwards, mm.
+    pub(crate) fn lost_mm(self) -> Option<f64> {
+        let Self::Device(words) = self else { return None };
+        words.strip_prefix("bus lose-steps by=")?.strip_suffix(" unit=1")?.parse().ok()
+    }
 }
 
 /// A command of a client.
@@ -52,11 +69,13 @@ impl Order {
 }
 
 use DiskFailure::{Full, Io, ReadOnly};
-use Fault::{Clients, Device, Disk, Frame, Kill, Late, Person, WrongAnswer};
+use Fault::{
+    ByHand, Clients, DeadButton, Device, Disk, Drives, Frame, Kill, Late, Person, WrongAnswer,
+};
 use Order::{Abort, Acknowledge, Pause, Resume, Stop};
 
 /// The whole menu, with names for the tables.
-pub(crate) const MENU: [(&str, Fault); 66] = [
+pub(crate) const MENU: [(&str, Fault); 71] = [
     ("bus: request lost", Frame("bus drop-request")),
     ("bus: busy", Frame("bus busy")),
     ("bus: exception 4", Frame("bus exception code=4")),
@@ -89,6 +108,12 @@ pub(crate) const MENU: [(&str, Fault); 66] = [
     ("rotary drive: stalls", Device("bus stall unit=2")),
     ("rotary drive: jams", Device("bus jam unit=2")),
     ("rotary drive: limit switch", Device("bus limit-switch unit=2")),
+    (
+        "emergency stop: takes the power off the drives",
+        Drives(["bus reboot unit=1", "bus reboot unit=2"]),
+    ),
+    ("emergency stop: blocks the drives", Drives(["bus jam unit=1", "bus jam unit=2"])),
+    ("emergency stop: not connected", DeadButton),
     ("analyzer: request lost", Frame("analyzer drop-request")),
     ("analyzer: connection breaks", Frame("analyzer disconnect")),
     ("analyzer: unplugged 2 s", Frame("analyzer unplug ms=2000")),
@@ -106,6 +131,7 @@ pub(crate) const MENU: [(&str, Fault); 66] = [
     ("analyzer: overload", Device("analyzer overload")),
     ("analyzer: feels no contact", Device("analyzer blind-contact")),
     ("analyzer: feels a contact always", Device("analyzer stuck-contact")),
+    ("analyzer: stays at its frequency", Device("analyzer stuck-frequency")),
     ("disk: full", Disk(Full)),
     ("disk: I/O error", Disk(Io)),
     ("disk: read-only", Disk(ReadOnly)),
@@ -123,6 +149,7 @@ pub(crate) const MENU: [(&str, Fault); 66] = [
     ("two clients: both acknowledge", Clients(Acknowledge, Acknowledge)),
     ("person: answers late", Late),
     ("person: answers wrongly", WrongAnswer),
+    ("by hand: lowers the probe and turns the sample", ByHand),
 ];
 
 /// A fault of the menu at a moment of the run.
@@ -161,12 +188,9 @@ impl Trouble {
     }
 
     /// The fault that undoes a loss of steps.
-    pub(crate) fn lost_steps(&self) -> Option<String> {
-        match self.fault() {
-            Fault::Device(words) if words.contains("by=-") => Some(words.replace("by=-", "by=")),
-            Fault::Device(words) if words.contains("by=") => Some(words.replace("by=", "by=-")),
-            _ => None,
-        }
+    pub(crate) fn undo_of_lost_steps(&self) -> Option<String> {
+        let lost_mm = self.fault().lost_mm()?;
+        Some(format!("bus lose-steps by={} unit=1", -lost_mm))
     }
 
     fn draw(draw: &mut Draw, is_first: bool) -> Self {
@@ -183,7 +207,10 @@ impl Trouble {
             2 | 3 => format!("next={nth}"),
             _ => format!("nth={nth}"),
         };
-        let after_s = if draw.happens(0.5) { 0.0 } else { draw.between(0.0, 1.0).powi(2) };
+        let mut after_s = if draw.happens(0.5) { 0.0 } else { draw.between(0.0, 1.0).powi(2) };
+        if MENU[row].1 == DeadButton {
+            after_s += DEAD_BUTTON_S;
+        }
         let changes = if phase == Phase::Run(RunPhase::Search) { 8 } else { 1 };
         Self { row, phase, nth_change: 1 + draw.below(changes), after_s, trigger, nth }
     }

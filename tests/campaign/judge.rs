@@ -33,6 +33,9 @@ const SIGMAS: f64 = 6.0;
 /// Standard deviation of a depth: the positions of the stage, mm.
 const STAGE_MM: f64 = 0.005;
 
+/// Lost steps whose sum is less than this are none at the check of slip, mm.
+const CANCELLED_MM: f64 = 0.025;
+
 /// A sample that is placed again on an uneven bench has another stiffness and slope: 3 % and 1°.
 const PLACED_AGAIN_REL: f64 = 0.06;
 
@@ -109,34 +112,36 @@ pub(crate) fn differences(bench: &Bench, played: &Played, undisturbed: &Touches)
     differences
 }
 
-/// Why a wrong shift is known not to be noticed: what would show it is measured after the touch.
-pub(crate) fn is_beyond_notice(played: &Played) -> Option<&'static str> {
-    let begun = |is_of: fn(&str) -> bool| {
-        played.begun.iter().any(|(row, phase)| {
-            phase.is_in_touch() && matches!(MENU[*row].1, Fault::Device(words) if is_of(words))
-        })
-    };
-    let is_interrupted = played.latches + played.kills > 0;
-    let has_contact_fault = begun(|words| words.ends_with("-contact"));
-    (is_interrupted && has_contact_fault).then_some(
-        "a contact sense that is repaired before the \
-                                                     last touch is confirmed",
-    )
+/// Why a wrong shift is known not to be noticed: what would show it is measured after the touch, or not at
+/// all.
+pub(crate) fn is_beyond_notice(played: &Played, has_slip_check: bool) -> Option<&'static str> {
+    let in_touch =
+        played.begun.iter().filter(|(_, phase)| phase.is_in_touch()).map(|(row, _)| MENU[*row].1);
+    let is_of_sense = |fault| matches!(fault, Fault::Device(words) if words.ends_with("-contact"));
+    if played.latches + played.kills > 0 && in_touch.clone().any(is_of_sense) {
+        return Some("a contact sense that is repaired before the last touch is confirmed");
+    }
+    let lost_mm: Vec<f64> = in_touch.filter_map(Fault::lost_mm).collect();
+    if !has_slip_check && !lost_mm.is_empty() {
+        return Some("steps lost in a touch whose protocol has no check of slip");
+    }
+    let is_cancelled = lost_mm.len() > 1 && lost_mm.iter().sum::<f64>().abs() < CANCELLED_MM;
+    is_cancelled.then_some("steps lost in a touch and gained again before its check of slip")
 }
 
-/// Whether the checker refutes a sweep during which steps were lost. Its touch is refused, because the
-/// surface is no longer where it was.
-pub(crate) fn is_of_lost_steps(finding: &str, played: &Played) -> bool {
+/// Whether the checker rightly refutes a sweep: one during which steps were lost, whose touch is refused
+/// because the surface is no longer where it was; or one of an analyzer that stays at another frequency than
+/// it says, so that its readings take another time.
+pub(crate) fn is_refuted(finding: &str, played: &Played) -> bool {
     let is_of_sweep = finding.starts_with("resonance: ") || finding.starts_with("sigma: ");
-    is_of_sweep
-        && played.begun.iter().any(|(row, phase)| {
-            let is_in_contact = matches!(
-                phase,
-                Phase::Run(RunPhase::Indentation | RunPhase::Dwell | RunPhase::Sweep)
-            );
-            let is_slip = matches!(MENU[*row].1, Fault::Device(words) if words.contains("by="));
-            is_in_contact && is_slip
-        })
+    let is_of_time = finding.starts_with("reading_time: ");
+    played.begun.iter().any(|(row, phase)| {
+        let is_in_contact =
+            matches!(phase, Phase::Run(RunPhase::Indentation | RunPhase::Dwell | RunPhase::Sweep));
+        let fault = MENU[*row].1;
+        is_of_sweep && is_in_contact && fault.lost_mm().is_some()
+            || is_of_time && fault == Fault::Device("analyzer stuck-frequency")
+    })
 }
 
 /// A drive on a line that is back is found, homed and retracted within this time, s.
@@ -149,8 +154,10 @@ pub(crate) fn has_no_way_out(troubles: &[Trouble], bench: &Bench) -> bool {
     unplugged_s + REACHED_S > PATIENCE_S
         || troubles.iter().any(|trouble| match trouble.fault() {
             Fault::Frame(words) => words.starts_with("bus") && trouble.is_lasting(),
-            Fault::Device("bus jam unit=1") => true,
-            Fault::Device("bus reboot unit=1") => bench.forgets_position,
+            Fault::Device("bus jam unit=1") | Fault::Drives(["bus jam unit=1", _]) => true,
+            Fault::Device("bus reboot unit=1") | Fault::Drives(["bus reboot unit=1", _]) => {
+                bench.forgets_position
+            }
             _ => false,
         })
 }

@@ -1,17 +1,23 @@
 //! One seed of the fault campaign: the whole daemon below HTTP on a simulated bench, the persons and
 //! clients around it, and what they see of it. All of it is on one paused clock.
 
+mod by_hand;
 mod person;
 
 use std::{cell::Cell, collections::BTreeSet, pin::pin, time::Duration};
 
 use rig_engine::RigState;
 use rig_model::Clearance;
-use rig_sim::{SimHandle, control, world::ViolationKind};
+use rig_sim::{
+    SimHandle, control,
+    world::{AxisId, ViolationKind},
+};
 use rig_store::{MemoryDisk, Reader, RunId};
 use rig_verify::MemoryJournal;
 use rigd::rig::{self, RigHandle, Status};
 use tokio::time::{Instant, sleep, sleep_until};
+
+use self::by_hand::ByHand;
 
 use crate::{
     bench::Bench,
@@ -82,6 +88,10 @@ pub(crate) struct Life<'a> {
     was_killed_in_contact: bool,
     is_late: bool,
     is_wrong: bool,
+    /// What the person does by hand when the rig is idle, the last first.
+    by_hand: Vec<ByHand>,
+    /// The target of the linear motor since its journal failed, and how often it went down from there.
+    unrecorded: Option<(f64, u32)>,
     /// The answer or the command that the person gives next.
     person_at: Option<(Instant, u64)>,
     prompts: u64,
@@ -146,6 +156,8 @@ pub(crate) fn play(bench: &Bench, troubles: &[Trouble], has_records: bool) -> Pl
             was_killed_in_contact: false,
             is_late: false,
             is_wrong: false,
+            by_hand: Vec::new(),
+            unrecorded: None,
             person_at: None,
             prompts: 0,
             last_state: None,
@@ -201,6 +213,7 @@ impl Life<'_> {
         }
         self.sessions.insert(handle.status().borrow().session);
         (self.person_at, self.last_state, self.kill_at) = (None, None, None);
+        self.unrecorded = None;
         let mut serving = pin!(rig.serve());
         let end = tokio::select! {
             biased;
@@ -261,6 +274,21 @@ impl Life<'_> {
         if self.last_state.replace(state) != Some(state) && state == RigState::Latched {
             self.played.latches += 1;
         }
+        if status.journal_error.is_some() {
+            self.look_at_unrecorded();
+        }
+    }
+
+    /// Without a journal the probe is not lowered. The move under way when it fails may be seen afterwards.
+    fn look_at_unrecorded(&mut self) {
+        let Some(simulation) = &self.simulation else { return };
+        let target = simulation.with(|_, rig| rig.world().stage(AxisId::Linear).target());
+        let (before, count) = self.unrecorded.unwrap_or((target, 0));
+        let count = count + u32::from(target < before);
+        self.unrecorded = Some((target, count));
+        if count > 1 {
+            self.fail("lowered the probe after the journal had failed");
+        }
     }
 
     /// Begins the faults whose moment has come.
@@ -298,6 +326,7 @@ impl Life<'_> {
         match trouble.fault() {
             Fault::Frame(words) => self.say(&format!("fault {words} {}", trouble.trigger)),
             Fault::Device(words) => self.say(&format!("fault {words}")),
+            Fault::Drives(both) => both.iter().for_each(|one| self.say(&format!("fault {one}"))),
             Fault::Disk(failure) => self.disk.fail_from(trouble.nth, failure),
             Fault::Kill => {
                 self.kill_at = Some((status.last_event + trouble.nth - 1, trouble.nth));
@@ -307,8 +336,13 @@ impl Life<'_> {
             Fault::Clients(one, two) => {
                 _ = tokio::join!(order(one, "client 1"), order(two, "client 2"));
             }
+            Fault::DeadButton => _ = order(Order::Stop, "client 1").await,
             Fault::Late => self.is_late = true,
             Fault::WrongAnswer => self.is_wrong = true,
+            Fault::ByHand => {
+                self.by_hand = vec![ByHand::Turn, ByHand::Lower];
+                _ = order(Order::Abort, "client 1").await;
+            }
         }
     }
 
@@ -348,7 +382,7 @@ impl Life<'_> {
         self.played.is_placed_again = prompts < self.prompts;
         let journals: Vec<RunId> = self.sessions.iter().copied().chain([run]).collect();
         for finding in judge::findings(checker, &journals) {
-            if judge::is_of_lost_steps(&finding, &self.played) {
+            if judge::is_refuted(&finding, &self.played) {
                 self.played.refuted += 1;
                 continue;
             }

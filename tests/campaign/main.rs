@@ -21,6 +21,8 @@ mod drive;
 mod engine;
 mod faults;
 mod judge;
+#[cfg(test)]
+mod known;
 mod ledger;
 mod life;
 mod page;

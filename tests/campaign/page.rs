@@ -40,7 +40,7 @@ impl Display for Page<'_> {
              | kills of the daemon | {kills} |\n\
              | resumptions | {resumptions} |\n\
              | lifted by hand, because the drive had forgotten its position | {lifts} |\n\
-             | sweeps during which steps were lost, refuted by the checker | {refuted} |\n\
+             | runs with sweeps during which steps were lost, or of an analyzer that stays at its frequency, refuted by the checker | {refuted} |\n\
              | runs in which lost steps alone, without a command, took the probe deeper than the sample bears | {sunk} |\n\
              | runs that failed | {failed} |\n\
              | runs with a shift that is wrong in a known way | {unnoticed} |\n\

@@ -256,10 +256,14 @@ impl StopBench {
 
 /// When a stop arrived at a drive, after it was asked for.
 fn arrival(rig: &rig_sim::Rig, unit: u8, asked: RigTime) -> Option<RigTime> {
+    arrivals(rig, unit).find(|at| asked <= *at)
+}
+
+/// When stops arrived at a drive since the simulated rig listens in.
+pub fn arrivals(rig: &rig_sim::Rig, unit: u8) -> impl Iterator<Item = RigTime> {
     let frame = stop_frame(unit);
-    let is_stop = |bytes: &[u8]| bytes.windows(frame.len()).any(|window| window == frame);
-    let heard = rig.overheard().iter().filter(|heard| asked <= heard.at);
-    heard.filter(|heard| is_stop(&heard.bytes)).map(|heard| heard.at).next()
+    let is_stop = move |bytes: &[u8]| bytes.windows(frame.len()).any(|window| window == frame);
+    rig.overheard().iter().filter(move |heard| is_stop(&heard.bytes)).map(|heard| heard.at)
 }
 
 /// One request on a connection of its own; returns when it is answered.

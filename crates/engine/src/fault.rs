@@ -45,7 +45,10 @@ pub enum FailureKind {
     /// The axis was to move or to stop, and did not do so.
     Blocked,
     /// The drive has an alarm and does not move.
-    Alarmed,
+    Alarmed {
+        /// The drive's code of the alarm.
+        code: u16,
+    },
     /// The device did not answer, or its answer cannot be read.
     Line,
     /// An axis reports a position where it cannot be. No move from there is safe, not even a retract.

@@ -15,7 +15,8 @@
 //! ```
 //!
 //! A drive that does not answer, or refuses a request, is asked again until the patience of the rig file is
-//! over. When it answers, it is identified again and then moved. One alarm is reset once. A stage that
+//! over. When it answers, it is identified again and then moved. An alarm is reset once, and one other alarm
+//! that comes after it. A stage that
 //! moved and is not clear after a few retracts, or that does not know its position and has no safe way to
 //! find it, is not moved again.
 //!
@@ -32,6 +33,9 @@ use crate::{Device, Failure, FailureKind, Operation, fault::Fault, operation::re
 /// Number of retracts that may end without an answer of "clear" from a drive that answers. A stage that
 /// is blocked is not pushed without end.
 const RETRACT_ATTEMPTS: u32 = 3;
+
+/// Number of different alarms that are reset. One that comes back shows that its cause is still there.
+const RESETS_MAX: usize = 2;
 
 /// The first pause before another attempt. Each following pause is twice as long.
 const FIRST_PAUSE: Duration = Duration::from_millis(500);
@@ -56,8 +60,8 @@ pub(crate) enum RecoveryReport {
     Done,
     /// The linear drive does not answer, or refuses a request, as one that boots or is busy does.
     Unready,
-    /// The drive has an alarm.
-    Alarmed,
+    /// The drive has an alarm with this code.
+    Alarmed(u16),
     /// It was moved, and is not where it should be.
     Blocked,
     /// The position is not known, and there is no safe way to find it.
@@ -75,7 +79,7 @@ impl RecoveryReport {
         match fault {
             Fault::Device(failure) if failure.device == Device::LinearStage => match failure.kind {
                 FailureKind::Line | FailureKind::Refused => Self::Unready,
-                FailureKind::Alarmed => Self::Alarmed,
+                FailureKind::Alarmed { code } => Self::Alarmed(code),
                 FailureKind::Lost | FailureKind::Unhomed => Self::Lost,
                 FailureKind::Blocked | FailureKind::Interrupted => Self::Blocked,
             },
@@ -93,7 +97,8 @@ pub(crate) struct Recovery {
     give_up_at: RigTime,
     pause: Duration,
     retracts_left: u32,
-    is_reset_used: bool,
+    /// The alarms that were reset.
+    reset: Vec<u16>,
     /// The patience ended while the drive was waited for.
     is_out_of_patience: bool,
 }
@@ -122,7 +127,7 @@ impl Recovery {
             give_up_at: now + patience,
             pause: FIRST_PAUSE,
             retracts_left: RETRACT_ATTEMPTS,
-            is_reset_used: false,
+            reset: Vec::new(),
             is_out_of_patience: false,
         };
         (recovery, RecoveryStep::Do(Operation::StopMotion))
@@ -141,14 +146,14 @@ impl Recovery {
     ) -> RecoveryStep {
         use RecoveryReport::{Alarmed, Blocked, Done, Lost, Unready};
         match (self.phase, report) {
-            (Phase::Stopping { cause: Alarmed | Lost }, _)
-            | (Phase::Stopping { .. }, Alarmed | Lost) => self.find(),
+            (Phase::Stopping { cause: Alarmed(_) | Lost }, _)
+            | (Phase::Stopping { .. }, Alarmed(_) | Lost) => self.find(),
             (Phase::Stopping { .. } | Phase::Finding, Done)
             | (Phase::Stopping { .. }, Unready | Blocked) => self.retract(limits),
             (Phase::Retracting, Done) if clearance == Clearance::Clear => self.finish(clearance),
-            (Phase::Retracting, Alarmed) if !self.is_reset_used => self.find(),
+            (Phase::Retracting, Alarmed(code)) if self.may_reset(code) => self.find(),
             (Phase::Retracting, Lost) => self.find(),
-            (Phase::Retracting, Done | Blocked | Alarmed) | (Phase::Finding, Blocked) => {
+            (Phase::Retracting, Done | Blocked | Alarmed(_)) | (Phase::Finding, Blocked) => {
                 self.retracts_left = self.retracts_left.saturating_sub(1);
                 if self.retracts_left == 0 {
                     self.finish(Clearance::Unknown)
@@ -156,8 +161,8 @@ impl Recovery {
                     self.wait(now)
                 }
             }
-            (Phase::Finding, Alarmed) if !self.is_reset_used => self.find_with_reset(),
-            (Phase::Retracting | Phase::Finding, Unready) | (Phase::Finding, Alarmed) => {
+            (Phase::Finding, Alarmed(code)) if self.may_reset(code) => self.find_with_reset(code),
+            (Phase::Retracting | Phase::Finding, Unready) | (Phase::Finding, Alarmed(_)) => {
                 self.wait(now)
             }
             (Phase::Finding, Lost) | (Phase::Waiting | Phase::Finished, _) => {
@@ -193,8 +198,12 @@ impl Recovery {
         RecoveryStep::Do(Operation::FindLinear { may_reset_alarm: false })
     }
 
-    fn find_with_reset(&mut self) -> RecoveryStep {
-        self.is_reset_used = true;
+    fn may_reset(&self, code: u16) -> bool {
+        self.reset.len() < RESETS_MAX && !self.reset.contains(&code)
+    }
+
+    fn find_with_reset(&mut self, code: u16) -> RecoveryStep {
+        self.reset.push(code);
         RecoveryStep::Do(Operation::FindLinear { may_reset_alarm: true })
     }
 

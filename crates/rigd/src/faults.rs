@@ -117,10 +117,12 @@ const HEAD: &str = "\
 example values; the advice is for a probe that is clear. While the probe may be in contact, the advice is
 to touch neither the sample nor the stages.
 
-**Safe** means: both axes stop, the linear drive is found again and resets one alarm once, the probe is
+**Safe** means: both axes stop, the linear drive is found again and resets an alarm once, the probe is
 retracted until a read-back shows it clear, and the rig latches with its first cause until a person
 acknowledges it ([decision 34](decisions/0034-the-way-out-of-contact.md)). A run that ended so is resumed
-with `rigd run --resume`.
+with `rigd run --resume`. A stop does the same in every state but one: during the way out the axes have been
+stopped already, so that a stop sends nothing, and the retract goes on
+([decision 65](decisions/0065-a-stop-during-a-retract.md)).
 
 | # | class | fault | rigd | the person sees | the person does | tests |
 |---|---|---|---|---|---|---|

@@ -1,6 +1,7 @@
 //! The journal as a file: its tables. Its records are in [`crate::record`].
 
 use std::{
+    collections::BTreeMap,
     fs, io,
     path::{Path, PathBuf},
     process,
@@ -52,6 +53,8 @@ pub(crate) struct Journal {
     pub(crate) elsewhere: Vec<String>,
     /// The settings of the run that an amendment amends.
     pub(crate) amended: Option<Box<RunStarted>>,
+    /// The last record of a session, µs, in each epoch of the run. The end of a killed one is written later.
+    pub(crate) sessions: BTreeMap<u64, u64>,
     /// Why reading stopped early.
     pub(crate) damage: Option<String>,
 }
@@ -169,10 +172,11 @@ pub(crate) fn read(connection: &Connection, run: &str) -> Result<Journal, Journa
         stretches: stretches(connection, run.key)?,
         seal: seal(connection, run.key)?,
         elsewhere: amended_steps(connection, &run.id)?,
-        run,
         links,
         entries: Vec::new(),
         amended: None,
+        sessions: sessions(connection, run.key)?,
+        run,
         damage: None,
     };
     if let Err(error) = entries(connection, journal.run.key, &mut journal.entries) {
@@ -305,6 +309,21 @@ fn seal(connection: &Connection, key: i64) -> Result<Option<Seal>, rusqlite::Err
         .prepare_cached("SELECT records, head, seal FROM seals WHERE run = ?1")?
         .query_row([key], of_row)
         .optional()
+}
+
+fn sessions(connection: &Connection, key: i64) -> Result<BTreeMap<u64, u64>, rusqlite::Error> {
+    let of_row = |row: &rusqlite::Row<'_>| {
+        Ok((row.get::<_, i64>(0)?.cast_unsigned(), row.get::<_, i64>(1)?.cast_unsigned()))
+    };
+    connection
+        .prepare_cached(
+            "SELECT runs.epoch, max(rig_us) FROM runs JOIN records ON records.run = runs.key
+             WHERE runs.kind = 'session' AND records.kind <> 'run_finished'
+                 AND runs.epoch IN (SELECT epoch FROM stretches WHERE run = ?1)
+             GROUP BY runs.epoch",
+        )?
+        .query_map([key], of_row)?
+        .collect()
 }
 
 /// The touches of a run that were measured again or left out.

@@ -67,6 +67,8 @@ pub(crate) struct Labels {
     orientation: Option<String>,
     sweeps: u64,
     sweep: Option<SweepFacts>,
+    /// Number of refused sweeps in contact of the step under way.
+    refused_sweeps: u32,
     noise: noise::NoiseChain,
     bench: bench::BenchChain,
     /// The last sweep with the probe clear that was accepted.
@@ -210,7 +212,7 @@ impl Labels {
             }
         }
         (self.surface, self.indented_mm, self.again) = (None, None, None);
-        self.window = None;
+        (self.window, self.refused_sweeps) = (None, 0);
         self.step = Some(Step { seq, started, is_done: false });
     }
 
@@ -385,6 +387,7 @@ impl Labels {
             &Outcome::Accepted { resonance_hz, sigma_hz, .. } => Ok((resonance_hz, sigma_hz)),
             Outcome::Refused { reason } => Err(reason.clone()),
         };
+        self.refused_sweeps += u32::from(sweep.purpose == "touch" && outcome.is_err());
         self.noise.sweep(seq, sweep, outcome.is_ok(), findings);
         if let Some(settings) = settings.filter(|_| !is_manual) {
             let is_asked = settings.protocol.no_load_sweep.survey_s.is_some();

@@ -23,6 +23,7 @@ mod motion;
 mod normal;
 mod plan;
 mod record;
+mod refused;
 mod results;
 mod settings;
 mod surface;

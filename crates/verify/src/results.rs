@@ -44,7 +44,7 @@ const LOSS: f64 = 0.25;
 /// Each of these limits is at least this many standard deviations of this checker.
 const CIRCUIT_SIGMAS: f64 = 5.0;
 /// A circuit has five unknowns; fewer readings than this leave nothing to check it by.
-const READINGS_MIN: usize = 7;
+pub(crate) const READINGS_MIN: usize = 7;
 /// Fewer fits than this are not worth a thread.
 const FITS_PER_THREAD: usize = 16;
 
@@ -55,6 +55,16 @@ pub(crate) struct Accepted {
     pub(crate) sweep: Box<Sweep>,
     /// Whether it is the first sweep with what it states of the bench.
     pub(crate) is_survey: bool,
+}
+
+impl Accepted {
+    /// The stated circuit.
+    pub(crate) fn circuit(&self) -> Option<Circuit> {
+        match &self.sweep.outcome {
+            Outcome::Accepted { circuit, .. } => *circuit,
+            Outcome::Refused { .. } => None,
+        }
+    }
 }
 
 /// Fits every accepted sweep, on all processors, and adds findings in the order of the sweeps.
@@ -178,7 +188,7 @@ fn check_readings(accepted: &Accepted, readings: &[Reading]) -> (Findings, f64) 
     };
     check_outcome(&sweep.outcome, &fitted, readings, settings, &mut add);
     let Fitted { scatter, degrees, mode_sigma, .. } = fitted;
-    let most = most_scatter(noise, degrees);
+    let most = most_scatter(noise, degrees, SCATTER_SIGMAS);
     if scatter > most {
         let what = "the scatter of the readings about the circuit, over the known noise";
         add(Check::Resonance, what, "near 1".to_owned(), scatter, Some(most.to_string()));
@@ -252,13 +262,13 @@ fn time_limit_s(readings: &[Reading], degrees: f64, fit_s: f64) -> f64 {
     spans * span_s + TIME_REL * (fit_s - middle_s).abs()
 }
 
-/// Largest scatter about a fit, over the noise that was known before.
-fn most_scatter(noise: Option<FitNoise>, degrees: f64) -> f64 {
+/// Largest scatter about a fit, over the noise that was known before, within so many standard deviations.
+pub(crate) fn most_scatter(noise: Option<FitNoise>, degrees: f64, sigmas: f64) -> f64 {
     let (known, guess) =
         noise.map_or((4.0, GUESS * GUESS), |noise| (noise.degrees_of_freedom, 1.0));
     // The cube root of χ²/n is nearly normal with variance 2/9n (Wilson and Hilferty).
     let part = (2.0 / 9.0 * (1.0 / degrees + 1.0 / known)).sqrt();
-    guess * (1.0 + SCATTER_SIGMAS * part).powi(3)
+    guess * (1.0 + sigmas * part).powi(3)
 }
 
 /// Name, value of this checker, stated value and its limits, of each value of a circuit. Few readings

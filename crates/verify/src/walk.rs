@@ -1,5 +1,7 @@
 //! Walks through the records in the order in which they were written.
 
+use std::collections::BTreeMap;
+
 use serde::Deserialize;
 
 use crate::{
@@ -10,6 +12,7 @@ use crate::{
     motion::{Motion, Probe, Turn},
     plan,
     record::{BlackBox, Fault, Operator, Outcome, Record, Resumed, RunFinished, RunStarted, Sweep},
+    refused::{self, Refused},
     results::{self, Accepted},
     settings::Settings,
 };
@@ -29,8 +32,10 @@ pub(crate) fn check(journal: &Journal) -> Verdict {
         motion: Motion::new(),
         labels: Labels::new(&journal.elsewhere),
         accepted: Vec::new(),
+        refused: Vec::new(),
         session: None,
         before: None,
+        last_own: None,
         foreign: false,
         skip: None,
         fault: None,
@@ -41,11 +46,12 @@ pub(crate) fn check(journal: &Journal) -> Verdict {
         walk.settings = Settings::read(&started.rig.toml, &started.protocol.toml).ok();
     }
     for entry in &journal.entries {
-        walk.pass(entry);
+        walk.pass(entry, &journal.sessions);
     }
     walk.end(journal);
     let (records, digest) = (walk.chain.records(), walk.chain.digest());
     results::check(&walk.accepted, &mut walk.findings);
+    refused::check(&walk.refused, &mut walk.findings);
     let mut findings = walk.findings.0;
     findings.sort_by_key(|finding| finding.record);
     Verdict {
@@ -91,10 +97,13 @@ struct Walk {
     motion: Motion,
     labels: Labels,
     accepted: Vec<Accepted>,
+    refused: Vec<Refused>,
     /// The session whose rig moves.
     session: Option<i64>,
     /// Epoch of the last record, whether it is one of this run, and its time, µs.
     before: Option<(u64, bool, u64)>,
+    /// Epoch and time of the last record of this run, µs.
+    last_own: Option<(u64, u64)>,
     /// Whether a record of another run or session came after the last one of this run.
     foreign: bool,
     /// The amendment that leaves a touch out.
@@ -108,7 +117,7 @@ struct Walk {
 }
 
 impl Walk {
-    fn pass(&mut self, entry: &Entry) {
+    fn pass(&mut self, entry: &Entry, sessions: &BTreeMap<u64, u64>) {
         if entry.is_of_session && self.session != Some(entry.key) {
             // Another start of the program, with a clock of its own.
             self.session = Some(entry.key);
@@ -116,7 +125,7 @@ impl Walk {
         }
         self.check_order(entry);
         if entry.is_own {
-            self.own(entry);
+            self.own(entry, sessions);
         } else {
             self.foreign |= self.chain.records() > 0 && !self.is_of_skip(entry);
             self.other(entry);
@@ -170,7 +179,17 @@ impl Walk {
         }
     }
 
-    fn own(&mut self, entry: &Entry) {
+    /// A run without an end was cut off by the end of its program, which has written nothing since.
+    fn check_cut(&mut self, seq: u64, next: Option<u64>, sessions: &BTreeMap<u64, u64>) {
+        let is_cut = self.kind == Kind::Run && self.ending.is_none() && !self.is_given_up;
+        let Some((epoch, rig_us)) = self.last_own.filter(|_| is_cut) else { return };
+        if next == Some(epoch) || sessions.get(&epoch).is_some_and(|last| rig_us < *last) {
+            let what = "a run without an end, after which its program went on";
+            self.findings.add(Check::Ends, seq, what, "an end", "none");
+        }
+    }
+
+    fn own(&mut self, entry: &Entry, sessions: &BTreeMap<u64, u64>) {
         let seq = entry.seq;
         let record = serde_json::from_str::<Record>(&entry.payload);
         let opens = match &record {
@@ -179,6 +198,10 @@ impl Walk {
             _ => None,
         };
         self.chain.follow(entry, opens, &mut self.findings);
+        if opens.is_some() {
+            self.check_cut(seq, opens, sessions);
+        }
+        self.last_own = Some((entry.epoch, entry.rig_us));
         let record = match record {
             Ok(record) => record,
             Err(error) => {
@@ -245,12 +268,7 @@ impl Walk {
             }
             Record::Sweep(sweep) => {
                 labels.sweep(seq, rig_us, &sweep, motion, settings, findings);
-                if matches!(sweep.outcome, Outcome::Accepted { .. }) {
-                    let bench = |sweep: &Sweep| sweep.fit.as_ref().and_then(|fit| fit.bench);
-                    let before = self.accepted.last().and_then(|last| bench(&last.sweep));
-                    let is_survey = bench(&sweep).is_some_and(|bench| before != Some(bench));
-                    self.accepted.push(Accepted { seq, sweep, is_survey });
-                }
+                self.keep(seq, sweep);
             }
             Record::TouchResult(result) => {
                 labels.measured(seq, &result, motion, settings, findings);
@@ -280,6 +298,19 @@ impl Walk {
             }
             Record::RunFinished(finished) => self.finished(seq, finished),
         }
+    }
+
+    /// Keeps a sweep, to fit its readings at the end.
+    fn keep(&mut self, seq: u64, sweep: Box<Sweep>) {
+        if matches!(sweep.outcome, Outcome::Refused { .. }) {
+            let before = self.accepted.last().and_then(Accepted::circuit);
+            self.refused.extend(before.map(|before| Refused { seq, sweep, before }));
+            return;
+        }
+        let bench = |sweep: &Sweep| sweep.fit.as_ref().and_then(|fit| fit.bench);
+        let before = self.accepted.last().and_then(|last| bench(&last.sweep));
+        let is_survey = bench(&sweep).is_some_and(|bench| before != Some(bench));
+        self.accepted.push(Accepted { seq, sweep, is_survey });
     }
 
     fn started(&mut self, seq: u64, started: RunStarted) {
@@ -398,6 +429,7 @@ impl Walk {
 
     fn end(&mut self, journal: &Journal) {
         let last = self.chain.records();
+        self.check_cut(last, None, &journal.sessions);
         if let Some(damage) = &journal.damage {
             let what = "the database is damaged behind this record";
             self.findings.add(Check::Readable, last, what, "records", damage);

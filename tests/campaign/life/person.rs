@@ -88,7 +88,11 @@ impl Life<'_> {
         match status.snapshot.state {
             RigState::WaitingForPerson => self.answer(handle, status).await,
             RigState::Paused => _ = handle.command(Command::Resume, None, TECHNICIAN).await,
+            RigState::Idle if self.moves_by_hand(handle, status).await => {
+                self.person_at = Some((Instant::now() + PROMPT, key_of(status)));
+            }
             RigState::Latched | RigState::Idle => {
+                self.by_hand.clear();
                 if let Some(end) = self.has_settled(status) {
                     return Some(end);
                 }
@@ -198,7 +202,7 @@ impl Life<'_> {
         self.disk.mend();
         self.say("clear");
         // The person brings the stage back to where its encoder says that it is.
-        for words in self.all.iter().filter_map(Trouble::lost_steps) {
+        for words in self.all.iter().filter_map(Trouble::undo_of_lost_steps) {
             self.say(&format!("fault {words}"));
         }
     }

@@ -58,6 +58,45 @@ fn refuse(forged: &mut Forgery, n: usize, reason: &str) {
     forged.execute("UPDATE runs SET status = 'completed_with_refusals' WHERE key = ?1");
 }
 
+const NO_RESONANCE: &str = "no resonance: a capacitor with loss explains the readings as well (a resonance \
+                            adds 3.1 to twice the log-likelihood, a real one at least 25)";
+
+fn refuse_sweep(payload: &mut Value) {
+    payload["outcome"] = json!({"status": "refused", "reason": NO_RESONANCE});
+}
+
+/// Moves the times of readings by a time, s.
+fn move_readings(payload: &mut Value, by_s: f64) {
+    for list in ["/readings", "/trail"] {
+        let Some(list) = payload.pointer_mut(list).and_then(Value::as_array_mut) else { continue };
+        for one in list {
+            let path =
+                if one.get("reading").is_some() { "/reading/started_s" } else { "/started_s" };
+            change(one, path, |at| at + by_s);
+        }
+    }
+}
+
+/// Refuses the last sweep, and repeats it as a refused sweep is repeated.
+fn refuse_and_repeat(forged: &mut Forgery) {
+    let place = forged.records.iter().rposition(|record| record.kind == "sweep").expect("a sweep");
+    refuse_sweep(&mut forged.records[place].payload);
+    let mut again = forged.records[place].clone();
+    let span_us = again.rig_us - forged.records[place - 1].rig_us;
+    again.rig_us += span_us;
+    again.payload["number"] = json!(again.payload["number"].as_u64().expect("a number") + 1);
+    move_readings(&mut again.payload, span_us as f64 / 1e6);
+    for later in &mut forged.records[place + 1..] {
+        later.rig_us += span_us;
+        move_readings(&mut later.payload, span_us as f64 / 1e6);
+    }
+    let touches = forged.records.iter().filter(|record| record.kind == "touch_result").count();
+    let last = forged.nth("touch_result", touches - 1, any);
+    forged.records[last].payload["sweep"] = again.payload["number"].clone();
+    refuse(forged, touches - 1, NO_RESONANCE);
+    forged.records.insert(place + 1, again);
+}
+
 fn insert(forged: &mut Forgery, place: usize, rig_us: i64, payload: Value) {
     let kind = payload["kind"].as_str().expect("a kind").to_owned();
     forged.records.insert(place, Forged { rig_us, kind, payload });
@@ -86,6 +125,11 @@ pub(super) const CASES: &[Case] = &[
         last.remove("reactance_ohm");
         last.insert("flag".to_owned(), "overload".into());
     }),
+    ("an accepted sweep that is said to be refused", Check::Sweep, |forged| {
+        refuse_sweep(sweep(forged, 3));
+        refuse(forged, 3, NO_RESONANCE);
+    }),
+    ("an accepted sweep that is said to be refused twice", Check::Resonance, refuse_and_repeat),
     ("a touch that is said to be contradicted", Check::Row, |forged| {
         let reason = "it is contradicted by what was measured next: contact sense: at 141.200 Hz \
                       the impedance of the clear probe is 64 % from that of the last no-load \
@@ -152,19 +196,7 @@ pub(super) const CASES: &[Case] = &[
         for record in &mut forged.records {
             record.rig_us -= 500_000;
             let payload = &mut record.payload;
-            for list in ["/readings", "/trail"] {
-                let Some(list) = payload.pointer_mut(list).and_then(Value::as_array_mut) else {
-                    continue;
-                };
-                for one in list {
-                    let path = if one.get("reading").is_some() {
-                        "/reading/started_s"
-                    } else {
-                        "/started_s"
-                    };
-                    change(one, path, |at| at - 0.5);
-                }
-            }
+            move_readings(payload, -0.5);
             if payload.pointer("/outcome/effective_time_s").is_some_and(Value::is_number) {
                 change(payload, "/outcome/effective_time_s", |at| at - 0.5);
             }

@@ -14,8 +14,8 @@ pub(crate) enum DriveTrouble {
     Silent { seconds: u64 },
     /// It refuses this number of requests.
     Refuses { requests: u32 },
-    /// It has an alarm, which this number of resets clears.
-    Alarm { resets: u32 },
+    /// It has an alarm, which this number of resets clears; each brings another alarm, or the same one.
+    Alarm { resets: u32, is_another: bool },
     /// It has lost its position; homing is known to lead away from the sample, or is not.
     Unhomed { is_homing_safe: bool },
     /// It says that it is this much higher than it is, mm.
@@ -64,14 +64,16 @@ impl Drive {
                 (drive.refused <= requests)
                     .then(|| failed(Device::LinearStage, FailureKind::Refused))
             }
-            DriveTrouble::Alarm { resets } if is_linear => {
+            DriveTrouble::Alarm { resets, is_another } if is_linear => {
                 let is_reset = matches!(operation, Operation::FindLinear { may_reset_alarm: true });
                 drive.resets += u32::from(is_reset);
                 let is_stop = *operation == Operation::StopMotion;
                 if resets <= drive.resets || is_stop {
                     return None;
                 }
-                Some(failed(Device::LinearStage, FailureKind::Alarmed))
+                let code =
+                    if is_another { u16::try_from(drive.resets).unwrap_or_default() } else { 0 };
+                Some(failed(Device::LinearStage, FailureKind::Alarmed { code }))
             }
             DriveTrouble::Unhomed { is_homing_safe } if is_linear => match operation {
                 Operation::StopMotion => None,

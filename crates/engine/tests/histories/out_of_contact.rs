@@ -74,19 +74,23 @@ fn the_fault_is_shown_while_the_drive_is_waited_for() {
 }
 
 #[test]
-fn an_alarm_is_reset_once_and_the_probe_retracts() {
-    each_operation(DriveTrouble::Alarm { resets: 1 }, |world, end, context| {
-        is_clear(world, end, context);
-        assert_eq!(world.drive.unwrap().resets, 1, "{context}");
-    });
+fn an_alarm_is_reset_once_and_another_one_after_it_and_the_probe_retracts() {
+    for (resets, is_another) in [(1, false), (2, true)] {
+        each_operation(DriveTrouble::Alarm { resets, is_another }, |world, end, context| {
+            is_clear(world, end, context);
+            assert_eq!(world.drive.unwrap().resets, resets, "{context}");
+        });
+    }
 }
 
 #[test]
-fn an_alarm_that_stays_is_reset_no_second_time() {
-    each_operation(DriveTrouble::Alarm { resets: 2 }, |world, end, context| {
-        assert_eq!(end.clearance, Clearance::Unknown, "{context}");
-        assert_eq!(world.drive.unwrap().resets, 1, "{context}");
-    });
+fn an_alarm_that_stays_is_reset_no_second_time_and_a_third_alarm_not_at_all() {
+    for (resets, is_another, used) in [(2, false, 1), (3, true, 2)] {
+        each_operation(DriveTrouble::Alarm { resets, is_another }, |world, end, context| {
+            assert_eq!(end.clearance, Clearance::Unknown, "{context}");
+            assert_eq!(world.drive.unwrap().resets, used, "{context}");
+        });
+    }
 }
 
 #[test]

@@ -205,6 +205,18 @@ impl Failure {
             }
             Self::Store(StoreError::Broken { .. })
             | Self::RunFiles(RunFilesError::Store(StoreError::Broken { .. })) => Some(SALVAGE),
+            Self::RunFiles(RunFilesError::File { source, .. })
+                if matches!(
+                    source.kind(),
+                    io::ErrorKind::ReadOnlyFilesystem
+                        | io::ErrorKind::PermissionDenied
+                        | io::ErrorKind::StorageFull
+                ) =>
+            {
+                Some(
+                    "the run is in the journal; `rigd report RUN --out FILE` writes its report to FILE",
+                )
+            }
             Self::Data { source: StoreError::NoJournal, .. } => {
                 Some("name the directory of an earlier run with --data")
             }

@@ -93,13 +93,13 @@ pub(super) const FAULTS: [ListedFault; 14] = [
         number: 21,
         class: Device,
         what: "a drive has an alarm",
-        reaction: "safe; one alarm of the linear drive is reset once",
+        reaction: "safe; an alarm of the linear drive is reset once, and one other alarm after it",
         seen: Some(|| linear(&alarmed(0x10, "excessive position deviation"))),
         tests: &[
             (OUT_OF_CONTACT, "an_alarm_of_the_linear_drive_is_reset_once_and_the_probe_gets_out"),
             (
                 "crates/engine/tests/histories/out_of_contact.rs",
-                "an_alarm_that_stays_is_reset_no_second_time",
+                "an_alarm_that_stays_is_reset_no_second_time_and_a_third_alarm_not_at_all",
             ),
         ],
     },

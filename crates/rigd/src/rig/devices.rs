@@ -196,7 +196,9 @@ pub(crate) fn stage_failure<U: Unit>(device: Device, error: &StageError<U>) -> F
         StageError::Bus(BusError::Failed(_)) => FailureKind::Line,
         StageError::BeyondTravel { .. } | StageError::HomesDownwards { .. } => FailureKind::Lost,
         StageError::Unhomed { .. } => FailureKind::Unhomed,
-        StageError::Alarmed { .. } | StageError::AlarmPersists { .. } => FailureKind::Alarmed,
+        StageError::Alarmed { alarm, .. } | StageError::AlarmPersists { alarm } => {
+            FailureKind::Alarmed { code: alarm.code }
+        }
         StageError::Ignored { .. }
         | StageError::NotThere { .. }
         | StageError::Overdue { .. }

@@ -110,7 +110,9 @@ impl Log {
         self.append(&record);
         if matches!(record, Record::RunFinished(_)) {
             self.commit();
-            self.run = None;
+            if let Some((_, run)) = self.run.take() {
+                self.session.1.follow(&run);
+            }
         }
     }
 

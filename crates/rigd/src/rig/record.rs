@@ -33,6 +33,7 @@ pub(super) struct Recorder {
     no_load_sweep: u64,
     /// The sweeps of the last touch: with the probe clear, and the last one in contact.
     touch_sweeps: [u64; 2],
+    /// The last read-back of the linear stage.
     linear: Option<Position<Mm>>,
 }
 
@@ -53,6 +54,11 @@ impl Recorder {
     /// its beginning.
     pub(super) fn for_plan(plan: Arc<Plan>, sweeps: u64) -> Self {
         Self { plan: Some(plan), sweeps, ..Self::for_session() }
+    }
+
+    /// The journal goes on after a run, which has moved the linear stage.
+    pub(super) fn follow(&mut self, run: &Self) {
+        self.linear = run.linear.or(self.linear);
     }
 
     /// The names of the samples.

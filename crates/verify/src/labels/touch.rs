@@ -16,6 +16,8 @@ use crate::{
 const COPY: f64 = 1e-9;
 /// A touch without a shift of this many standard deviations is refused: no contact was felt.
 const NO_SHIFT_SIGMAS: f64 = 6.0;
+/// A refused sweep in contact is repeated once before the touch is refused because of it.
+const SWEEPS_REFUSED: u32 = 2;
 /// Begins of the reason if what was measured after the sweep speaks against the touch.
 const CONTRADICTED: &str = "it is contradicted by what was measured next: ";
 const SLIPPED: &str = "after the sweep the probe ";
@@ -257,7 +259,13 @@ impl Labels {
         self.place(seq, indented, settings, findings);
         let sweep = self.sweep.as_ref().filter(|sweep| sweep.purpose == "touch");
         match sweep.map(|sweep| &sweep.outcome) {
-            Some(Err(reason)) if *reason == refused.reason => {}
+            Some(Err(reason)) if *reason == refused.reason => {
+                if self.refused_sweeps < SWEEPS_REFUSED {
+                    let what = "the refused sweeps of a touch that is refused because of them";
+                    let expected = format!("at least {SWEEPS_REFUSED}");
+                    findings.add(Check::Sweep, seq, what, expected, self.refused_sweeps);
+                }
+            }
             // The surface was no longer where it had been found, or could not be looked for.
             Some(Ok(_)) if self.again.is_some_and(|again| !again.is_still_there) => {}
             // What was measured after the sweep speaks against the touch, whatever the shift.

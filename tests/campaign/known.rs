@@ -1,0 +1,86 @@
+//! Cases that a long campaign has found, by their faults: a seed draws others when the menu changes.
+
+use rig_engine::RunPhase;
+
+use crate::{
+    bench::Bench,
+    counts::Phase,
+    faults::{MENU, Trouble},
+    judge::{self, Outcome},
+    life::{self, Played},
+};
+
+/// A fault at the first change of a phase, and a wait after it, s.
+fn trouble(name: &str, phase: Phase, after_s: f64, trigger: &str) -> Trouble {
+    let row = MENU.iter().position(|(known, _)| *known == name).expect("a fault of the menu");
+    Trouble { row, phase, nth_change: 1, after_s, trigger: trigger.to_owned(), nth: 1 }
+}
+
+/// A device at once.
+fn device(name: &str, phase: RunPhase, after_s: f64) -> Trouble {
+    trouble(name, Phase::Run(phase), after_s, "nth=1")
+}
+
+/// What the sweep of the only touch says.
+fn outcome(played: &Played) -> &Outcome {
+    assert_eq!((&*played.violations, played.touches.len()), (&[][..], 1));
+    played.touches.values().next().expect("a touch")
+}
+
+/// The kinds of all records.
+fn kinds(played: &Played) -> Vec<&str> {
+    let kind = |record: &'_ String| record.find("\"kind\":\"").map(|at| at + 8);
+    let kind = |record| kind(record).map(|at| record[at..].split('"').next().unwrap_or_default());
+    played.records.iter().filter_map(kind).collect()
+}
+
+const UPWARDS: &str = "linear drive: loses 0.3 mm upwards";
+const DOWNWARDS: &str = "linear drive: loses 0.3 mm downwards";
+
+/// Seed 32965 of the first menu. Each loss alone is noticed. Both together leave a sound record of a softer
+/// sample: nothing that the rig reads differs but the resonance, which nothing else foretells.
+#[test]
+fn steps_that_are_lost_and_gained_again_are_beyond_notice_and_each_loss_alone_is_not() {
+    let bench = Bench::new(39);
+    let up = device(UPWARDS, RunPhase::Indentation, 0.0);
+    let down = device(DOWNWARDS, RunPhase::SlipCheck, 0.012);
+    let undisturbed = life::play(&bench, &[], true);
+    assert!(matches!(outcome(&undisturbed), Outcome::Measured { .. }));
+    for one in [&up, &down] {
+        let played = life::play(&bench, std::slice::from_ref(one), false);
+        assert!(matches!(outcome(&played), Outcome::Refused(_)), "{:?}", played.touches);
+        assert_eq!(judge::is_beyond_notice(&played, true), None);
+    }
+    let both = life::play(&bench, &[up, down], true);
+    assert!(matches!(outcome(&both), Outcome::Measured { .. }), "{:?}", both.touches);
+    assert_eq!(judge::differences(&bench, &both, &undisturbed.touches).len(), 1);
+    assert_eq!(kinds(&both), kinds(&undisturbed));
+    let why = judge::is_beyond_notice(&both, true);
+    assert_eq!(why, Some("steps lost in a touch and gained again before its check of slip"));
+}
+
+/// Seed 301146 of the first menu: the first alarm is that of a stall, the second another one.
+#[test]
+fn a_second_alarm_with_another_code_on_the_way_out_leaves_no_probe_in_the_sample() {
+    let bench = Bench::new(812);
+    let troubles = [
+        device("linear drive: stalls", RunPhase::SlipCheck, 0.0),
+        device("linear drive: alarm", RunPhase::SlipCheck, 0.418),
+    ];
+    let played = life::play(&bench, &troubles, true);
+    let alarms = played.records.iter().filter(|record| record.contains("linear stage: alarm"));
+    assert!(alarms.count() >= 2, "{:#?}", played.records);
+    outcome(&played);
+}
+
+/// The journal of a session said that a descent by hand began where the probe was before the last run.
+#[test]
+fn a_move_by_hand_after_a_run_begins_where_the_run_has_left_the_probe() {
+    let name = "by hand: lowers the probe and turns the sample";
+    let troubles = [device(name, RunPhase::Sweep, 0.0)];
+    let played = life::play(&Bench::new(626), &troubles, true);
+    outcome(&played);
+    let is_intent = |record: &&String| record.contains(r#""what":"by_hand""#);
+    let intent = played.records.iter().find(is_intent).expect("a move by hand");
+    assert!(intent.contains(r#""from":30.001,"#), "{intent}");
+}
