@@ -4,7 +4,8 @@
 //! unknown angle needs several touches, each with the probe turned.
 
 use rig_contact::{
-    Contact, ContactLaw, Depth, Friction, Models, Pose, SensorDescription, Tier, Tissue,
+    Contact, ContactLaw, Depth, Friction, Models, Pose, Requirements, SensorDescription, Tier,
+    Tissue,
     inverse::{
         AnglePrior, AzimuthPrior, InverseError, OneTouch, SiteTouch, TiltInference, TissueKind,
         TouchModel, TouchSigmas, infer_tilt,
@@ -105,16 +106,56 @@ impl SampleStiffness {
     }
 }
 
-impl Compensation {
-    /// Within 0.05 Hz of the reference at the cost of a closed form, for either kind of depth.
-    pub const TIER: Tier = Tier::E1s;
+/// Allowed difference of the tier from the reference, Hz: the scatter of a touch on a quiet bench.
+const TIER_TOLERANCE_HZ: f64 = 0.3;
+/// The stiffest contact for which the tier is chosen, over the stiffness of the sensor's tip: that of the
+/// paper's stiffest sample.
+const STIFFEST_RATIO: f64 = 1.7;
+/// The largest contact angle for which the tier is chosen.
+const TILT_MAX_DEG: f64 = 45.0;
 
+/// The cheapest tier for samples up to 1.7 times the stiffness of the sensor, indented by the radius of
+/// the ball. A run may learn that the stage holds the depth, so that the tier takes both kinds of depth.
+fn cheapest_tier(sensor: &SensorDescription) -> Tier {
+    let along_probe_mm = sensor.sensor.design().probe_radius_mm;
+    let friction = match sensor.friction {
+        // A slip at some angle is no reason for another tier.
+        Friction::Coulomb { .. } => Friction::Sticking,
+        other => other,
+    };
+    let contact = Contact {
+        pose: Pose::UPRIGHT,
+        depth: Depth::Indentation { along_probe_mm },
+        law: sensor.law,
+        friction,
+    };
+    let cheapest = |deepest: Depth| {
+        let load = sensor.sensor.load(&sensor.tissue(1.0).ok()?, &contact).ok()?;
+        let of_one_mpa = Models::new(&sensor.sensor, sensor.law).stiffness_ratio(&load);
+        let required = Requirements {
+            sensor: sensor.sensor,
+            stiffest: sensor.tissue(STIFFEST_RATIO / of_one_mpa).ok()?,
+            deepest,
+            law: sensor.law,
+            friction,
+            tilt_max_rad: TILT_MAX_DEG.to_radians(),
+            needs_impedance: false,
+        };
+        Some(Tier::cheapest_for(&required, TIER_TOLERANCE_HZ).ok()?.tier)
+    };
+    let by_stage = cheapest(Depth::Stage { along_probe_mm });
+    let dearer = cheapest(contact.depth).max(by_stage);
+    // A sensor that the reference does not take to this stiffness is left to one element.
+    dearer.filter(|tier| tier.validity().takes_stage_moves).unwrap_or(Tier::E1s)
+}
+
+impl Compensation {
     /// The model for touches of this sensor whose surfaces were found with this standard deviation,
     /// mm.
     pub fn new(sensor: &SensorDescription, surface_sigma_mm: f64) -> Self {
         Self {
             models: Models::new(&sensor.sensor, sensor.law),
-            tier: Self::TIER,
+            tier: cheapest_tier(sensor),
             law: sensor.law,
             friction: sensor.friction,
             kind: sensor.kind,
@@ -262,6 +303,18 @@ mod tests {
             assert!(stiffness.sigma_mpa / expected < 0.02, "{stiffness:?}");
             assert_eq!((stiffness.touches, stiffness.refused), (12, 0));
         }
+    }
+
+    /// Samples with a loss factor of 1 need the losses in the model, and no others do.
+    #[test]
+    fn the_tier_is_the_cheapest_for_the_samples_described() {
+        let of_loss = |loss: f64| {
+            let mut described = SensorDescription::reference();
+            described.kind.loss = loss;
+            Compensation::new(&described, 0.0).tier
+        };
+        assert_eq!(of_loss(0.1), Tier::E1s);
+        assert_eq!(of_loss(1.0), Tier::Reference);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use crate::{
     ContactLaw, ContactPatch, LawError, Pose, Refusal, Sensor, Tissue, equilibrium,
-    grip::needed_friction,
+    grip::needed_friction, rest::Rest,
 };
 
 /// The depth of a contact, as an indentation or as a move of the stage.
@@ -19,6 +19,20 @@ pub enum Depth {
         /// Along the probe, mm. Zero or less is no contact.
         along_probe_mm: f64,
     },
+}
+
+impl Depth {
+    /// The same kind of depth, this many times as deep.
+    pub(crate) const fn times(self, factor: f64) -> Self {
+        match self {
+            Self::Indentation { along_probe_mm } => {
+                Self::Indentation { along_probe_mm: factor * along_probe_mm }
+            }
+            Self::Stage { along_probe_mm } => {
+                Self::Stage { along_probe_mm: factor * along_probe_mm }
+            }
+        }
+    }
 }
 
 /// The behaviour of the contact along the surface while it vibrates.
@@ -116,11 +130,12 @@ impl Load {
         tangential_n_per_m: 0.0,
     };
 
-    /// The same contact with its stiffness multiplied.
+    /// The same contact with a tissue this many times as stiff.
     pub(crate) fn stiffer(&self, factor: f64) -> Self {
         Self {
             normal_n_per_m: self.normal_n_per_m * factor,
             tangential_n_per_m: self.tangential_n_per_m * factor,
+            force_n: self.force_n * factor,
             ..*self
         }
     }
@@ -158,12 +173,11 @@ impl Sensor {
         match contact.depth {
             Depth::Indentation { .. } => contact.law.at(move_rel),
             Depth::Stage { .. } => {
-                let compliance = section.normal_compliance_m_per_n(&contact.pose);
-                equilibrium::of_stage_move(
-                    contact.law,
-                    move_rel,
-                    compliance * modulus_pa * section.radius_m,
-                )
+                let unit_n = modulus_pa * section.radius_m * section.radius_m;
+                equilibrium::of_stage_move(contact.law, move_rel, |force_rel| {
+                    let rest = Rest::of(section, &contact.pose, unit_n * force_rel);
+                    rest.compliance_m_per_n * modulus_pa * section.radius_m
+                })
             }
         }
     }

@@ -11,7 +11,9 @@ use std::f64::consts::TAU;
 
 use num_complex::Complex64;
 
-use crate::{Circuit, Load, Pose, Sensor, Tissue, section::Section, tip_stiffness::TipStiffness};
+use crate::{
+    Circuit, Load, Pose, Sensor, Tissue, rest::Rest, section::Section, tip_stiffness::TipStiffness,
+};
 
 /// The beam element of tier E1.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -102,12 +104,10 @@ impl Element {
     /// It is the root of a quadratic around the free sensor, and so keeps its relative accuracy down
     /// to the smallest stiffness.
     pub(crate) fn shift_hz(&self, pose: &Pose, load: &Load) -> f64 {
-        let normal = load.normal_n_per_m;
-        if normal == 0.0 {
+        if load.normal_n_per_m == 0.0 {
             return 0.0;
         }
-        let unit = TipStiffness::of(&self.section, pose, load.tangential_n_per_m / normal);
-        let rise = self.rise_with(&unit, normal);
+        let rise = self.rise_with(&TipStiffness::of(&self.section, pose, load));
         rise / (((self.free_rad2 + rise).sqrt() + self.free_rad) * TAU)
     }
 
@@ -131,36 +131,34 @@ impl Element {
     }
 
     /// The rise of ω² by this contact stiffness.
-    fn rise_with(&self, unit: &TipStiffness, normal: f64) -> f64 {
-        if !unit.is_twisting() {
-            let in_plane =
-                Symmetric2 { ww: normal * unit.ww, wp: normal * unit.wp, pp: normal * unit.pp };
-            return self.rise_rad2(in_plane);
+    fn rise_with(&self, k: &TipStiffness) -> f64 {
+        if !k.is_twisting() {
+            return self.rise_rad2(Symmetric2 { ww: k.ww, wp: k.wp, pp: k.pp });
         }
         // The twist's inertia needs ω². It is a few percent of the twist's stiffness, which itself
         // moves the shift by a fifth of a hertz, so that the first order in the contact suffices.
-        let along = self.dynamic_stiffness.ww * unit.pp + self.dynamic_stiffness.pp * unit.ww
-            - 2.0 * self.dynamic_stiffness.wp * unit.wp;
-        let first_order = normal * along / (self.mixed + normal * self.mass.ww * unit.pp);
+        let along = self.dynamic_stiffness.ww * k.pp + self.dynamic_stiffness.pp * k.ww
+            - 2.0 * self.dynamic_stiffness.wp * k.wp;
+        let first_order = along / (self.mixed + self.mass.ww * k.pp);
         // At the free twist's own resonance a sliding contact would have no stiffness, and beyond it
         // a negative one: the guess stays below.
         let free_twist_rad2 = self.twist_stiffness_n_m / self.twist_inertia_kg_m2;
         let guess = (self.free_rad2 + first_order).min(0.5 * free_twist_rad2);
-        self.rise_rad2(self.in_plane(unit, normal, guess))
+        self.rise_rad2(self.in_plane(k, guess))
     }
 
     /// An upper bound of the first ω²: the resonance of the twist alone with this contact stiffness
     /// when the contact couples twist and bending; otherwise infinite.
-    pub(crate) fn twist_rad2(&self, unit: &TipStiffness, normal: f64) -> f64 {
-        if !unit.is_twisting() {
+    pub(crate) fn twist_rad2(&self, k: &TipStiffness) -> f64 {
+        if !k.is_twisting() {
             return f64::INFINITY;
         }
-        (self.twist_stiffness_n_m + normal * unit.tt) / self.twist_inertia_kg_m2
+        (self.twist_stiffness_n_m + k.tt) / self.twist_inertia_kg_m2
     }
 
     /// ω² with this contact stiffness.
-    pub(crate) fn rad2_with(&self, unit: &TipStiffness, normal: f64) -> f64 {
-        self.free_rad2 + self.rise_with(unit, normal)
+    pub(crate) fn rad2_with(&self, k: &TipStiffness) -> f64 {
+        self.free_rad2 + self.rise_with(k)
     }
 
     /// ω² of the free sensor.
@@ -174,13 +172,13 @@ impl Element {
     }
 
     /// The contact's stiffness over (w, φ), with the twist eliminated at ω².
-    pub(crate) fn in_plane(&self, unit: &TipStiffness, normal: f64, omega_rad2: f64) -> Symmetric2 {
+    pub(crate) fn in_plane(&self, k: &TipStiffness, omega_rad2: f64) -> Symmetric2 {
         let twist = self.twist_stiffness_n_m - omega_rad2 * self.twist_inertia_kg_m2;
-        let give = normal * normal / (twist + normal * unit.tt);
+        let give = 1.0 / (twist + k.tt);
         Symmetric2 {
-            ww: normal * unit.ww - give * unit.wt * unit.wt,
-            wp: normal * unit.wp - give * unit.wt * unit.pt,
-            pp: normal * unit.pp - give * unit.pt * unit.pt,
+            ww: k.ww - give * k.wt * k.wt,
+            wp: k.wp - give * k.wt * k.pt,
+            pp: k.pp - give * k.pt * k.pt,
         }
     }
 
@@ -199,22 +197,26 @@ impl Element {
 
     /// The equivalent circuit in contact, with the losses of beam and tissue.
     pub(crate) fn circuit(&self, pose: &Pose, load: &Load, tissue: &Tissue) -> Circuit {
-        let normal = load.normal_n_per_m;
-        if normal == 0.0 {
+        if load.normal_n_per_m == 0.0 {
             return self.free_circuit();
         }
-        let unit = TipStiffness::of(&self.section, pose, load.tangential_n_per_m / normal);
+        let rest = Rest::of(&self.section, pose, load.force_n);
+        let of_tissue = TipStiffness::of_tissue(&self.section, pose, load, &rest);
+        let of_force = TipStiffness::of_force(&self.section, &rest);
+        let lossy = |of_tissue: f64, of_force: f64| {
+            Complex64::new(of_tissue + of_force, of_tissue * tissue.loss())
+        };
         let omega_rad2 = (TAU * (self.no_load_hz() + self.shift_hz(pose, load))).powi(2);
-        let complex = Complex64::new(normal, normal * tissue.loss());
         let twist = Complex64::new(
             self.twist_stiffness_n_m - omega_rad2 * self.twist_inertia_kg_m2,
             self.twist_stiffness_n_m * self.section.beam_loss,
         );
-        let give = complex * complex / (twist + complex * unit.tt);
+        let [wt, pt] = [of_tissue.wt, of_tissue.pt].map(|coupled| lossy(coupled, 0.0));
+        let give = (twist + lossy(of_tissue.tt, of_force.tt)).inv();
         self.circuit_of(self.complex(|part| match part {
-            Entry::Ww => complex * unit.ww - give * unit.wt * unit.wt,
-            Entry::Wp => complex * unit.wp - give * unit.wt * unit.pt,
-            Entry::Pp => complex * unit.pp - give * unit.pt * unit.pt,
+            Entry::Ww => lossy(of_tissue.ww, of_force.ww) - give * wt * wt,
+            Entry::Wp => lossy(of_tissue.wp, of_force.wp) - give * wt * pt,
+            Entry::Pp => lossy(of_tissue.pp, of_force.pp) - give * pt * pt,
         }))
     }
 

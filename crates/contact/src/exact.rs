@@ -82,11 +82,10 @@ impl ExactBeam {
     }
 
     fn difference_hz(&self, pose: &Pose, load: &Load) -> f64 {
-        let normal = load.normal_n_per_m;
-        let unit = TipStiffness::of(&self.section, pose, load.tangential_n_per_m / normal);
-        let start = self.element.rad2_with(&unit, normal);
-        let twist_rad2 = self.element.twist_rad2(&unit, normal);
-        let contact = |at| self.element.in_plane(&unit, normal, at);
+        let contact = TipStiffness::of(&self.section, pose, load);
+        let start = self.element.rad2_with(&contact);
+        let twist_rad2 = self.element.twist_rad2(&contact);
+        let contact = |at| self.element.in_plane(&contact, at);
         let rad2 = self.lowest_rad2(contact, start, twist_rad2);
         (rad2 - self.free_rad2) / (rad2.sqrt() + self.free_rad2.sqrt()) / TAU
     }

@@ -23,6 +23,7 @@ mod models;
 mod pose;
 mod reference;
 mod refusal;
+mod rest;
 mod section;
 mod sensor;
 mod sneddon;

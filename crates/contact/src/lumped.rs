@@ -3,7 +3,7 @@
 //! Their two constants are the no-load resonance and the sensitivity that the paper prints. The
 //! constants of another sensor follow by the ratio of its beam to the reference's.
 
-use crate::{ContactLaw, ExactBeam, Pose, Sensor, tip_stiffness::TipStiffness};
+use crate::{ContactLaw, ExactBeam, Load, Pose, Sensor, tip_stiffness::TipStiffness};
 
 /// The no-load resonance that the paper prints, Hz.
 pub(crate) const PRINTED_NO_LOAD_HZ: f64 = 140.4;
@@ -108,7 +108,8 @@ impl Lumped {
 fn gain(sensor: &Sensor, pose: &Pose, tangential_ratio: f64) -> f64 {
     let section = sensor.section();
     let slope = 1.5 / section.length_m;
-    let k = TipStiffness::of(section, pose, tangential_ratio);
+    let load = Load { normal_n_per_m: 1.0, tangential_n_per_m: tangential_ratio, ..Load::NONE };
+    let k = TipStiffness::of(section, pose, &load);
     k.ww + slope * (2.0 * k.wp + slope * k.pp)
 }
 

@@ -2,7 +2,7 @@
 
 use crate::{
     Circuit, Contact, ContactLaw, Depth, Element, ExactBeam, Load, Lumped, Pose, Reference,
-    Refusal, Sensor, Tier, Tissue,
+    Refusal, Sensor, Tier, Tissue, rest::Rest,
 };
 
 /// The prediction of a tier for a contact.
@@ -68,14 +68,10 @@ impl Models {
         Ok(Prediction { load, shift_hz })
     }
 
-    /// The shift of a contact within the tier's validity.
-    pub(crate) fn shift_of_load(
-        &self,
-        tier: Tier,
-        tissue: &Tissue,
-        pose: &Pose,
-        load: &Load,
-    ) -> f64 {
+    /// The shift of the series resonance by a contact at rest, Hz.
+    ///
+    /// The load must be within the tier's validity, as [`Models::predict`] checks it.
+    pub fn shift_of_load(&self, tier: Tier, tissue: &Tissue, pose: &Pose, load: &Load) -> f64 {
         let normal = load.normal_n_per_m;
         match tier {
             Tier::T0 => self.lumped.proportional_hz(normal),
@@ -99,6 +95,14 @@ impl Models {
         self.reference.circuit(&Pose::UPRIGHT, &Load::NONE, &tissue)
     }
 
+    /// The equivalent circuit of the sensor that touches nothing, by one element or by the reference.
+    pub(crate) fn free_circuit_by(&self, tier: Tier) -> Circuit {
+        match tier {
+            Tier::E1 | Tier::E1s => self.element.free_circuit(),
+            _ => self.free_circuit(),
+        }
+    }
+
     /// The equivalent circuit in contact. Without contact it is exactly that of the free sensor.
     ///
     /// # Errors
@@ -120,7 +124,12 @@ impl Models {
     }
 
     /// The contact at rest, if it is within the tier's validity.
-    fn load(&self, tier: Tier, tissue: &Tissue, contact: &Contact) -> Result<Load, Refusal> {
+    pub(crate) fn load(
+        &self,
+        tier: Tier,
+        tissue: &Tissue,
+        contact: &Contact,
+    ) -> Result<Load, Refusal> {
         check_control(tier, contact)?;
         let load = self.sensor.load(tissue, contact)?;
         let ratio = self.stiffness_ratio(&load);
@@ -128,7 +137,19 @@ impl Models {
         if ratio > limit {
             return Err(Refusal::TooStiff { tier, ratio, limit });
         }
+        self.check_turn(tier, &contact.pose, load.force_n)?;
         Ok(load)
+    }
+
+    /// Refuses a force that turns the end of the sensor by more than the tier's limit.
+    pub(crate) fn check_turn(&self, tier: Tier, pose: &Pose, force_n: f64) -> Result<(), Refusal> {
+        let limit_rad = tier.validity().turn_max_rad;
+        let turn_rad = Rest::of(self.sensor.section(), pose, force_n).turn_rad;
+        if turn_rad <= limit_rad {
+            return Ok(());
+        }
+        let [turn_deg, limit_deg] = [turn_rad, limit_rad].map(f64::to_degrees);
+        Err(Refusal::Turned { tier, turn_deg, limit_deg })
     }
 
     /// The normal contact stiffness over that of the sensor's tip.

@@ -4,14 +4,14 @@
 //! Sixteen cubic elements bend in the plane of the probe, sixteen across it, and sixteen linear
 //! ones twist; together they carry the five motions (w, φ, v, ψ, θ) of the tip. No matrix of the
 //! whole beam is built: two equal pieces are joined to one of twice the length, four times. Losses
-//! are complex moduli. The model neglects shear (0.003 Hz of shift) and the mass of the tissue
-//! (0.1 Hz).
+//! are complex moduli. The sensor vibrates around its state at rest under the force of the contact.
+//! The model neglects shear (0.003 Hz of shift) and the mass of the tissue (0.1 Hz).
 
 use std::f64::consts::TAU;
 
 use num_complex::Complex64;
 
-use crate::{Circuit, ExactBeam, Load, Pose, Sensor, Tissue, section::Section};
+use crate::{Circuit, ExactBeam, Load, Pose, Sensor, Tissue, rest::Rest, section::Section};
 
 mod matrix;
 mod substructure;
@@ -46,7 +46,7 @@ impl Reference {
         let mut reference = Self { section: *sensor.section(), exact, free: none };
         let rad2 = (TAU * exact.no_load_hz()).powi(2);
         let guess = Complex64::new(rad2, rad2 * reference.section.beam_loss);
-        reference.free = reference.pole(&Matrix5::ZERO, guess);
+        reference.free = reference.pole(&Held::FREE, guess);
         reference
     }
 
@@ -106,7 +106,7 @@ impl Reference {
     ///
     /// The slope's compliance would not do: it has no pole for a mode that does not turn the end of
     /// the beam.
-    fn pole(&self, contact: &Matrix5, guess_rad2: Complex64) -> Pole {
+    fn pole(&self, contact: &Held, guess_rad2: Complex64) -> Pole {
         let determinant = |rad2: Complex64| self.eliminated(contact, rad2).determinant;
         let mut at = guess_rad2;
         let (mut before, mut value_before) = (at * 1.001, determinant(at * 1.001));
@@ -129,23 +129,19 @@ impl Reference {
     }
 
     /// The turn of the beam's end for a moment of 1 N·m there, at a complex ω².
-    fn slope_compliance(&self, contact: &Matrix5, rad2: Complex64) -> Complex64 {
+    fn slope_compliance(&self, contact: &Held, rad2: Complex64) -> Complex64 {
         self.eliminated(contact, rad2).slope
     }
 
     /// Determinant and slope of the dynamic stiffness of the tip with its contact, at a complex ω².
-    fn eliminated(&self, contact: &Matrix5, rad2: Complex64) -> Eliminated {
+    fn eliminated(&self, contact: &Held, rad2: Complex64) -> Eliminated {
         let s = &self.section;
         let lossy = Complex64::new(1.0, s.beam_loss);
-        let mut tip = *contact;
-        tip.add_block(
-            0,
-            bending_at_tip(lossy * s.bending_n_m2, rad2 * s.mass_kg_per_m, s.length_m),
-        );
-        tip.add_block(
-            2,
-            bending_at_tip(lossy * s.lateral_n_m2, rad2 * s.mass_kg_per_m, s.length_m),
-        );
+        let mut tip = contact.stiffness;
+        let (mass, pull_n) = (rad2 * s.mass_kg_per_m, contact.pull_n);
+        for (first, rigidity) in [(0, s.bending_n_m2), (2, s.lateral_n_m2)] {
+            tip.add_block(first, bending_at_tip(lossy * rigidity, mass, pull_n, s.length_m));
+        }
         tip.add(4, 4, twist_at_tip(lossy * s.torsion_n_m2, rad2 * s.roll_kg_m, s.length_m));
         for (motion, inertia) in [
             (0, s.tip_mass_kg),
@@ -158,23 +154,35 @@ impl Reference {
         eliminate(&tip)
     }
 
-    /// The contact's stiffness over the tip's five motions.
-    fn contact(&self, pose: &Pose, load: &Load, tissue: &Tissue) -> Matrix5 {
+    /// The tip in this contact.
+    fn contact(&self, pose: &Pose, load: &Load, tissue: &Tissue) -> Held {
         let lossy = Complex64::new(1.0, tissue.loss());
-        let [nx, ny, nz] = pose.normal();
-        let (r, h) = (self.section.radius_m, self.section.arm_m);
-        // Rows: the motion of the contact point along x, y and z for each motion of the tip.
-        let x = [0.0, h + r * nz, 0.0, r * ny, 0.0];
-        let y = [0.0, 0.0, 1.0, -r * nx, h + r * nz];
-        let z = [1.0, -r * nx, 0.0, 0.0, -r * ny];
-        let normal: [f64; 5] = std::array::from_fn(|i| nx * x[i] + ny * y[i] + nz * z[i]);
-        let mut contact = Matrix5::ZERO;
-        for along in [x, y, z] {
-            contact.add_square(lossy * load.tangential_n_per_m, along);
+        let n = pose.normal();
+        let rest = Rest::of(&self.section, pose, load.force_n);
+        let point = rest.point(&self.section, pose);
+        let normal = std::array::from_fn(|motion| (0..3).map(|i| n[i] * point[i][motion]).sum());
+        let mut stiffness = Matrix5::ZERO;
+        for along in point {
+            stiffness.add_square(lossy * load.tangential_n_per_m, along);
         }
-        contact.add_square(lossy * (load.normal_n_per_m - load.tangential_n_per_m), normal);
-        contact
+        stiffness.add_square(lossy * (load.normal_n_per_m - load.tangential_n_per_m), normal);
+        let (slope, twist) = rest.arm_n_m(&self.section);
+        stiffness.add(1, 1, slope.into());
+        stiffness.add(4, 4, twist.into());
+        Held { stiffness, pull_n: rest.pull_n() }
     }
+}
+
+/// What a contact adds to the beam.
+struct Held {
+    /// The stiffness over the tip's five motions.
+    stiffness: Matrix5,
+    /// The force along the beam, N.
+    pull_n: f64,
+}
+
+impl Held {
+    const FREE: Self = Self { stiffness: Matrix5::ZERO, pull_n: 0.0 };
 }
 
 /// Largest last step, relative to ω².

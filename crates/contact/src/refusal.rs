@@ -1,6 +1,6 @@
 //! Refusals of the models.
 
-use crate::{LawError, Tier};
+use crate::{LawError, PoseError, Tier};
 
 /// A contact outside the validity of a model.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
@@ -8,6 +8,9 @@ pub enum Refusal {
     /// The depth is outside the contact law.
     #[error(transparent)]
     Law(#[from] LawError),
+    /// The angle describes no contact.
+    #[error(transparent)]
+    Pose(#[from] PoseError),
     /// The contact slips, so that its stiffness depends on its history.
     #[error(
         "a contact at {angle_deg:.2}° slips at a friction coefficient of {coefficient}: it sticks \
@@ -45,6 +48,20 @@ pub enum Refusal {
         ratio: f64,
         /// The largest valid ratio.
         limit: f64,
+    },
+    /// The force of the contact bends the sensor too far.
+    #[error(
+        "tier {tier}: the force of the contact turns the end of the sensor by {turn_deg:.2}°, above \
+         {limit_deg:.2}°",
+        tier = tier.name()
+    )]
+    Turned {
+        /// The tier that refuses.
+        tier: Tier,
+        /// The turn of the end of the bimorph at rest, degrees.
+        turn_deg: f64,
+        /// The largest valid turn, degrees.
+        limit_deg: f64,
     },
     /// The shift exceeds that of the stiffest contact in the tier's validity.
     #[error(

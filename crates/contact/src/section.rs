@@ -1,6 +1,6 @@
 //! The constants of the bimorph's cross section and of its tip, in SI units.
 
-use crate::{Pose, SensorDesign};
+use crate::SensorDesign;
 
 /// A beam with its tip mass, reduced to the constants that the tiers need.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,18 +70,6 @@ impl Section {
     /// Stiffness of the end of the bimorph against a force across it, 3EI/L³.
     pub(crate) fn tip_n_per_m(&self) -> f64 {
         3.0 * self.bending_n_m2 / self.length_m.powi(3)
-    }
-
-    /// Compliance of the ball along the surface's normal, m/N.
-    ///
-    /// The force acts through the ball's centre at the end of the arm. Its component across the
-    /// bimorph bends and twists the beam; its component along the bimorph acts by its moment only.
-    pub(crate) fn normal_compliance_m_per_n(&self, pose: &Pose) -> f64 {
-        let [nx, ny, nz] = pose.normal();
-        let (l, h) = (self.length_m, self.arm_m);
-        let in_plane = nz * nz * l * l / 3.0 + nz * nx * h * l + nx * nx * h * h;
-        l * in_plane / self.bending_n_m2
-            + ny * ny * l * (h * h / self.torsion_n_m2 + l * l / (3.0 * self.lateral_n_m2))
     }
 }
 

@@ -1,5 +1,7 @@
 //! The tiers: their names and their validity.
 
+use crate::rest::TURN_MAX_RAD;
+
 /// A model of the sensor's vibration, from the cheapest to the most expensive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Tier {
@@ -13,13 +15,13 @@ pub enum Tier {
     T2,
     /// T2 with the static deflection of the sensor under a stage move.
     T2s,
-    /// One beam element.
+    /// One beam element, under the static force of the contact.
     E1,
     /// E1 with the static deflection of the sensor under a stage move.
     E1s,
-    /// The exact beam without losses, with static deflection.
+    /// The exact beam without losses, with static deflection and force.
     Exact,
-    /// Sixteen elements in space with losses and electrodes, with static deflection.
+    /// Sixteen elements in space with losses and electrodes, with static deflection and force.
     Reference,
 }
 
@@ -28,6 +30,9 @@ pub enum Tier {
 pub struct Validity {
     /// Largest contact stiffness over the stiffness of the sensor's tip, 3EI/L³.
     pub stiffness_ratio_max: f64,
+    /// Largest turn of the end of the sensor by the force of the contact, rad; infinite for a tier
+    /// that leaves this force out.
+    pub turn_max_rad: f64,
     /// Whether it models the static deflection of the sensor under a stage move.
     pub takes_stage_moves: bool,
     /// Whether it models losses and electrodes, and so gives an impedance.
@@ -78,6 +83,10 @@ impl Tier {
             Self::Exact => (f64::INFINITY, true, false),
             Self::Reference => (1e4, true, true),
         };
-        Validity { stiffness_ratio_max, takes_stage_moves, has_impedance }
+        let turn_max_rad = match self {
+            Self::T0 | Self::T0b | Self::T1 | Self::T2 | Self::T2s => f64::INFINITY,
+            Self::E1 | Self::E1s | Self::Exact | Self::Reference => TURN_MAX_RAD,
+        };
+        Validity { stiffness_ratio_max, turn_max_rad, takes_stage_moves, has_impedance }
     }
 }

@@ -4,9 +4,13 @@
 //! φ = ∂w/∂x, and its twist θ about x. The reference adds the other motions across the plane of
 //! bending, in which the bimorph is a hundred times stiffer.
 
-use crate::{Pose, section::Section};
+use crate::{
+    Load, Pose,
+    rest::{Rest, pull},
+    section::Section,
+};
 
-/// A contact stiffness over the tip's motions (w, φ, θ), in SI units.
+/// A stiffness over the tip's motions (w, φ, θ), in SI units.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TipStiffness {
     pub(crate) ww: f64,
@@ -18,24 +22,43 @@ pub(crate) struct TipStiffness {
 }
 
 impl TipStiffness {
-    /// The stiffness for a normal contact stiffness of 1 N/m and a tangential one of `tau`.
-    ///
-    /// With the normal n = (a, b, c) the contact point lies at −h ẑ − R n from the end of the
-    /// bimorph. It moves by ((h + R c) φ, (h + R c) θ, w − R (a φ + b θ)); the part of that along n
-    /// is c w + h (a φ + b θ), because turning about the ball's centre moves it sideways only.
-    pub(crate) fn of(section: &Section, pose: &Pose, tau: f64) -> Self {
-        let [nx, ny, nz] = pose.normal();
-        let (r, h) = (section.radius_m, section.arm_m);
-        let reach = h + r * nz;
-        let rest = 1.0 - tau;
+    /// The stiffness of the tissue.
+    pub(crate) fn of_tissue(section: &Section, pose: &Pose, load: &Load, rest: &Rest) -> Self {
+        let n = pose.normal();
+        let point = rest.point(section, pose);
+        let column = |motion: usize| point.map(|along| along[motion]);
+        let (w, p, t) = (column(0), column(1), column(4));
+        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let tangential = load.tangential_n_per_m;
+        let rest = load.normal_n_per_m - tangential;
+        let [along_w, along_p, along_t] = [dot(n, w), dot(n, p), dot(n, t)];
         Self {
-            ww: tau + rest * nz * nz,
-            wp: nx * (rest * nz * h - tau * r),
-            pp: tau * (reach * reach + r * r * nx * nx) + rest * h * h * nx * nx,
-            wt: ny * (rest * nz * h - tau * r),
-            pt: nx * ny * (tau * r * r + rest * h * h),
-            tt: tau * (reach * reach + r * r * ny * ny) + rest * h * h * ny * ny,
+            ww: tangential * dot(w, w) + rest * along_w * along_w,
+            wp: tangential * dot(w, p) + rest * along_w * along_p,
+            pp: tangential * dot(p, p) + rest * along_p * along_p,
+            wt: tangential * dot(w, t) + rest * along_w * along_t,
+            pt: tangential * dot(p, t) + rest * along_p * along_t,
+            tt: tangential * dot(t, t) + rest * along_t * along_t,
         }
+    }
+
+    /// What the force at rest adds.
+    pub(crate) fn of_force(section: &Section, rest: &Rest) -> Self {
+        let ((ww, wp, pp), force) = (pull(section), rest.pull_n());
+        let (slope, twist) = rest.arm_n_m(section);
+        Self { ww: force * ww, wp: force * wp, pp: force * pp + slope, wt: 0.0, pt: 0.0, tt: twist }
+    }
+
+    /// Both.
+    pub(crate) fn of(section: &Section, pose: &Pose, load: &Load) -> Self {
+        let rest = Rest::of(section, pose, load.force_n);
+        let mut sum = Self::of_tissue(section, pose, load, &rest);
+        let added = Self::of_force(section, &rest);
+        sum.ww += added.ww;
+        sum.wp += added.wp;
+        sum.pp += added.pp;
+        sum.tt += added.tt;
+        sum
     }
 
     /// Whether bending the beam twists it too.
@@ -50,16 +73,17 @@ mod tests {
     use crate::{Direction, Sensor};
 
     /// The front/back and left formulas of the lumped tier, which are this matrix between
-    /// (1, φ/w, 0).
+    /// (1, φ/w, 0) without a force.
     #[test]
     fn the_tip_stiffness_is_the_squared_motion_of_the_contact_point() {
         let sensor = Sensor::reference();
         let section = sensor.section();
         let (r, h, slope, tau) = (section.radius_m, section.arm_m, 43.0, 0.6);
+        let load = Load { normal_n_per_m: 1.0, tangential_n_per_m: tau, ..Load::NONE };
         for degrees in [0.0_f64, 20.0, 45.0, 80.0] {
             for direction in Direction::ALL {
                 let pose = Pose::leaning(direction, degrees.to_radians()).unwrap();
-                let k = TipStiffness::of(section, &pose, tau);
+                let k = TipStiffness::of(section, &pose, &load);
                 let found = k.ww + slope * (2.0 * k.wp + slope * k.pp);
                 let (s, c) = degrees.to_radians().sin_cos();
                 let in_plane = |s: f64| {

@@ -75,6 +75,11 @@ impl Tissue {
         self.loss
     }
 
+    /// A tissue this many times as stiff, with the same loss and Poisson's ratio.
+    pub(crate) fn times(&self, factor: f64) -> Self {
+        Self { young_mpa: self.young_mpa * factor, ..*self }
+    }
+
     /// The contact modulus E/(1 − ν²), Pa.
     pub(crate) fn contact_modulus_pa(&self) -> f64 {
         self.young_mpa * 1e6 / (1.0 - self.poisson * self.poisson)

@@ -233,8 +233,8 @@ struct PlanningModel<'a> {
 }
 
 impl<'a> PlanningModel<'a> {
-    /// Chooses the cheapest tier with an impedance whose error is small against the linewidth in
-    /// every contact of the plan; the reference where none is known to be.
+    /// Chooses the cheapest tier with an impedance that agrees with the reference within a small part of
+    /// the linewidth in every contact of the plan.
     fn new(plan: &Plan, sensor: &'a SensorDescription, known: Vec<(String, f64)>) -> Self {
         let models = Models::new(&sensor.sensor, sensor.law);
         let free = models.free_circuit();
@@ -248,9 +248,15 @@ impl<'a> PlanningModel<'a> {
         let tolerance_hz = TOLERANCE_LINEWIDTHS * free.series_resonance_hz / free.q;
         let choice = sensor.tissue(stiffest_mpa).ok().and_then(|stiffest| {
             let deepest = sensor.depth(plan.touch.indentation_mm);
-            let sensor = sensor.sensor;
-            let required =
-                Requirements { sensor, stiffest, deepest, tilt_max_rad, needs_impedance: true };
+            let required = Requirements {
+                sensor: sensor.sensor,
+                stiffest,
+                deepest,
+                law: sensor.law,
+                friction: sensor.friction,
+                tilt_max_rad,
+                needs_impedance: true,
+            };
             Tier::cheapest_for(&required, tolerance_hz).ok()
         });
         let tier = choice.map_or(Tier::Reference, |choice| choice.tier);

@@ -286,8 +286,8 @@ mod tests {
     #[test]
     fn four_spins_give_back_stiffness_and_angle() {
         let (result, answer) = run_json(
-            "E1 --shift-sigma-hz 0.1 --touch 0,0.5,36.31 --touch 90,0.5,33.58 \
-             --touch 180,0.5,31.40 --touch 270,0.5,33.58",
+            "E1 --shift-sigma-hz 0.1 --touch 0,0.5,36.37 --touch 90,0.5,33.51 \
+             --touch 180,0.5,31.19 --touch 270,0.5,33.51",
         );
         assert!(result.is_ok(), "{answer}");
         assert!(

@@ -1,8 +1,8 @@
-//! `rig-study models`: cost, error and limits of each tier.
+//! `rig-study models`: cost, agreement and limits of each tier.
 
+mod agreement;
 mod cost;
 mod effects;
-mod errors;
 mod failures;
 pub(crate) mod readout;
 mod tiers;
@@ -13,7 +13,7 @@ use std::{io::Write, path::PathBuf};
 use crate::{files::Folder, outcome::StudyError, page::Page};
 use cost::{Costs, ImpedanceCosts};
 
-/// Cost against error for every tier, the size of each effect, and maps of the failures of tiers.
+/// Cost against agreement for every tier, the size of each effect, and maps of the failures of tiers.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Folder for `models.md`, `models.html`, and the tables and charts in `models`.
@@ -38,11 +38,11 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
 }
 
 fn page(is_measured: bool, costs: &Costs, of_impedance: &ImpedanceCosts) -> Page {
-    let title = "Models: cost, error and limits".to_owned();
+    let title = "Models: cost, agreement and limits".to_owned();
     let mut page = Page { title, parts: Vec::new() };
     page.text(introduction(is_measured));
     tiers::add(&mut page, costs, of_impedance);
-    errors::add(&mut page, costs);
+    agreement::add(&mut page, costs);
     effects::add(&mut page);
     failures::add(&mut page);
     page.heading("Costs");
@@ -61,8 +61,8 @@ fn introduction(is_measured: bool) -> String {
     };
     format!(
         "This page is written by `cargo run --release -p rig-study -- models --out docs/studies`. \
-         It compares the models of the sensor by cost, error and limits, for the reference sensor: \
-         35 mm long, with a ball of 0.5 mm at the end of an arm of 8 mm. {costs}"
+         It compares the models of the sensor by cost, agreement and limits, for the reference \
+         sensor: 35 mm long, with a ball of 0.5 mm at the end of an arm of 8 mm. {costs}"
     )
 }
 

@@ -222,13 +222,25 @@ fn html_table(table: &Table) -> Markup {
     }
 }
 
-/// Text with its backquoted words as code.
+/// Text with its backquoted words as code and its `[name](target)` as links.
 fn with_code(text: &str) -> Markup {
     html! {
         @for (index, piece) in text.split('`').enumerate() {
-            @if index % 2 == 1 { code { (piece) } } @else { (piece) }
+            @if index % 2 == 1 { code { (piece) } } @else { (with_links(piece)) }
         }
     }
+}
+
+fn with_links(text: &str) -> Markup {
+    let link = || {
+        let (before, rest) = text.split_once('[')?;
+        let (name, rest) = rest.split_once("](")?;
+        let (target, rest) = rest.split_once(')')?;
+        // A bracket that is no link may stand before one that is.
+        (!name.contains('[')).then_some((before, name, target, rest))
+    };
+    let Some((before, name, target, rest)) = link() else { return html! { (text) } };
+    html! { (before) a href=(target) { (name) } (with_links(rest)) }
 }
 
 #[cfg(test)]
@@ -239,20 +251,20 @@ mod tests {
     fn a_page_is_the_same_in_markdown_and_html() {
         let mut page = Page { title: "A & B".to_owned(), parts: Vec::new() };
         page.heading("First");
-        page.text("Run `cargo run` for a < b.");
+        page.text("Run `cargo run` for a < b. See [x.md](x.md), [0, 1].");
         let mut table = Table::new(&["what", "value"]);
         table.row(["a|b", "1"]);
         page.table(table);
         assert_eq!(
             page.markdown("x"),
-            "# A & B\n\n## First\n\nRun `cargo run` for a < b.\n\n\
+            "# A & B\n\n## First\n\nRun `cargo run` for a < b. See [x.md](x.md), [0, 1].\n\n\
              | what | value |\n| --- | --- |\n| a\\|b | 1 |\n"
         );
         let html = page.html("x").unwrap();
         for part in [
             "<title>A &amp; B</title>",
             "<h1>A &amp; B</h1>",
-            "<p>Run <code>cargo run</code> for a &lt; b.</p>",
+            "<p>Run <code>cargo run</code> for a &lt; b. See <a href=\"x.md\">x.md</a>, [0, 1].</p>",
             "<tr><th>what</th><th>value</th></tr><tr><td>a|b</td><td>1</td></tr>",
         ] {
             assert!(html.contains(part), "{part} is not in\n{html}");

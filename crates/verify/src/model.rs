@@ -4,6 +4,7 @@
 //! lowest resonance of a beam element in three motions, and χ² is added up anew.
 
 mod beam;
+mod rest;
 
 use std::{collections::BTreeMap, path::Path};
 

@@ -21,7 +21,8 @@ pub struct SensorScene {
     pub poisson: f64,
     /// Loss factor of all samples.
     pub tissue_loss: f64,
-    /// Largest error allowed to the model, Hz. The cheapest model within it is used.
+    /// Largest difference from the reference allowed to the model, Hz. The cheapest model within it is
+    /// used.
     pub tolerance_hz: f64,
 }
 
@@ -50,33 +51,33 @@ const TILT_MAX_DEG: f64 = 45.0;
 /// Beyond this angle the model of a half space has long lost its sense, and the probe lies flat.
 const STEEPEST_DEG: f64 = 80.0;
 
+/// Depths that are tried for a contact deeper than its model, each half the one before.
+const DEPTHS: i32 = 40;
+
 impl SensorModel {
-    /// A model of the sensor that is good enough for samples of up to this stiffness, indented by
-    /// up to this much.
+    /// The cheapest model of the sensor for samples of up to this stiffness, indented by up to this much.
     pub(super) fn new(
         scene: SensorScene,
         stiffest_mpa: f64,
         deepest_mm: f64,
     ) -> Result<Self, SensorError> {
         let sensor = rig_contact::Sensor::new(scene.design)?;
-        let reference = Choice {
-            tier: Tier::Reference,
-            law: scene.law,
-            error_hz: 0.0,
-            tolerance_hz: scene.tolerance_hz,
-        };
-        // A scene that no table knows is left to the reference.
+        let reference =
+            Choice { tier: Tier::Reference, difference_hz: 0.0, tolerance_hz: scene.tolerance_hz };
+        // A scene that the reference does not take in whole is left to it, as far as it does.
         let choice = tissue(&scene, stiffest_mpa).ok().and_then(|stiffest| {
             let asked = rig_contact::Requirements {
                 sensor,
                 stiffest,
                 deepest: depth(&scene, deepest_mm),
+                law: scene.law,
+                friction: friction(&scene),
                 tilt_max_rad: TILT_MAX_DEG.to_radians(),
                 needs_impedance: true,
             };
             Tier::cheapest_for(&asked, scene.tolerance_hz).ok()
         });
-        let choice = Choice { law: scene.law, ..choice.unwrap_or(reference) };
+        let choice = choice.unwrap_or(reference);
         tracing::info!(%choice, "the model of the sensor");
         Ok(Self { scene, models: Models::new(&sensor, scene.law), choice })
     }
@@ -109,26 +110,31 @@ impl SensorModel {
         };
         let angle_deg = touched.contact_deg.abs().min(STEEPEST_DEG);
         let pose = Pose::leaning(direction, angle_deg.to_radians()).expect("the angle is acute");
-        let SensorScene { law, sticks, .. } = self.scene;
-        let friction = if sticks { Friction::Sticking } else { Friction::Frictionless };
+        let law = self.scene.law;
+        let friction = friction(&self.scene);
         let depth = depth(&self.scene, touched.indentation_mm);
         let contact = Contact { pose, depth, law, friction };
         self.models.circuit(self.choice.tier, &tissue, &contact).unwrap_or_else(|_| {
-            // Deeper than the law holds, as in a crash: the contact grows no further.
-            let along_probe_mm = law.depth_limit_rel() * self.scene.design.probe_radius_mm;
-            let deepest = Contact {
-                pose: Pose::UPRIGHT,
-                depth: Depth::Indentation { along_probe_mm },
-                ..contact
-            };
-            let crashed = self.models.circuit(Tier::Reference, &tissue, &deepest);
-            crashed.expect("this is the limit of the law, and the reference takes any stiffness")
+            // Deeper than the law holds, or with more force than the sensor bears, as in a crash: the
+            // contact grows no further.
+            let limit_mm = law.depth_limit_rel() * self.scene.design.probe_radius_mm;
+            let crashed = (0..DEPTHS).find_map(|halved| {
+                let along_probe_mm = limit_mm * 0.5_f64.powi(halved);
+                let depth = Depth::Indentation { along_probe_mm };
+                let deepest = Contact { pose: Pose::UPRIGHT, depth, ..contact };
+                self.models.circuit(Tier::Reference, &tissue, &deepest).ok()
+            });
+            crashed.unwrap_or_else(|| self.models.free_circuit())
         })
     }
 }
 
 fn tissue(scene: &SensorScene, stiffness_mpa: f64) -> Result<Tissue, TissueError> {
     Tissue::new(stiffness_mpa, scene.poisson, scene.tissue_loss)
+}
+
+const fn friction(scene: &SensorScene) -> Friction {
+    if scene.sticks { Friction::Sticking } else { Friction::Frictionless }
 }
 
 /// The depth in the sample of a move of the stage.

@@ -1,116 +1,150 @@
-use std::fmt::Write as _;
+use rig_model::random::Stream;
 
 use super::*;
+use crate::SensorDesign;
 
+/// The paper's contacts up to this stiffness and angle.
 fn required(young_mpa: f64, deepest: Depth, tilt_deg: f64, needs_impedance: bool) -> Requirements {
     Requirements {
         sensor: Sensor::reference(),
         stiffest: Tissue::soft(young_mpa).unwrap(),
         deepest,
+        law: ContactLaw::Sneddon,
+        friction: Friction::Sticking,
         tilt_max_rad: f64::to_radians(tilt_deg),
         needs_impedance,
     }
 }
 
-/// The measured errors rounded up to a millihertz.
-fn rounded_up(table: &ErrorTable) -> ErrorTable {
-    let mut rounded = *table;
-    for value in rounded.0.as_flattened_mut().as_flattened_mut().as_flattened_mut() {
-        *value = (*value * 1e3).ceil() * 1e-3;
-    }
-    rounded
-}
-
-/// The table in the form of `choice/stored.rs`.
-fn source(table: &ErrorTable) -> String {
-    let mut text = String::new();
-    for (tier, controls) in Tier::ALL.into_iter().zip(&table.0) {
-        writeln!(text, "    // {}: indentation, then stage.\n    [", tier.name()).unwrap();
-        let cell = |v: f64| if v.is_finite() { format!("{v:.3}") } else { "NEVER".into() };
-        for cells in controls {
-            let first = cells[0][0];
-            if cells.as_flattened().iter().all(|&value| value == first) {
-                writeln!(text, "        [[{}; 5]; 4],", cell(first)).unwrap();
-                continue;
-            }
-            text.push_str("        [\n");
-            for tilt in cells {
-                writeln!(text, "            [{}],", tilt.map(cell).join(", ")).unwrap();
-            }
-            text.push_str("        ],\n");
-        }
-        text.push_str("    ],\n");
-    }
-    text
-}
-
-#[test]
-fn the_stored_errors_are_those_measured_anew() {
-    let measured = rounded_up(&ErrorTable::measure(&Sensor::reference()));
-    let flat = |table: &ErrorTable| table.0.as_flattened().as_flattened().as_flattened().to_vec();
-    for (found, stored) in flat(&measured).into_iter().zip(flat(&stored::REFERENCE)) {
-        // One unit of the rounding may differ with the platform's sine.
-        let is_same = found == stored || (found - stored).abs() < 1.1e-3;
-        assert!(
-            is_same,
-            "{found} is not the stored {stored}; the table now:\n{}",
-            source(&measured)
-        );
-    }
-}
+const SUNK: Depth = Depth::Indentation { along_probe_mm: 0.5 };
+const MOVED: Depth = Depth::Stage { along_probe_mm: 0.5 };
 
 #[track_caller]
 fn check(required: &Requirements, tolerance_hz: f64, expected: Tier) {
     let choice = Tier::cheapest_for(required, tolerance_hz).unwrap();
     assert_eq!(choice.tier, expected, "{choice}");
-    assert!(choice.error_hz <= tolerance_hz, "{choice}");
+    assert!(choice.difference_hz <= tolerance_hz, "{choice}");
 }
 
 #[test]
 fn a_scene_gets_the_cheapest_tier_that_is_good_enough() {
-    let sunk = Depth::Indentation { along_probe_mm: 0.5 };
-    let moved = Depth::Stage { along_probe_mm: 0.5 };
-    check(&required(0.649, sunk, 0.0, false), 10.0, Tier::T0);
-    check(&required(0.649, sunk, 0.0, false), 1.0, Tier::T1);
-    check(&required(0.649, sunk, 45.0, false), 1.0, Tier::T2);
-    check(&required(0.649, sunk, 45.0, false), 0.3, Tier::E1);
-    check(&required(0.649, moved, 45.0, false), 1.0, Tier::T2s);
-    check(&required(0.649, moved, 45.0, true), 1.0, Tier::E1s);
-    check(&required(0.649, moved, 45.0, false), 0.05, Tier::Exact);
-    check(&required(0.649, moved, 45.0, true), 0.05, Tier::Reference);
-    check(&required(0.649, moved, 45.0, false), 0.0, Tier::Reference);
+    check(&required(0.649, SUNK, 0.0, false), 10.0, Tier::T0);
+    check(&required(0.649, SUNK, 0.0, false), 1.0, Tier::T1);
+    check(&required(0.649, SUNK, 45.0, false), 1.2, Tier::T2);
+    check(&required(0.649, SUNK, 45.0, false), 0.3, Tier::E1);
+    check(&required(0.649, MOVED, 45.0, false), 1.2, Tier::T2s);
+    check(&required(0.649, MOVED, 45.0, true), 1.0, Tier::E1s);
+    check(&required(0.649, MOVED, 45.0, true), 0.02, Tier::Reference);
+    check(&required(0.649, MOVED, 45.0, false), 0.0, Tier::Reference);
 }
 
-/// Just inside and just outside of a cell's error, tilt and stiffness.
+/// At a loss of 1 the tiers without losses are 1.5 Hz off, and a contact without friction leaves T2
+/// 2.6 Hz off: the numbers of a common tissue do not hold there.
 #[test]
-fn the_choice_changes_at_the_edges_of_its_cell() {
-    let sunk = Depth::Indentation { along_probe_mm: 0.5 };
-    let tilted = required(0.6, sunk, 45.0, false);
-    let error = Tier::cheapest_for(&tilted, 1.0).unwrap().error_hz;
-    check(&tilted, error, Tier::T2);
-    check(&tilted, error - 1e-9, Tier::E1);
-    check(&required(0.6, sunk, 45.001, false), 1.0, Tier::Reference);
-    check(&required(3.0, sunk, 45.0, false), 2.0, Tier::E1);
-    check(&required(3.2, sunk, 45.0, false), 2.0, Tier::Reference);
-}
-
-#[test]
-fn a_scene_deeper_than_the_series_gets_the_exact_contact() {
-    let law = |along_probe_mm| {
-        let deepest = Depth::Indentation { along_probe_mm };
-        Tier::cheapest_for(&required(0.1, deepest, 0.0, false), 1.0).map(|choice| choice.law)
+fn the_tissue_and_the_friction_of_the_scene_are_those_measured() {
+    let lossy = Requirements {
+        stiffest: Tissue::new(1.0, 0.5, 1.0).unwrap(),
+        ..required(1.0, SUNK, 0.0, false)
     };
-    assert_eq!(law(0.5), Ok(ContactLaw::SneddonSeries));
-    assert_eq!(law(0.501), Ok(ContactLaw::Sneddon));
-    assert!(law(1.001).is_err());
+    let difference = lossy.difference_hz(Tier::Exact).unwrap();
+    assert!((1.3..1.8).contains(&difference), "{difference}");
+    check(&lossy, 1.0, Tier::Reference);
+    let sliding =
+        Requirements { friction: Friction::Frictionless, ..required(0.649, SUNK, 45.0, false) };
+    let [sliding, sticking] = [sliding, required(0.649, SUNK, 45.0, false)]
+        .map(|required| required.difference_hz(Tier::T2).unwrap());
+    assert!(sliding > 1.5 * sticking && sliding > 2.0, "{sliding} {sticking}");
 }
 
 #[test]
-fn another_sensor_is_measured_and_says_why() {
-    let design = SensorDesign { length_mm: 20.0, ..SensorDesign::reference() };
-    let mut short = required(0.649, Depth::Stage { along_probe_mm: 0.5 }, 45.0, true);
-    short.sensor = Sensor::new(design).unwrap();
-    let choice = Tier::cheapest_for(&short, 0.5).unwrap();
-    assert_eq!(choice.tier, Tier::E1s);
-    assert!(choice.to_string().starts_with("tier E1s with sneddon-series contact: within 0."));
+fn contacts_that_the_reference_refuses_have_no_choice() {
+    let deep = required(0.1, Depth::Indentation { along_probe_mm: 1.001 }, 0.0, false);
+    assert!(matches!(Tier::cheapest_for(&deep, 1.0), Err(Refusal::Law(_))));
+    let bent = required(8.0, SUNK, 0.0, false);
+    assert!(matches!(Tier::cheapest_for(&bent, 1.0), Err(Refusal::Turned { .. })));
+    let flat = required(0.1, SUNK, 90.0, false);
+    assert!(matches!(Tier::cheapest_for(&flat, 1.0), Err(Refusal::Pose(_))));
+}
+
+/// A random scene: sensor, tissue, law, friction, depth and tilt.
+fn scene(random: &mut Stream) -> Requirements {
+    let between = |low: f64, high: f64, random: &mut Stream| low + (high - low) * random.uniform();
+    let design = SensorDesign {
+        length_mm: between(25.0, 45.0, random),
+        width_mm: between(4.0, 8.0, random),
+        arm_mm: between(0.0, 10.0, random),
+        probe_radius_mm: between(0.4, 1.0, random),
+        ..SensorDesign::reference()
+    };
+    let along_probe_mm = between(0.2, 0.4, random);
+    let tissue = Tissue::new(
+        0.03 * 30.0_f64.powf(random.uniform()),
+        between(0.4, 0.5, random),
+        between(0.0, 0.5, random),
+    );
+    Requirements {
+        sensor: Sensor::new(design).unwrap(),
+        stiffest: tissue.unwrap(),
+        deepest: if random.uniform() < 0.5 {
+            Depth::Stage { along_probe_mm }
+        } else {
+            Depth::Indentation { along_probe_mm }
+        },
+        law: random.pick(&[ContactLaw::Sneddon, ContactLaw::Hertz, ContactLaw::NeoHookean]),
+        friction: random.pick(&[
+            Friction::Sticking,
+            Friction::Frictionless,
+            Friction::Elastic { tangential_ratio: 0.4 },
+        ]),
+        tilt_max_rad: between(0.0, 0.8, random),
+        needs_impedance: random.uniform() < 0.3,
+    }
+}
+
+/// A random contact of a scene.
+fn contact(required: &Requirements, random: &mut Stream) -> (Tissue, Contact) {
+    // The ends of the ranges come up as often as all of the rest.
+    let mut share = || (1.5 * random.uniform()).min(1.0);
+    let [stiffness, depth, tilt] = [share(), share(), share()];
+    let direction = random.pick(&Direction::ALL);
+    let pose = Pose::leaning(direction, tilt * required.tilt_max_rad).unwrap();
+    let Requirements { stiffest, deepest, law, friction, .. } = *required;
+    (
+        stiffest.times(stiffness.max(0.01)),
+        Contact { pose, depth: deepest.times(depth), law, friction },
+    )
+}
+
+/// Over 60 random scenes with 150 random contacts each: the tier agrees with the reference as stated,
+/// and every cheaper one exceeds the tolerance somewhere.
+#[test]
+fn the_chosen_tier_agrees_as_stated_and_no_cheaper_one_would() {
+    let (mut chosen, mut spared) = ([0; Tier::ALL.len()], 0);
+    for seed in 0..60 {
+        let mut random = Stream::new(seed, 15);
+        let required = scene(&mut random);
+        let tolerance_hz = 0.1 * 50.0_f64.powf(random.uniform());
+        let Ok(choice) = Tier::cheapest_for(&required, tolerance_hz) else { continue };
+        let measured = Measured::new(&required).unwrap();
+        let contacts: Vec<_> = (0..150).map(|_| contact(&required, &mut random)).collect();
+        let largest = |tier: Tier| {
+            contacts.iter().fold(0.0, |largest, (tissue, contact)| {
+                let expected = measured.shift_hz(Tier::Reference, tissue, contact).unwrap();
+                let found = measured.shift_hz(tier, tissue, contact);
+                f64::max(largest, found.map_or(f64::INFINITY, |found| (found - expected).abs()))
+            })
+        };
+        let found = largest(choice.tier);
+        assert!(found <= choice.difference_hz, "scene {seed}: {choice}, found {found}");
+        chosen[choice.tier as usize] += 1;
+        spared += usize::from(Tier::ALL.into_iter().take_while(|tier| *tier != choice.tier).any(
+            |cheaper| {
+                let is_able = cheaper.validity().has_impedance || !required.needs_impedance;
+                is_able && largest(cheaper) <= tolerance_hz / MARGIN
+            },
+        ));
+    }
+    assert!(chosen.iter().sum::<usize>() > 50, "{chosen:?}");
+    assert!(chosen.iter().filter(|count| **count > 0).count() >= 5, "{chosen:?}");
+    assert!(spared <= 1, "a cheaper tier would have done in {spared} scenes; chosen {chosen:?}");
 }

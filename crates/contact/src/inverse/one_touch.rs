@@ -2,7 +2,8 @@
 
 use super::{InverseError, RELATIVE_SIGMA_MAX, TissueKind};
 use crate::{
-    Contact, Depth, Load, Models, Pose, Refusal, Tier, Tissue, equilibrium, models::check_control,
+    Contact, ContactPatch, Depth, LawError, Load, Models, Pose, Refusal, Tier, Tissue, equilibrium,
+    models::check_control, rest::Rest,
 };
 
 /// The standard deviations of the inputs of one touch.
@@ -54,15 +55,8 @@ impl Models {
         let tissue = kind.with(1.0)?;
         let normal = self.normal_of_shift(tier, shift_hz, &tissue, contact)?;
         let section = self.sensor().section();
-        let move_rel = along_probe_mm * 1e-3 * contact.pose.cos() / section.radius_m;
-        let patch = match contact.depth {
-            Depth::Indentation { .. } => contact.law.at(move_rel).map_err(Refusal::from)?,
-            Depth::Stage { .. } => {
-                let compliance_rel = section.normal_compliance_m_per_n(&contact.pose) * normal;
-                equilibrium::of_known_stiffness(contact.law, move_rel, compliance_rel)
-                    .map_err(Refusal::from)?
-            }
-        };
+        let patch = self.patch_of_stiffness(normal, contact).map_err(Refusal::from)?;
+        self.check_turn(tier, &contact.pose, normal * force_m(section.radius_m, &patch))?;
         let of_one_mpa = 2.0 * tissue.contact_modulus_pa() * section.radius_m * patch.radius_rel;
         let young_mpa = normal / of_one_mpa;
         contact.check_grip(self.sensor(), &kind.with(young_mpa)?, patch.depth_rel)?;
@@ -78,10 +72,15 @@ impl Models {
         contact: &Contact,
     ) -> Result<f64, Refusal> {
         let tangential_ratio = contact.tangential_ratio(tissue);
+        let radius_m = self.sensor().section().radius_m;
+        let deepest = contact.law.at_valid(contact.law.depth_limit_rel());
         let shift = |normal: f64| {
+            // A trial stiffness may rest deeper than the law holds.
+            let patch = self.patch_of_stiffness(normal, contact).unwrap_or(deepest);
             let load = Load {
                 normal_n_per_m: normal,
                 tangential_n_per_m: normal * tangential_ratio,
+                force_n: normal * force_m(radius_m, &patch),
                 ..Load::NONE
             };
             self.shift_of_load(tier, tissue, &contact.pose, &load)
@@ -96,6 +95,23 @@ impl Models {
         let guess = self.lumped().stiffness_of_tilted(pose, shift_hz, tangential_ratio);
         let start = guess.min(stiffest).ln();
         Ok(rising_root(|log| (shift(log.exp()) / shift_hz).ln(), start, stiffest.ln()).exp())
+    }
+
+    /// The contact with this normal stiffness, N/m.
+    fn patch_of_stiffness(&self, normal: f64, contact: &Contact) -> Result<ContactPatch, LawError> {
+        let section = self.sensor().section();
+        let (Depth::Indentation { along_probe_mm } | Depth::Stage { along_probe_mm }) =
+            contact.depth;
+        let move_rel = along_probe_mm * 1e-3 * contact.pose.cos() / section.radius_m;
+        match contact.depth {
+            Depth::Indentation { .. } => contact.law.at(move_rel),
+            Depth::Stage { .. } => {
+                equilibrium::of_known_stiffness(contact.law, move_rel, |force_over_radius| {
+                    let force_n = 0.5 * normal * section.radius_m * force_over_radius;
+                    normal * Rest::of(section, &contact.pose, force_n).compliance_m_per_n
+                })
+            }
+        }
     }
 
     /// The stiffness of one touch with its uncertainty, to first order in each input.
@@ -139,6 +155,14 @@ impl Models {
             sigma_of_angle_mpa: angle,
         })
     }
+}
+
+/// The force of a contact over its normal stiffness, m.
+fn force_m(radius_m: f64, patch: &ContactPatch) -> f64 {
+    if patch.radius_rel == 0.0 {
+        return 0.0;
+    }
+    0.5 * radius_m * patch.force_rel / patch.radius_rel
 }
 
 /// Steps of the numerical slopes, small against every scale of the models.

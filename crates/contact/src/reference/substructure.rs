@@ -15,13 +15,16 @@ struct Piece {
 }
 
 impl Piece {
-    /// One cubic element with consistent mass.
-    fn element(rigidity: Complex64, inertia: Complex64, length: f64) -> Self {
+    /// One cubic element with consistent mass and a pull along it, N.
+    fn element(rigidity: Complex64, inertia: Complex64, pull_n: f64, length: f64) -> Self {
         let (l, k, m) = (length, rigidity / length.powi(3), inertia * length / 420.0);
-        let entry =
-            |stiffness: f64, mass: f64, power: i32| (k * stiffness - m * mass) * l.powi(power);
-        let (a, b, d) = (entry(12.0, 156.0, 0), entry(6.0, 22.0, 1), entry(4.0, 4.0, 2));
-        let (e, f, g) = (entry(-12.0, 54.0, 0), entry(6.0, -13.0, 1), entry(2.0, -3.0, 2));
+        let entry = |stiffness: f64, mass: f64, straight: f64, power: i32| {
+            (k * stiffness - m * mass + pull_n / (30.0 * l) * straight) * l.powi(power)
+        };
+        let (a, b, d) =
+            (entry(12.0, 156.0, 36.0, 0), entry(6.0, 22.0, 3.0, 1), entry(4.0, 4.0, 4.0, 2));
+        let (e, f, g) =
+            (entry(-12.0, 54.0, -36.0, 0), entry(6.0, -13.0, 3.0, 1), entry(2.0, -3.0, -1.0, 2));
         Self { near: [[a, b], [b, d]], across: [[e, f], [-f, g]], far: [[a, -b], [-b, d]] }
     }
 
@@ -39,10 +42,16 @@ impl Piece {
     }
 }
 
-/// Over (deflection, slope) at the end. `inertia` is ω² times the mass per length.
-pub(super) fn bending_at_tip(rigidity: Complex64, inertia: Complex64, length: f64) -> Matrix2 {
+/// Over (deflection, slope) at the end. `inertia` is ω² times the mass per length, `pull_n` the force
+/// along the beam.
+pub(super) fn bending_at_tip(
+    rigidity: Complex64,
+    inertia: Complex64,
+    pull_n: f64,
+    length: f64,
+) -> Matrix2 {
     let parts = f64::from(1_u32 << DOUBLINGS);
-    let mut piece = Piece::element(rigidity, inertia, length / parts);
+    let mut piece = Piece::element(rigidity, inertia, pull_n, length / parts);
     for _ in 0..DOUBLINGS {
         piece = piece.doubled();
     }

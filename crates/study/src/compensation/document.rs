@@ -24,8 +24,9 @@ pub(super) fn page(args: &Args, all: &[ProtocolTrials]) -> Page {
         "A shift falls by a tenth to a third from upright to 45°, and the fall depends on the \
          direction. The analysis of a run compensates this: it turns each shift into a stiffness with \
          its uncertainty, by the sensor that the rig file describes \
-         ([decision 7](../decisions/0007-the-rig-file-describes-the-sensor.md)). This page shows the \
-         accuracy of that stiffness on a simulated bench, and its limits.",
+         ([decision 7](../decisions/0007-the-rig-file-describes-the-sensor.md)). This page shows \
+         how well that stiffness agrees with the truth of a simulated bench, whose sensor is that of \
+         the analysis, and the limits.",
     );
     page.heading("Trials");
     page.text(

@@ -1,7 +1,8 @@
 //! The size of each effect on a shift: the error of a model that neglects it.
 
 use rig_contact::{
-    Contact, ContactLaw, Direction, Friction, Models, Pose, Sensor, SensorDesign, Tier, Tissue,
+    Contact, ContactLaw, Direction, Friction, Load, Models, Pose, Sensor, SensorDesign, Tier,
+    Tissue,
     equations::{TissueConstants, TissueImpedance},
 };
 
@@ -106,7 +107,13 @@ fn effects(base: &Baseline) -> Vec<(&'static str, Option<f64>)> {
         Some(shift(&Models::new(&sensor, ContactLaw::Sneddon), tissue, contact))
     };
     let in_plane = models.predict(Tier::Exact, tissue, contact).ok().map(|found| found.shift_hz);
+    let load = models.sensor().load(tissue, contact).expect("the effects' contacts have a load");
+    let forceless = Load { force_n: 0.0, ..load };
     let mut effects = vec![
+        (
+            "no static force",
+            Some(models.shift_of_load(Tier::Reference, tissue, &contact.pose, &forceless)),
+        ),
         (
             "stage held instead of indentation",
             with_contact(Contact { depth: Control::Stage.depth(INDENTATION_MM), ..*contact }),

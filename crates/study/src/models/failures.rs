@@ -67,7 +67,7 @@ struct Map {
 pub(super) fn add(page: &mut Page) {
     page.heading("Failures of the models");
     page.text(
-        "The error against the reference with the exact contact, the worst of the three \
+        "The difference from the reference with the exact contact, the worst of the three \
          directions: within 1 %, within 10 % (~), beyond (×), or refused (–). A tier or a law \
          refuses contacts outside its validity. T0 and T1 are wrong at an angle and do not refuse, \
          because they are the paper's own formula; `Tier::cheapest_for` does not choose them \
@@ -81,7 +81,8 @@ pub(super) fn add(page: &mut Page) {
             over_angle(),
         ),
         (
-            "Over the stiffness of the contact relative to that of the sensor's tip, upright. No \
+            "Over the stiffness of the contact relative to that of the sensor's tip, upright and so \
+             shallow that the force turns no sensor. No \
              tier loses digits down to 1e-16; the error of the lumped tiers there is the slope of \
              a line that was fitted elsewhere. Beyond 10 the mode shape changes, and they refuse.",
             over_ratio(),
@@ -183,15 +184,14 @@ fn worst_of<const N: usize>(grades: [Grade; N]) -> Grade {
         .unwrap_or(Grade::Right)
 }
 
+/// So shallow that the force of the stiffest contact turns no sensor, mm.
+const SHALLOW_MM: f64 = 1e-6;
+
 fn over_ratio() -> Map {
     let models = models();
     let ratios = [1e-16, 1e-8, 1e-4, 1e-2, 0.1, 0.5, 1.0, 3.0, 5.0, 10.0, 30.0, 1e2, 1e3, 1e6];
-    let contact = contact(
-        Direction::Front,
-        0.0,
-        Control::Indentation.depth(INDENTATION_MM),
-        ContactLaw::Sneddon,
-    );
+    let contact =
+        contact(Direction::Front, 0.0, Control::Indentation.depth(SHALLOW_MM), ContactLaw::Sneddon);
     let unit = ratio_of_one_mpa(&models, &contact);
     let grade = |tier: Tier, ratio: f64| {
         let shift = |tier| shift(&models, tier, &tissue(ratio / unit), &contact).ok();

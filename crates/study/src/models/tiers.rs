@@ -1,10 +1,10 @@
-//! The tiers: description, validity, cost and error.
+//! The tiers: description, validity, cost and agreement.
 
 use rig_contact::{ContactLaw, Tier};
 
 use super::{
+    agreement::measure,
     cost::{Costs, ImpedanceCosts},
-    errors::measure,
     variant::Variant,
 };
 use crate::{
@@ -16,8 +16,9 @@ pub(super) fn add(page: &mut Page, costs: &Costs, of_impedance: &ImpedanceCosts)
     page.heading("The tiers");
     page.text(
         "A tier refuses contacts outside its validity: a contact above its limit of stiffness \
-         relative to the sensor's tip, or a move of the stage if it does not model the static \
-         deflection of the sensor. Cost and error are those with the series contact radius and the \
+         relative to the sensor's tip, a move of the stage if it does not model the static \
+         deflection of the sensor, or a force that turns the end of the sensor by more than 8.6° if \
+         it models that force. Cost and difference are those with the series contact radius and the \
          indentation held, or the stage held for T2s and E1s; the charts below show the other \
          combinations.",
     );
@@ -28,7 +29,7 @@ pub(super) fn add(page: &mut Page, costs: &Costs, of_impedance: &ImpedanceCosts)
         "stage moves",
         "impedance",
         "cost, ns",
-        "largest error, Hz",
+        "largest difference from the reference, Hz",
     ]);
     for tier in Tier::ALL {
         let validity = tier.validity();
@@ -37,7 +38,7 @@ pub(super) fn add(page: &mut Page, costs: &Costs, of_impedance: &ImpedanceCosts)
             _ => Control::Indentation,
         };
         let variant = Variant { tier, law: ContactLaw::SneddonSeries, control };
-        let error = match tier {
+        let difference = match tier {
             Tier::Reference => "the reference".to_owned(),
             _ => format!("{:.2}", measure(variant, control).max_hz),
         };
@@ -53,7 +54,7 @@ pub(super) fn add(page: &mut Page, costs: &Costs, of_impedance: &ImpedanceCosts)
             yes(validity.takes_stage_moves),
             yes(validity.has_impedance),
             costs.get(&variant).map_or(String::new(), |ns| format!("{ns:.0}")),
-            error,
+            difference,
         ]);
     }
     page.table(table);
@@ -72,9 +73,11 @@ const fn description(tier: Tier) -> &'static str {
         Tier::T1 => "one mass between two springs",
         Tier::T2 => "T1 with tangential stiffness, tilt and probe arm",
         Tier::T2s => "T2 with static deflection",
-        Tier::E1 => "one beam element in closed form",
+        Tier::E1 => "one beam element in closed form, under the static force of the contact",
         Tier::E1s => "E1 with static deflection",
-        Tier::Exact => "the exact beam without losses",
-        Tier::Reference => "sixteen elements in space with losses and electrodes",
+        Tier::Exact => "the exact beam without losses, under the static force",
+        Tier::Reference => {
+            "sixteen elements in space with losses and electrodes, under the static force"
+        }
     }
 }

@@ -4,6 +4,7 @@ mod run;
 
 use rig_analysis::{
     classify::{Classifier, Decision},
+    cluster::optimal,
     score::wilson_95,
     stiffness::{Compensation, PosedTouch},
 };
@@ -13,7 +14,7 @@ use rig_contact::{ContactLaw, Depth, Direction, Models, Pose, Sensor, SensorDesc
 use self::run::{BenchRun, BenchTouch};
 use super::{
     Args,
-    figures::{self, noiseless},
+    figures::{self, direction_style, legend, noiseless},
 };
 use crate::{
     outcome::StudyError,
@@ -72,21 +73,23 @@ fn angle_axis() -> Axis {
 fn figure_11(run: &BenchRun) -> Chart {
     let mut chart = Chart::new(
         "Figure 11: shift over the angle in three directions, simulated bench",
-        "Shifts of five samples; circles to the front, squares to the back, triangles to the left.",
+        "Shifts of five samples; solid lines and circles to the front, dashed lines and squares to \
+         the back, triangles without a line to the left.",
         angle_axis(),
         Axis::linear("shift, Hz").including(0.0),
     );
     for sample in 0..SAMPLES_MPA.len() {
-        for (index, direction) in Direction::ALL.into_iter().enumerate() {
+        for direction in Direction::ALL {
+            let (marker, stroke) = direction_style(direction);
             let points: Vec<Point> = ANGLES_DEG
                 .into_iter()
                 .filter_map(|angle| {
                     Some(Point::from((angle, mean_hz(run, sample, Some(direction), angle)?)))
                 })
                 .collect();
-            let name = (index == 0).then(|| format!("sample {}", sample + 1));
-            let joined = Series::joined("", sample, points);
-            chart.series.push(Series { name, marker: Some(Marker::of(index)), ..joined });
+            let joined =
+                Series { name: legend(sample, direction), ..Series::joined("", sample, points) };
+            chart.series.push(Series { marker: Some(marker), stroke, ..joined });
         }
     }
     chart
@@ -234,7 +237,9 @@ fn by_calibrated_shift(known: &[&BenchTouch], blind: &[&BenchTouch]) -> Option<u
 fn figure_13(blind: &[&BenchTouch]) -> Chart {
     let mut chart = Chart::new(
         "Figure 13: shifts of the blind touches, simulated bench",
-        "Shift of each blind touch in its order, coloured by the sample that was touched.",
+        "Shift of each blind touch in its order, coloured by the sample that was touched. A ring \
+         marks a touch that k-means on shifts, the paper's method, puts into the class of another \
+         sample.",
         Axis::linear("blind touch").with_range(0.0, blind.len() as f64 + 1.0),
         Axis::linear("shift, Hz").including(0.0),
     );
@@ -245,6 +250,19 @@ fn figure_13(blind: &[&BenchTouch]) -> Chart {
             .map(|(number, touch)| (f64::from(number), touch.shift_hz));
         let name = format!("sample {}", sample + 1);
         chart.series.push(Series::scatter(&name, sample, points.collect::<Vec<_>>()));
+    }
+    let shifts: Vec<f64> = blind.iter().map(|touch| touch.shift_hz).collect();
+    // The clusters are in the order of their centres, and the samples in that of their stiffness.
+    if let Ok(found) = optimal(&shifts, SAMPLES_MPA.len()) {
+        let missed: Vec<(f64, f64)> = (1_u16..)
+            .zip(blind.iter().zip(&found.clusters))
+            .filter(|(_, (touch, cluster))| touch.sample != **cluster)
+            .map(|(number, (touch, _))| (f64::from(number), touch.shift_hz))
+            .collect();
+        if !missed.is_empty() {
+            let missed = Series::scatter("misclassified by k-means", 6, missed);
+            chart.series.push(Series { marker: Some(Marker::Ring), ..missed });
+        }
     }
     chart
 }

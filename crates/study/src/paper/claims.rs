@@ -3,6 +3,7 @@
 mod bounds;
 mod equations;
 mod experiment;
+mod probe;
 mod recognition;
 mod sensor;
 
@@ -52,6 +53,7 @@ pub(super) fn add(page: &mut Page) {
         equations::claims(),
         bounds::claims(),
         sensor::claims(),
+        probe::claims(),
         recognition::claims(),
         experiment::claims(),
     ];

@@ -5,6 +5,7 @@ mod directions;
 mod sensitivity;
 mod sensors;
 
+use rig_chart::{Marker, Stroke};
 use rig_contact::{ContactLaw, Direction, Friction, Models, Sensor, Tier};
 
 use crate::{
@@ -40,6 +41,31 @@ pub(super) fn mean_hz(simulation: &TouchSimulation<'_>, young_mpa: f64, angle_de
         .map(|&direction| simulation.exact_hz(young_mpa, direction, angle_deg))
         .sum();
     sum / Direction::ALL.len() as f64
+}
+
+/// The largest less the smallest of the three directions at 45°, over their mean.
+pub(super) fn spread(simulation: &TouchSimulation<'_>, young_mpa: f64) -> f64 {
+    let shifts = Direction::ALL.map(|direction| simulation.exact_hz(young_mpa, direction, 45.0));
+    let most = shifts.into_iter().fold(f64::MIN, f64::max);
+    let least = shifts.into_iter().fold(f64::MAX, f64::min);
+    (most - least) / mean_hz(simulation, young_mpa, 45.0)
+}
+
+/// How charts of all samples tell the directions apart.
+pub(super) fn direction_style(direction: Direction) -> (Marker, Option<Stroke>) {
+    match direction {
+        Direction::Front => (Marker::Circle, Some(Stroke::Solid)),
+        Direction::Back => (Marker::Square, Some(Stroke::Dashed)),
+        Direction::Left => (Marker::Up, None),
+    }
+}
+
+/// The legend of a curve: each sample once, by its front, and each other direction once.
+pub(super) fn legend(sample: usize, direction: Direction) -> Option<String> {
+    match direction {
+        Direction::Front => Some(format!("sample {}, front", sample + 1)),
+        other => (sample == 0).then(|| format!("{}, every sample", other.name())),
+    }
 }
 
 /// Angles of the curves, degrees.

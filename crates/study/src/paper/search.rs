@@ -99,11 +99,12 @@ pub(super) fn add(page: &mut Page, seed: u64) {
     page.text(
         "The paper does not say how a point outside every range counts; both readings are tried. \
          Nuisances exist that give each row by itself, exactly or nearly, but they differ from row \
-         to row; none gives the three rows together within three times the random scatter. \
+         to row; none was found that gives the three rows together within three times the random scatter. \
          Frequency noise cannot make the ball of 1 mm worse than that of 0.5 mm, because its \
          shifts are larger; noise of depth, angle or stiffness acts equally on two sensors with \
          the same ball, whatever their length. The paper does not say what else changed between \
-         its sensors. No sensible model reproduces the second and the third row.",
+         its sensors. No combination was found that gives the second and the third row together with the \
+         first.",
     );
 }
 

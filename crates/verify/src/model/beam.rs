@@ -1,11 +1,11 @@
 //! A bimorph with a ball probe on a soft half space, by one beam element in three motions: deflection,
-//! slope and twist of its end.
+//! slope and twist of its end, around its state at rest under the force of the contact.
 
 use std::f64::consts::TAU;
 
 use serde::Deserialize;
 
-use super::SensorKeys;
+use super::{SensorKeys, rest::AtRest};
 
 /// A symmetric matrix over deflection, slope and twist.
 type Matrix = [[f64; 3]; 3];
@@ -70,12 +70,12 @@ impl Contact {
 pub(super) struct Beam {
     stiffness: Matrix,
     mass: Matrix,
-    length_m: f64,
+    pub(super) length_m: f64,
     bending_n_m2: f64,
-    lateral_n_m2: f64,
+    pub(super) lateral_n_m2: f64,
     torsion_n_m2: f64,
     radius_m: f64,
-    arm_m: f64,
+    pub(super) arm_m: f64,
     law: Law,
     poisson: f64,
 }
@@ -137,18 +137,27 @@ impl Beam {
         let normal = 2.0 * modulus_pa * self.radius_m * self.law.radius_rel(depth_rel);
         let tangential = contact.tangential_ratio * normal;
         let n = contact.normal();
-        let reach = self.arm_m + self.radius_m * n[2];
+        let force_n = modulus_pa * self.radius_m.powi(2) * self.law.force_rel(depth_rel);
+        let rest = AtRest::of(self, &n, force_n);
+        let (h, reach) = (self.arm_m, self.arm_m + self.radius_m * n[2]);
+        let one = |motion: usize| std::array::from_fn(|at| f64::from(u8::from(at == motion)));
+        let shorter = [one(0), one(1)].map(|one| self.shorter(&rest.end, &one));
         // The motion of the point of contact for each motion of the end.
         let point = [
-            [0.0, reach, 0.0],
+            [-shorter[0], reach - shorter[1], 0.0],
             [0.0, 0.0, reach],
-            [1.0, -self.radius_m * n[0], -self.radius_m * n[1]],
+            [1.0, h * rest.end[1] - self.radius_m * n[0], h * rest.end[2] - self.radius_m * n[1]],
         ];
+        // The force along the beam pulls it straight; the one along the probe pushes on the arm.
+        let [pull, _, push] = rest.force_n;
+        let of_arm = [0.0, h * (pull * rest.end[1] - push), -h * push];
         let along: [f64; 3] =
             std::array::from_fn(|motion| (0..3).map(|axis| n[axis] * point[axis][motion]).sum());
         let entry = |a: usize, b: usize| {
             let all: f64 = point.iter().map(|row| row[a] * row[b]).sum();
-            tangential * all + (normal - tangential) * along[a] * along[b]
+            let of_tissue = tangential * all + (normal - tangential) * along[a] * along[b];
+            let of_pull = pull * self.shorter(&one(a), &one(b));
+            of_tissue + of_pull + if a == b { of_arm[a] } else { 0.0 }
         };
         let added = std::array::from_fn(|a| std::array::from_fn(|b| entry(a, b)));
         self.lowest_hz(&added) - self.free_hz()
@@ -168,20 +177,35 @@ impl Beam {
             return moved;
         }
         // Force and indentation rise together: one of them is too large on either side.
-        let give = self.compliance(&contact.normal()) * modulus_pa * self.radius_m;
-        bisect(0.0, moved, |depth| depth + give * self.law.force_rel(depth) > moved)
+        let n = contact.normal();
+        bisect(0.0, moved, |depth| {
+            let force_n = modulus_pa * self.radius_m.powi(2) * self.law.force_rel(depth);
+            let given_m = force_n * AtRest::of(self, &n, force_n).give_m_per_n;
+            depth + given_m / self.radius_m > moved
+        })
     }
 
-    /// Motion of the ball along the normal for a force of 1 N along it, m.
-    fn compliance(&self, n: &[f64; 3]) -> f64 {
-        let (l, h) = (self.length_m, self.arm_m);
-        // The end carries a force across and the moment of the force along, at the arm.
-        let (force, moment) = (n[2], h * n[0]);
-        let deflection = (force * l.powi(3) / 3.0 + moment * l * l / 2.0) / self.bending_n_m2;
-        let slope = (force * l * l / 2.0 + moment * l) / self.bending_n_m2;
-        let twist = h * n[1] * l / self.torsion_n_m2;
-        let aside = n[1] * l.powi(3) / (3.0 * self.lateral_n_m2);
-        force * deflection + h * n[0] * slope + h * n[1] * twist + n[1] * aside
+    /// Deflection, slope and twist of the end under a force and two moments there.
+    pub(super) fn bent(&self, [force, moment, torque]: &[f64; 3]) -> [f64; 3] {
+        let l = self.length_m;
+        [
+            (force * l.powi(3) / 3.0 + moment * l * l / 2.0) / self.bending_n_m2,
+            (force * l * l / 2.0 + moment * l) / self.bending_n_m2,
+            torque * l / self.torsion_n_m2,
+        ]
+    }
+
+    /// The integral over the beam of the product of the slopes of two shapes with these ends: twice the
+    /// way by which one shape draws the end back.
+    pub(super) fn shorter(&self, a: &[f64; 3], b: &[f64; 3]) -> f64 {
+        let l = self.length_m;
+        let slope = |end: &[f64; 3], at: f64| {
+            6.0 * end[0] / l * at * (1.0 - at) + end[1] * at * (3.0 * at - 2.0)
+        };
+        let product = |at: f64| slope(a, at) * slope(b, at);
+        // Gauss and Legendre, exact for these polynomials.
+        let off = 0.15_f64.sqrt();
+        l * (5.0 * (product(0.5 - off) + product(0.5 + off)) + 8.0 * product(0.5)) / 18.0
     }
 
     /// The lowest resonance with an added stiffness, Hz.
@@ -277,21 +301,22 @@ mod tests {
         }
     }
 
-    /// Printed values of finite elements in Python: sample 5 at 0.5 mm.
+    /// Printed values of a chain of rigid links in Python, which turns by any angle: sample 5 at 0.5 mm.
     #[test]
     fn the_shifts_are_those_of_other_programs() {
         let beam = beam();
         assert!((beam.free_hz() - 140.4).abs() < 0.1, "{}", beam.free_hz());
         let found = |lean, degrees| beam.shift_hz(&contact(lean, degrees), 0.649_f64.ln());
         for (lean, degrees, expected_hz) in [
-            (Lean::Front, 0.0, 88.99),
-            (Lean::Front, 45.0, 76.81),
-            (Lean::Back, 15.0, 83.85),
-            (Lean::Back, 45.0, 65.85),
-            (Lean::Left, 45.0, 70.22),
+            (Lean::Front, 0.0, 89.152),
+            (Lean::Front, 45.0, 76.967),
+            (Lean::Back, 15.0, 83.864),
+            (Lean::Back, 45.0, 65.429),
+            (Lean::Left, 15.0, 86.794),
         ] {
             let found = found(lean, degrees);
-            assert!((found - expected_hz).abs() < 0.3, "{lean:?} {degrees}°: {found}");
+            // The single element is too stiff by up to 0.21 Hz.
+            assert!((found - expected_hz - 0.1).abs() < 0.13, "{lean:?} {degrees}°: {found}");
         }
     }
 

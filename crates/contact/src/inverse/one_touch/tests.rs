@@ -55,7 +55,9 @@ fn what_is_no_contact_and_what_is_beyond_the_tier_is_refused() {
     }
     let clear = contact(Direction::Front, 0.0, Depth::Indentation { along_probe_mm: 0.0 });
     assert!(matches!(invert(Tier::E1, 5.0, &clear), Err(InverseError::NoContact { .. })));
-    // Thirty sensor stiffnesses shift tier E1 by 494 Hz; the exact beam ends at 1666 Hz.
+    // Thirty sensor stiffnesses shift tier E1 by 494 Hz; the exact beam ends at 1666 Hz. A contact so
+    // shallow turns no sensor.
+    let upright = contact(Direction::Front, 0.0, Depth::Indentation { along_probe_mm: 1e-12 });
     let most = |tier| {
         let stiffest = TissueKind::SOFT.with(1e9).unwrap();
         models.shift_of_load(

@@ -54,7 +54,7 @@ fn infer(
 fn four_spins_give_stiffness_angle_and_azimuth() {
     let models = models();
     for (degrees, azimuth, percent, sigma_deg) in
-        [(10.0, 0.0, 0.25, 0.71), (30.0, 0.0, 1.03, 1.23), (30.0, 2.5, 1.0, 1.3)]
+        [(10.0, 0.0, 0.25, 0.71), (30.0, 0.0, 1.03, 1.23), (30.0, 2.5, 0.98, 1.17)]
     {
         let touches = touches(&models, 0.235, degrees, azimuth, &FOUR_SPINS);
         let found = infer(&models, &touches, AzimuthPrior::Unknown).unwrap();
@@ -71,7 +71,8 @@ fn four_spins_give_stiffness_angle_and_azimuth() {
     let touch_model = TouchModel { shared_depth_sigma_mm: 0.02, ..TOUCH_MODEL };
     let found = infer_tilt(&models, &touches, &touch_model, TO_45, AzimuthPrior::Unknown).unwrap();
     assert!((100.0 * found.young_mpa.sigma / 0.235 - 1.69).abs() < 0.05, "{found:?}");
-    assert!((found.angle_rad.sigma.to_degrees() - 1.23).abs() < 0.05, "{found:?}");
+    // That program leaves out the force, which turns the sensor.
+    assert!((found.angle_rad.sigma.to_degrees() - 1.23).abs() < 0.08, "{found:?}");
 }
 
 /// Upright there is no azimuth to find, but stiffness and angle are known best.
@@ -115,7 +116,8 @@ fn spins_that_repeat_each_other_tell_no_angle() {
     assert!(infer(&models, &turned, AzimuthPrior::Unknown).unwrap().is_angle_identified);
 }
 
-/// Front and back are alike where h cos α (1 − τ) = τ R: with this arm at 30°.
+/// Front and back are alike where h cos α (1 − τ) = τ R: with this arm at 30°, but for the turn of the
+/// sensor by the force.
 #[test]
 fn the_arm_that_makes_front_and_back_alike_hides_the_angle() {
     let information = |arm_mm: f64| {
@@ -128,7 +130,7 @@ fn the_arm_that_makes_front_and_back_alike_hides_the_angle() {
     };
     let alike_mm = 2.0 * 0.5 / 30.0_f64.to_radians().cos();
     let (difference, found) = information(alike_mm);
-    assert!(difference.abs() < 0.01, "{difference}");
+    assert!(difference.abs() < 0.3, "{difference}");
     assert!(!found.is_angle_identified && found.correlation > 0.95, "{found:?}");
     let (difference, found) = information(8.0);
     assert!(difference > 3.0 && found.is_angle_identified, "{found:?}");

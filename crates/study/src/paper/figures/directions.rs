@@ -1,9 +1,9 @@
 //! Figure 6: the influence of the direction of the tilt.
 
-use rig_chart::{Axis, Chart, Marker, Point, Series};
+use rig_chart::{Axis, Chart, Point, Series};
 use rig_contact::{ContactLaw, Direction, Friction, Models, Sensor, SensorDesign, Tier};
 
-use super::{curve, mean_hz, noiseless};
+use super::{curve, direction_style, legend, noiseless, spread};
 use crate::{
     page::{Page, Table},
     paper_bench::{ANGLES_DEG, Control, SAMPLES_MPA},
@@ -21,30 +21,24 @@ pub(super) fn add(page: &mut Page, simulation: &TouchSimulation<'_>) {
     );
     let mut chart = Chart::new(
         "Figure 6: shift over the angle in three directions",
-        "Shifts of five samples; circles to the front, squares to the back, triangles to the left.",
+        "Shifts of five samples; solid lines and circles to the front, dashed lines and squares to \
+         the back, triangles without a line to the left.",
         Axis::linear("contact angle, °").with_ticks(&ANGLES_DEG),
         Axis::linear("shift, Hz").including(0.0),
     );
     let mut table = Table::new(&["sample", "direction", "0°, Hz", "15°", "30°", "45°"]);
     for (sample, &young_mpa) in SAMPLES_MPA.iter().enumerate() {
-        for (direction, marker) in
-            Direction::ALL.into_iter().zip([Marker::of(0), Marker::of(1), Marker::of(2)])
-        {
+        for direction in Direction::ALL {
+            let (marker, stroke) = direction_style(direction);
             let line =
                 curve().map(|angle| (angle, simulation.exact_hz(young_mpa, direction, angle)));
-            chart
-                .series
-                .push(Series { name: None, ..Series::line("", sample, line.collect::<Vec<_>>()) });
+            let line = Series::line("", sample, line.collect::<Vec<_>>());
+            chart.series.push(Series { name: None, stroke, ..line });
             let shifts = ANGLES_DEG.map(|angle| simulation.exact_hz(young_mpa, direction, angle));
             let points: Vec<Point> = ANGLES_DEG.into_iter().zip(shifts).map(Point::from).collect();
-            let name = (direction == Direction::Front).then(|| format!("sample {}", sample + 1));
-            chart.series.push(Series {
-                name,
-                points,
-                colour: sample,
-                marker: Some(marker),
-                stroke: None,
-            });
+            let scatter = Series::scatter("", sample, points);
+            let name = legend(sample, direction);
+            chart.series.push(Series { name, marker: Some(marker), ..scatter });
             let head = [(sample + 1).to_string(), direction.name().to_owned()];
             table.row(head.into_iter().chain(shifts.map(|hz| format!("{hz:.2}"))));
         }
@@ -76,14 +70,8 @@ fn spread_by_arm() -> Table {
                 friction: Friction::Elastic { tangential_ratio },
                 ..noiseless(&models, Tier::Reference, Control::Indentation)
             };
-            let of_sample = |&young: &f64| {
-                let shifts =
-                    Direction::ALL.map(|direction| simulation.exact_hz(young, direction, 45.0));
-                let most = shifts.into_iter().fold(f64::MIN, f64::max);
-                let least = shifts.into_iter().fold(f64::MAX, f64::min);
-                (most - least) / mean_hz(&simulation, young, 45.0)
-            };
-            let largest = SAMPLES_MPA.iter().map(of_sample).fold(0.0, f64::max);
+            let largest =
+                SAMPLES_MPA.iter().map(|&young| spread(&simulation, young)).fold(0.0, f64::max);
             format!("{:.1}", 100.0 * largest)
         };
         table.row([arm_mm.to_string()].into_iter().chain(RATIOS.map(spread)));

@@ -1,15 +1,16 @@
 //! Figure 8: the three sensors that the paper compares.
 
+use rig_chart::{Axis, Chart, Rule, Series, Stroke};
 use rig_contact::{
     ContactLaw, Direction, Tier,
     equations::{Arithmetic, angle_influence, influence_over_discrimination},
 };
 
-use super::{mean_hz, noiseless};
+use super::{curve, mean_hz, noiseless};
 use crate::{
     page::{Page, Table},
     paper::{Compared, compared},
-    paper_bench::{Control, SAMPLES_MPA},
+    paper_bench::{ANGLES_DEG, Control, SAMPLES_MPA},
 };
 
 pub(super) fn add(page: &mut Page) {
@@ -18,8 +19,8 @@ pub(super) fn add(page: &mut Page) {
         "The paper prints no numbers; it says that (35, 0.5) has the best, that is the smallest, \
          D1 and D1/D2. Its own equation (9) does not contain the length. Equation (8) gives the \
          paper's order of D1 only if ω and Z1 of the long sensor are used for the short one too; a \
-         shorter sensor resonates higher, and its shifts and D1 are smaller. No vibrating model \
-         gives the paper's order of D1, and only T1, which lacks the tilt, that of D1/D2.",
+         shorter sensor resonates higher, and its shifts and D1 are smaller. None of these \
+         vibrating models gives the paper's order of D1, and only T1, which lacks the tilt, that of D1/D2.",
     );
     let mut table = Table::new(&[
         "model",
@@ -47,21 +48,14 @@ pub(super) fn add(page: &mut Page) {
     let of_first = frozen(&sensors[0]);
     let relative = sensors.each_ref().map(|sensor| frozen(sensor) / of_first);
     push(&mut table, "equation (8), ω and Z1 kept", "D1, relative", relative, 3);
-    for (name, tier, control) in [
-        ("T1", Tier::T1, Control::Indentation),
-        ("reference, indentation held", Tier::Reference, Control::Indentation),
-        ("reference, stage held", Tier::Reference, Control::Stage),
-    ] {
-        let d1_d2 = sensors.each_ref().map(|sensor| {
-            let simulation = noiseless(&sensor.models, tier, control);
-            let [soft, hard] = [0, 2].map(|sample| mean_hz(&simulation, SAMPLES_MPA[sample], 0.0));
-            let d1 = hard - mean_hz(&simulation, SAMPLES_MPA[2], 45.0);
-            (d1, d1 / (hard - soft))
-        });
+    for (name, tier, control) in MODELS {
+        let d1_d2 = sensors.each_ref().map(|sensor| optimum(sensor, tier, control));
         push(&mut table, name, "D1 of sample 3, Hz", d1_d2.map(|(d1, _)| d1), 2);
         push(&mut table, name, "D1/D2", d1_d2.map(|(_, quotient)| quotient), 3);
     }
     page.table(table);
+    page.chart("figure-8-shift.svg", shift_chart(&sensors));
+    page.chart("figure-8-optimum.svg", optimum_chart(&sensors));
     page.text("No-load resonance and sensitivity of the three:");
     let mut facts = Table::new(&["sensor", "no-load resonance, Hz", "sensitivity, Hz/MPa"]);
     for sensor in &sensors {
@@ -72,6 +66,70 @@ pub(super) fn add(page: &mut Page) {
         facts.row([sensor.name.to_owned(), format!("{no_load:.1}"), format!("{chord:.1}")]);
     }
     page.table(facts);
+}
+
+/// Figure 8a: the shift over the angle for samples 1 and 3.
+fn shift_chart(sensors: &[Compared; 3]) -> Chart {
+    let mut chart = Chart::new(
+        "Figure 8a: shift over the angle of three sensors",
+        "Mean of the directions for sample 3 (solid) and sample 1 (dashed), by the reference with the \
+         indentation held.",
+        Axis::linear("contact angle, °").with_ticks(&ANGLES_DEG),
+        Axis::linear("shift, Hz").including(0.0),
+    );
+    for (colour, sensor) in sensors.iter().enumerate() {
+        let simulation = noiseless(&sensor.models, Tier::Reference, Control::Indentation);
+        for (sample, stroke) in [(2, Stroke::Solid), (0, Stroke::Dashed)] {
+            let line =
+                curve().map(|angle| (angle, mean_hz(&simulation, SAMPLES_MPA[sample], angle)));
+            let name = format!("{}, sample {}", sensor.name, sample + 1);
+            let line = Series::line(&name, colour, line.collect::<Vec<_>>());
+            chart.series.push(Series { stroke: Some(stroke), ..line });
+        }
+    }
+    chart
+}
+
+/// Figure 8b: D1 and D1/D2 over those of the first sensor.
+fn optimum_chart(sensors: &[Compared; 3]) -> Chart {
+    let mut chart = Chart::new(
+        "Figure 8b: D1 and D1/D2 of three sensors, over those of the first",
+        "Solid lines are D1 of sample 3, dashed lines D1/D2, each over its value for the first sensor. \
+         By the paper both are smallest for the first sensor, so that every point would be above 1.",
+        Axis::linear("sensor: 1 is L 35, R 0.5; 2 is L 35, R 1; 3 is L 20, R 0.5")
+            .with_ticks(&[1.0, 2.0, 3.0]),
+        Axis::linear("over that of sensor 1").including(0.0),
+    );
+    for (colour, (name, tier, control)) in MODELS.into_iter().enumerate() {
+        let values = sensors.each_ref().map(|sensor| optimum(sensor, tier, control));
+        let over = |of: fn(&(f64, f64)) -> f64| {
+            (1_u8..)
+                .zip(&values)
+                .map(|(at, value)| (f64::from(at), of(value) / of(&values[0])))
+                .collect()
+        };
+        let (d1, quotient): (Vec<_>, Vec<_>) = (over(|value| value.0), over(|value| value.1));
+        chart.series.push(Series::joined(&format!("D1, {name}"), colour, d1));
+        let quotient = Series::joined(&format!("D1/D2, {name}"), colour, quotient);
+        chart.series.push(Series { stroke: Some(Stroke::Dashed), ..quotient });
+    }
+    chart.rules.push(Rule::AtY { value: 1.0, label: "sensor 1".to_owned() });
+    chart
+}
+
+/// The models that the sensors are compared by.
+const MODELS: [(&str, Tier, Control); 3] = [
+    ("T1", Tier::T1, Control::Indentation),
+    ("reference, indentation held", Tier::Reference, Control::Indentation),
+    ("reference, stage held", Tier::Reference, Control::Stage),
+];
+
+/// D1 of sample 3, Hz, and D1/D2 with sample 1.
+fn optimum(sensor: &Compared, tier: Tier, control: Control) -> (f64, f64) {
+    let simulation = noiseless(&sensor.models, tier, control);
+    let [soft, hard] = [0, 2].map(|sample| mean_hz(&simulation, SAMPLES_MPA[sample], 0.0));
+    let d1 = hard - mean_hz(&simulation, SAMPLES_MPA[2], 45.0);
+    (d1, d1 / (hard - soft))
 }
 
 /// A row. The smallest value of either quantity is the best.

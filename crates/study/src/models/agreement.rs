@@ -1,7 +1,7 @@
-//! The error of each tier against the reference, over the paper's contacts and a few more.
+//! The difference of each tier from the reference, over the paper's contacts and a few more.
 
 use rig_chart::{Axis, COLOURS, Chart, Marker, Point, Rule, Series};
-use rig_contact::{ContactLaw, Direction, Models, Requirements, Sensor, Tier};
+use rig_contact::{ContactLaw, Direction, Friction, Models, Requirements, Sensor, Tier};
 
 use super::{cost::Costs, variant::Variant};
 use crate::{
@@ -10,7 +10,7 @@ use crate::{
     paper_bench::{Control, INDENTATION_MM, SAMPLES_MPA, contact, tissue},
 };
 
-/// Contacts on which errors are measured.
+/// Contacts on which differences are measured.
 const STIFFNESSES_MPA: [f64; 7] = [0.02, 0.045, 0.104, 0.235, 0.320, 0.649, 1.0];
 const ANGLES_DEG: [f64; 7] = [0.0, 7.5, 15.0, 22.5, 30.0, 37.5, 45.0];
 
@@ -23,21 +23,24 @@ const USES: [(&str, f64, &str); 4] = [
 ];
 
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Errors {
+pub(super) struct Differences {
     rms_hz: f64,
     pub(super) max_hz: f64,
     max_rel: f64,
     max_upright_hz: f64,
 }
 
-/// Adds the charts of cost against error, their data, and the tier for each use.
+/// Adds the charts of cost against agreement, their data, and the tier for each use.
 pub(super) fn add(page: &mut Page, costs: &Costs) {
-    page.heading("Cost against error");
+    page.heading("Cost against agreement with the reference");
     page.text(format!(
-        "The cost of one evaluation, from the contact to the shift, against the largest error over \
+        "The cost of one evaluation, from the contact to the shift, against the largest difference from \
+         the reference over \
          {} stiffnesses from {} to {} MPa, {} angles up to 45° and three directions, at 0.5 mm. \
-         Each line is a tier, from the series contact radius to the exact one. The truth is the \
-         reference with the exact radius; dashed lines are the tolerances of uses.",
+         Each line is a tier, from the series contact radius to the exact one. The reference has \
+         the exact radius; dashed lines are the tolerances of uses. A small difference says that \
+         two models of this project agree, and not that either is accurate: the effects that all \
+         of them leave out are listed below.",
         STIFFNESSES_MPA.len(),
         STIFFNESSES_MPA[0],
         STIFFNESSES_MPA[STIFFNESSES_MPA.len() - 1],
@@ -54,37 +57,37 @@ pub(super) fn add(page: &mut Page, costs: &Costs) {
         "max_upright_hz",
     ]);
     for truth in Control::ALL {
-        let measured: Vec<(Variant, Errors)> = Variant::all()
+        let measured: Vec<(Variant, Differences)> = Variant::all()
             .filter(|variant| variant.tier != Tier::Reference && is_answer(*variant, truth))
             .map(|variant| (variant, measure(variant, truth)))
             .collect();
-        for (variant, errors) in &measured {
+        for (variant, found) in &measured {
             all.row([
                 variant.tier.name().to_owned(),
                 variant.law.name().to_owned(),
                 truth.name().to_owned(),
                 variant.control.name().to_owned(),
-                format!("{:.4}", errors.rms_hz),
-                format!("{:.4}", errors.max_hz),
-                format!("{:.5}", errors.max_rel),
-                format!("{:.4}", errors.max_upright_hz),
+                format!("{:.4}", found.rms_hz),
+                format!("{:.4}", found.max_hz),
+                format!("{:.5}", found.max_rel),
+                format!("{:.4}", found.max_upright_hz),
             ]);
         }
         page.text(match truth {
             Control::Indentation => {
-                "With the indentation held. T2 is the first tier that includes the angle; E1 costs \
-                 a third more and has a fifth of the error."
+                "With the indentation held. T2 is the first tier that includes the angle; E1 also \
+                 has the static force, and is the first one within half a hertz."
             }
             Control::Stage => {
                 "With the stage held, which deflects the sensor. A tier that takes the move of the \
-                 stage for an indentation errs by tens of hertz: the static deflection matters \
+                 stage for an indentation differs by tens of hertz: the static deflection matters \
                  more than all other effects."
             }
         });
-        let name = format!("cost-against-error-{}.svg", truth.name());
+        let name = format!("cost-against-agreement-{}.svg", truth.name());
         page.chart(&name, chart(truth, &measured, costs));
     }
-    page.data("errors.csv", all.text());
+    page.data("differences.csv", all.text());
     uses(page);
 }
 
@@ -98,18 +101,20 @@ fn is_answer(variant: Variant, truth: Control) -> bool {
 /// The tier for each use, over the paper's samples and angles.
 fn uses(page: &mut Page) {
     page.text(
-        "The choice of `Tier::cheapest_for` for each use, for the paper's samples and angles, by \
-         the stored table that a test measures again. The simulator chooses its tier in the same \
-         way and logs the choice.",
+        "The choice of `Tier::cheapest_for` for each use, measured over the paper's samples and \
+         angles with their law, friction and loss. The simulator, the prediction of sweep windows \
+         and the analysis choose their tier in the same way.",
     );
     let mut table =
-        Table::new(&["use", "allowed, Hz", "reason", "held", "tier", "law", "error, Hz"]);
+        Table::new(&["use", "allowed, Hz", "reason", "held", "tier", "largest difference, Hz"]);
     for (usage, tolerance_hz, because) in USES {
         for control in Control::ALL {
             let asked = Requirements {
                 sensor: Sensor::reference(),
                 stiffest: tissue(SAMPLES_MPA[4]),
                 deepest: control.depth(INDENTATION_MM),
+                law: ContactLaw::Sneddon,
+                friction: Friction::Sticking,
                 tilt_max_rad: 45.0_f64.to_radians(),
                 needs_impedance: false,
             };
@@ -121,18 +126,17 @@ fn uses(page: &mut Page) {
                 because.to_owned(),
                 control.name().to_owned(),
                 choice.tier.name().to_owned(),
-                choice.law.name().to_owned(),
-                format!("{:.3}", choice.error_hz),
+                format!("{:.3}", choice.difference_hz),
             ]);
         }
     }
     page.table(table);
 }
 
-pub(super) fn measure(variant: Variant, truth: Control) -> Errors {
+pub(super) fn measure(variant: Variant, truth: Control) -> Differences {
     let models = Models::new(&Sensor::reference(), variant.law);
     let (mut squares, mut count) = (0.0, 0.0);
-    let mut errors = Errors { rms_hz: 0.0, max_hz: 0.0, max_rel: 0.0, max_upright_hz: 0.0 };
+    let mut largest = Differences { rms_hz: 0.0, max_hz: 0.0, max_rel: 0.0, max_upright_hz: 0.0 };
     for young_mpa in STIFFNESSES_MPA {
         for angle_deg in ANGLES_DEG {
             for direction in Direction::ALL {
@@ -145,28 +149,28 @@ pub(super) fn measure(variant: Variant, truth: Control) -> Errors {
                         .shift_hz
                 };
                 let expected = at(Tier::Reference, truth, ContactLaw::Sneddon);
-                let error = (at(variant.tier, variant.control, variant.law) - expected).abs();
-                squares += error * error;
+                let difference = (at(variant.tier, variant.control, variant.law) - expected).abs();
+                squares += difference * difference;
                 count += 1.0;
-                errors.max_hz = errors.max_hz.max(error);
-                errors.max_rel = errors.max_rel.max(error / expected);
+                largest.max_hz = largest.max_hz.max(difference);
+                largest.max_rel = largest.max_rel.max(difference / expected);
                 if angle_deg == 0.0 {
-                    errors.max_upright_hz = errors.max_upright_hz.max(error);
+                    largest.max_upright_hz = largest.max_upright_hz.max(difference);
                 }
             }
         }
     }
-    errors.rms_hz = f64::sqrt(squares / count);
-    errors
+    largest.rms_hz = f64::sqrt(squares / count);
+    largest
 }
 
-fn chart(truth: Control, points: &[(Variant, Errors)], costs: &Costs) -> Chart {
+fn chart(truth: Control, points: &[(Variant, Differences)], costs: &Costs) -> Chart {
     let mut chart = Chart::new(
-        &format!("Cost and error of each tier, depth held by the {}", truth.name()),
-        "Nanoseconds of one evaluation against the largest error in Hz. Each line is a tier, from \
+        &format!("Cost and agreement of each tier, depth held by the {}", truth.name()),
+        "Nanoseconds of one evaluation against the largest difference from the reference in Hz. Each line is a tier, from \
          the series contact radius to the exact one; dashed lines are the tolerances of uses.",
         Axis::log("one evaluation, ns"),
-        Axis::log("largest error, Hz"),
+        Axis::log("largest difference from the reference, Hz"),
     );
     for (colour, tier) in Tier::ALL.into_iter().enumerate() {
         // T2s and E1s differ from T2 and E1 for stage moves only.
@@ -175,9 +179,9 @@ fn chart(truth: Control, points: &[(Variant, Errors)], costs: &Costs) -> Chart {
         }
         let of_tier = points.iter().filter(|(variant, _)| variant.tier == tier);
         let points: Vec<Point> = of_tier
-            .filter_map(|(variant, errors)| {
+            .filter_map(|(variant, found)| {
                 let note = Some(format!("{}, {}", tier.name(), variant.law.name()));
-                Some(Point { x: *costs.get(variant)?, y: errors.max_hz, error: None, note })
+                Some(Point { x: *costs.get(variant)?, y: found.max_hz, error: None, note })
             })
             .collect();
         if !points.is_empty() {
@@ -207,7 +211,7 @@ mod tests {
         }
     }
 
-    /// Each tier on the list is more accurate than the one before it.
+    /// Each tier on the list agrees better with the reference than the one before it.
     #[test]
     fn each_richer_tier_is_nearer_to_the_reference() {
         let rms = |tier, control, truth| {
