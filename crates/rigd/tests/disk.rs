@@ -117,6 +117,12 @@ fn a_disk_that_fails_at_any_call_costs_no_committed_record_and_no_safety() {
                 touches.collect()
             };
             let before = steps(&reader);
+            if !run.is_sealed && !is_once {
+                // A run that cannot write its files either says how it ended and where the probe is.
+                assert_eq!(code, 4, "{here}");
+                assert!(said.contains("rigd: the rig is latched: journal: "), "{here}");
+                assert!(said.contains("\nprobe: clear\n"), "{here}");
+            }
             if !run.is_sealed {
                 let done = rigd(&data, &["run", "--resume", "latest"], &[]);
                 let said = String::from_utf8_lossy(&done.stderr).into_owned();

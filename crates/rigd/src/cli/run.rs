@@ -7,6 +7,7 @@ use std::{
 
 use clap::Args;
 use rig_engine::{Command, RefusalAnswer, RefusedTouch, RunStatus};
+use rig_model::with_causes;
 use rig_store::{Ending, Reader, RunId};
 use tokio::{
     signal::unix::{Signal, SignalKind, signal},
@@ -139,10 +140,19 @@ fn end(
     status: &Status,
 ) -> Result<(), Failure> {
     let finished = finish(data, output, run, ending == RunStatus::CompletedWithRefusals);
-    match ending {
-        RunStatus::Completed | RunStatus::CompletedWithRefusals => finished,
-        RunStatus::Aborted => finished.and(Err(Failure::Aborted)),
-        RunStatus::Faulted => finished.and(Err(latched(status))),
+    let ended = match ending {
+        RunStatus::Completed | RunStatus::CompletedWithRefusals => return finished,
+        RunStatus::Aborted => Failure::Aborted,
+        RunStatus::Faulted => latched(status),
+    };
+    match finished {
+        Err(failure @ Failure::RunFiles(_)) => {
+            // How the run ended, and where the probe is, is said last.
+            note(&format!("the files of the run are not written: {}", with_causes(&failure)));
+            failure.advice().into_iter().for_each(|advice| note(&format!("→ {advice}\n")));
+            Err(ended)
+        }
+        finished => finished.and(Err(ended)),
     }
 }
 
