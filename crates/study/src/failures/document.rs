@@ -87,8 +87,8 @@ fn introduction(page: &mut Page, args: &Args) {
          and noise of 0.5 %. The `planner` is that of the daemon, on an analyzer whose drive starts \
          at any phase at each change of frequency, with gaps of up to 3 ms before each reading, known \
          to 1 ms. As in a run, a survey of {SURVEY_S} s comes first, on a bench that stands still but has \
-         the other disturbances of the axis; a refused survey counts as a refused sweep, and its time \
-         is not counted. The sweep itself starts cold, with a limit of 30 s and a target of 10 mHz \
+         the other disturbances of the axis; a survey that is refused twice counts as a refused \
+         sweep, and its time is not counted. The sweep itself starts cold, with a limit of 30 s and a target of 10 mHz \
          (quality 10, coupling 0.02: 30 mHz). Half of the surveys know the noise, as after an earlier \
          run, and the others nothing. On the axis `contact` the sweep starts from the survey, as every \
          touch starts from a sweep without a sample; the resonance then lies where a contact may put it, \

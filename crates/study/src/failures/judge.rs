@@ -38,7 +38,7 @@ const BOUNDS: f64 = 10.0;
 /// Time limit of a planned sweep, s: that of the shipped protocols.
 const LIMIT_S: f64 = 30.0;
 /// Duration of the survey before a planned sweep, s.
-pub(super) const SURVEY_S: u32 = 60;
+pub(super) const SURVEY_S: u32 = 240;
 /// The resonance of a planned sweep is shifted at random by at most this much, Hz.
 const MOVED_HZ: f64 = 5.0;
 
@@ -252,7 +252,11 @@ fn planned(axis: Axis, scene: Scene, id: SweepId, mut random: Stream) -> SweepRe
         scene.reference.map_or(at_rest, |(resonance_hz, q)| Scene { q, resonance_hz, ..at_rest });
     let anywhere = before_survey(&free, id.trial);
     let method = SweepMethod::Survey { seconds: SURVEY_S };
-    let survey = sweep(&free, method, &anywhere, &mut random);
+    let mut survey = sweep(&free, method, &anywhere, &mut random);
+    if survey.planner.bench().is_none() {
+        // The daemon repeats a refused survey once too.
+        survey = sweep(&free, method, &anywhere, &mut random);
+    }
     let (FitOutcome::Accepted(found), bench @ Some(_)) = (&survey.verdict, survey.planner.bench())
     else {
         return result(&scene, id, &survey.verdict);
