@@ -41,9 +41,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
     let folder = Folder::at(&args.out)?;
-    document::page(args, &try_all(args)).write(&folder, "compensation")?;
-    writeln!(out, "{}", folder.path("compensation.md").display())?;
-    Ok(())
+    document::page(args, &try_all(args)).write(&folder, "compensation", out)
 }
 
 /// The trials of one protocol.

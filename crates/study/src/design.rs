@@ -63,12 +63,10 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
     let front = front::front(&designs);
     rows_folder.write("front.csv", &rows::table(front.iter().map(|&index| &designs[index])))?;
     let folder = Folder::at(&args.out)?;
-    document::page(&grid, &designs, &front).write(&folder, "design")?;
     let usable = designs.iter().filter(|(_, merit)| merit.is_some()).count();
     let (all, on_front) = (designs.len(), front.len());
     writeln!(out, "{all} designs, {usable} within the models, {on_front} on the front")?;
-    writeln!(out, "{}", folder.path("design.md").display())?;
-    Ok(())
+    document::page(&grid, &designs, &front).write(&folder, "design", out)
 }
 
 /// Judges the designs that are missing in the file, one length at a time.

@@ -80,7 +80,6 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
         return Err(StudyError::arguments(NoSuchAxis { name: name.clone() }));
     }
     let cells = judge_all(&axes, args.trials, args.planned, args.seed..args.seed + args.seeds);
-    document::page(args, &cells).write(&folder, NAME)?;
     for path in Path::ALL {
         let Counts { wrong, .. } = counts(path, &cells);
         let sweeps = counts(path, &cells).sweeps();
@@ -89,8 +88,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
     for (value, count) in document::where_wrong(cells.iter()) {
         writeln!(out, "  {value}: {count}")?;
     }
-    writeln!(out, "{}", folder.path("failures.md").display())?;
-    Ok(())
+    document::page(args, &cells).write(&folder, NAME, out)
 }
 
 /// Judges both paths on these axes.

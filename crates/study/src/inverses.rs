@@ -20,9 +20,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
     let folder = Folder::at(&args.out)?;
-    page().write(&folder, "inverses")?;
-    writeln!(out, "{}", folder.path("inverses.md").display())?;
-    Ok(())
+    page().write(&folder, "inverses", out)
 }
 
 fn page() -> Page {

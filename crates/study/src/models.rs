@@ -32,9 +32,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
     } else {
         (cost::stored(), cost::stored_impedance())
     };
-    page(args.measure, &costs, &of_impedance).write(&folder, "models")?;
-    writeln!(out, "{}", folder.path("models.md").display())?;
-    Ok(())
+    page(args.measure, &costs, &of_impedance).write(&folder, "models", out)
 }
 
 fn page(is_measured: bool, costs: &Costs, of_impedance: &ImpedanceCosts) -> Page {

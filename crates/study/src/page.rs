@@ -1,6 +1,6 @@
 //! A page of text, tables and charts, as Markdown and as HTML.
 
-use std::fmt::Write as _;
+use std::{fmt::Write as _, io};
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use rig_chart::{Chart, ChartError, HeatMap, STYLE};
@@ -109,8 +109,14 @@ impl Page {
         self.parts.push(Part::Data(file.to_owned(), csv.into()));
     }
 
-    /// Writes `NAME.md` and `NAME.html`, and charts and data into the folder `NAME`.
-    pub(crate) fn write(&self, folder: &Folder, name: &str) -> Result<(), StudyError> {
+    /// Writes `NAME.md` and `NAME.html`, and charts and data into the folder `NAME`; prints the path of
+    /// the first.
+    pub(crate) fn write(
+        &self,
+        folder: &Folder,
+        name: &str,
+        out: &mut impl io::Write,
+    ) -> Result<(), StudyError> {
         let charts = Folder::at(&folder.path(name))?;
         for part in &self.parts {
             if let Part::Chart(file, chart) = part {
@@ -120,8 +126,10 @@ impl Page {
                 charts.write(file, text)?;
             }
         }
-        folder.write(&format!("{name}.md"), &self.markdown(name))?;
-        folder.write(&format!("{name}.html"), &self.html(name)?)
+        let file = format!("{name}.md");
+        folder.write(&file, &self.markdown(name))?;
+        folder.write(&format!("{name}.html"), &self.html(name)?)?;
+        Ok(writeln!(out, "{}", folder.path(&file).display())?)
     }
 
     /// The page as Markdown, with charts in the folder `name`.

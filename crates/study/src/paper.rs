@@ -76,9 +76,7 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
     lumps::add(&mut page, args.repeats, args.seed);
     clustering::add(&mut page, args.repeats, args.seed);
     bench::add(&mut page, args)?;
-    page.write(&folder, "paper")?;
-    writeln!(out, "{}", folder.path("paper.md").display())?;
-    Ok(())
+    page.write(&folder, "paper", out)
 }
 
 /// The parts without random numbers and without the daemon.

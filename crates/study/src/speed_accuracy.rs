@@ -49,13 +49,11 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
     }
     let evidence = measure(args);
     let searches = finder::try_all(args.trials, args.seed);
-    document::page(args, &evidence, &searches).write(&folder, NAME)?;
     for goal in goals::judge(&evidence) {
         let met = if goal.is_met { "met" } else { "NOT MET" };
         writeln!(out, "{met}: {}: {} (goal {})", goal.quantity, goal.measured, goal.limit)?;
     }
-    writeln!(out, "{}", folder.path("speed-accuracy.md").display())?;
-    Ok(())
+    document::page(args, &evidence, &searches).write(&folder, NAME, out)
 }
 
 /// The name of the page and of its folder.

@@ -35,9 +35,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
     let folder = Folder::at(&args.out)?;
-    document::page(args, &try_all(args)).write(&folder, "truths")?;
-    writeln!(out, "{}", folder.path("truths.md").display())?;
-    Ok(())
+    document::page(args, &try_all(args)).write(&folder, "truths", out)
 }
 
 /// The runs of one truth.
