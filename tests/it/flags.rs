@@ -157,7 +157,7 @@ async fn a_touch_whose_readings_stay_flagged_is_refused_and_the_run_goes_on() {
     assert!(search >= 10, "{search}");
     // A few more questions set the analyzer up; a sweep in contact is tried twice.
     for (first, frames, is_in_contact) in
-        [(no_load + 8, 3, false), (no_load + search + 10, 6, true)]
+        [(no_load + 10, 3, false), (no_load + search + 14, 6, true)]
     {
         let rig = TestRig::open().await;
         for nth in first..first + frames {

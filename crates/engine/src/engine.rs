@@ -370,7 +370,11 @@ impl Engine {
         run: &mut Run,
         event: MachineEvent,
     ) -> MachineStep<RunStatus> {
-        run.advance(now, event, &self.limits, self.interlock.clearance(), &mut self.notes)
+        run.follow_drive(now, &event);
+        let clearance = self.interlock.clearance();
+        let step = run.advance(now, event, &self.limits, clearance, &mut self.notes);
+        run.asks(&step);
+        step
     }
 
     fn replace_run(&mut self, make: impl FnOnce(Box<Run>) -> Activity) {

@@ -20,6 +20,7 @@ mod engine;
 mod event;
 mod fault;
 mod interlock;
+mod listening;
 mod machine;
 mod operation;
 mod recovery;

@@ -4,10 +4,12 @@ use std::time::Duration;
 
 use rig_model::{Clearance, Deg, Mm, Position, Reading, RigLimits, RigTime};
 use rig_protocol::{Plan, Pose, Prompt};
-use rig_resonance::Bench;
+use rig_resonance::{Bench, Resonance};
 
 use crate::{
-    Event, Fault, LoweringPurpose, Operation, RefusalAnswer, Report, operation::retract,
+    Event, Fault, LoweringPurpose, Operation, RefusalAnswer, Report,
+    listening::{Driven, Listening},
+    operation::retract,
     search::Surface,
 };
 
@@ -104,10 +106,17 @@ pub(crate) struct MachineContext<'a> {
     pub(crate) clearance: Clearance,
     /// The knowledge of the bench, once it is surveyed.
     pub(crate) bench: Option<Bench>,
+    /// The drive of the sensor, if it is known.
+    pub(crate) driven: Option<Driven>,
     pub(crate) notes: &'a mut Vec<Event>,
 }
 
 impl MachineContext<'_> {
+    /// The readings at the no-load resonance.
+    pub(crate) fn listening<'b>(&'b self, no_load: &'b Resonance) -> Listening<'b> {
+        Listening { now: self.now, no_load, plan: self.plan, driven: self.driven }
+    }
+
     pub(crate) fn rotate_to<T>(&self, pose: Pose) -> MachineStep<T> {
         match self.limits.rotary.target(pose.direction.rotary_position(pose.angle)) {
             Ok(target) => MachineStep::Do(Operation::MoveRotary {

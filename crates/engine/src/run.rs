@@ -1,8 +1,10 @@
 //! Replays a plan, one step at a time.
 
-use std::collections::BTreeSet;
+use std::{collections::BTreeSet, time::Duration};
 
-use rig_model::{Clearance, DriveLevel, RigLimits, RigTime, SweepMethod, SweepRequest, Window};
+use rig_model::{
+    Clearance, DriveLevel, RigLimits, RigTime, SweepMethod, SweepPoint, SweepRequest, Window,
+};
 use rig_protocol::{Action, NoLoadPolicy, Plan, Pose, Prompt, RefusalPolicy, Step, StepId};
 use rig_resonance::{Bench, FitOutcome, Prior, Reason, Refusal, Resonance};
 
@@ -10,10 +12,11 @@ use crate::{
     Event, Fault, FinishedSweep, Operation, RefusalAnswer, RefusedTouch, RunPhase, RunStatus,
     SweepPurpose, TouchOutcome, TouchResult,
     contact_sense::{Neighbours, check_free, check_reference},
+    listening::{Driven, Listening},
     machine::{MachineContext, MachineEvent, MachineStep},
     refusal::widened,
     sweep::{DRIFT, Sweep, SweepStep},
-    touch::{TouchMachine, listen_clear},
+    touch::{TouchMachine, is_value},
 };
 
 /// Attempts at the no-load resonance before the run gives up.
@@ -38,6 +41,12 @@ pub(crate) struct Run {
     no_load: Option<Resonance>,
     /// From the survey at the first no-load measurement, if the protocol asks for one.
     bench: Option<Bench>,
+    /// The points that were asked for last, and their level.
+    asked: Option<(Vec<SweepPoint>, DriveLevel)>,
+    /// The drive of the sensor, as far as it is known.
+    driven: Option<Driven>,
+    /// When the sensor was last free at the latest: nothing has touched it since.
+    free_since: RigTime,
     has_refusals: bool,
     neighbours: Neighbours,
     /// Touches that a person leaves out.
@@ -70,6 +79,9 @@ impl Run {
             machine: Machine::Between,
             no_load: None,
             bench: None,
+            asked: None,
+            driven: None,
+            free_since: RigTime::ZERO,
             has_refusals,
             neighbours: Neighbours::default(),
             skipped: BTreeSet::new(),
@@ -133,8 +145,8 @@ impl Run {
         clearance: Clearance,
         notes: &mut Vec<Event>,
     ) -> MachineStep<RunStatus> {
-        let (plan, bench) = (&self.plan, self.bench);
-        let mut context = MachineContext { now, plan, limits, clearance, bench, notes };
+        let (plan, bench, driven) = (&self.plan, self.bench, self.drive());
+        let mut context = MachineContext { now, plan, limits, clearance, bench, driven, notes };
         let step = match &mut self.machine {
             Machine::Between => return self.next_step(now, limits, clearance, notes),
             Machine::Prompting(prompt) => {
@@ -199,6 +211,42 @@ impl Run {
         })
     }
 
+    /// The drive of the sensor, since it has been free.
+    fn drive(&self) -> Option<Driven> {
+        self.driven.map(|driven| Driven { since: driven.since.max(self.free_since), ..driven })
+    }
+
+    /// Remembers what is measured next.
+    pub(crate) fn asks(&mut self, step: &MachineStep<RunStatus>) {
+        if let MachineStep::Do(Operation::Measure { points, level }) = step {
+            self.asked = Some((points.clone(), *level));
+        }
+    }
+
+    /// What an event says of the drive of the sensor. A person makes the sensor vibrate, and may have
+    /// swept while the run was paused.
+    pub(crate) fn follow_drive(&mut self, now: RigTime, event: &MachineEvent) {
+        match event {
+            MachineEvent::Readings(readings) => {
+                let asked = self.asked.take().filter(|(points, level)| {
+                    points.len() <= readings.len() && *level == self.plan.contact_sweep.level
+                });
+                let last = readings.last().filter(|last| is_value(last));
+                self.driven = asked.zip(last).and_then(|((points, _), last)| {
+                    let frequency_hz = points.last()?.frequency_hz;
+                    Some(Driven { frequency_hz, since: last.started })
+                });
+            }
+            MachineEvent::Answered { .. }
+                if !matches!(self.machine, Machine::Prompting(Prompt::PlaceSample { .. })) =>
+            {
+                self.free_since = now;
+            }
+            MachineEvent::Decided { .. } | MachineEvent::Resumed => self.driven = None,
+            _ => {}
+        }
+    }
+
     /// The refused touch about which a person is asked.
     pub(crate) fn question(&self) -> Option<RefusedTouch> {
         let Machine::Deciding(result) = &self.machine else { return None };
@@ -212,6 +260,7 @@ impl Run {
         result: TouchResult,
         around: &mut Surroundings<'_>,
     ) -> MachineStep<RunStatus> {
+        self.free_since = left_at(&result, around);
         let TouchOutcome::Refused { refusal, .. } = &result.outcome else {
             return self.finish_touch(result, around);
         };
@@ -300,7 +349,9 @@ impl Run {
         let Some(step) = self.plan.steps.get(self.index) else {
             if let Some(no_load) = self.no_load.filter(|_| self.neighbours.is_open()) {
                 self.machine = Machine::Confirming;
-                return MachineStep::Do(listen_clear(&no_load, &self.plan));
+                let (plan, driven) = (&self.plan, self.drive());
+                let listening = Listening { now, no_load: &no_load, plan, driven };
+                return MachineStep::Do(listening.both());
             }
             return MachineStep::Done(if self.has_refusals {
                 RunStatus::CompletedWithRefusals
@@ -331,6 +382,18 @@ impl Run {
         notes.push(Event::StepStarted { index: self.index });
         self.advance(now, MachineEvent::Begin, limits, clearance, notes)
     }
+}
+
+/// When the probe of a touch that has just ended left the sample, at the latest: it cannot have come up
+/// faster than it may travel.
+fn left_at(result: &TouchResult, around: &Surroundings<'_>) -> RigTime {
+    let RigLimits { linear, geometry, motion, .. } = around.limits;
+    let pose = result.touch.pose;
+    let tolerance_mm = geometry.surface_tolerance_mm / pose.angle.radians().cos();
+    let highest = geometry.surface_at(pose.direction, pose.angle).offset(tolerance_mm);
+    let way_mm = (linear.rest_target().position().value() - highest.value()).max(0.0);
+    let up = Duration::from_secs_f64(way_mm / motion.travel_speed_mm_per_s);
+    RigTime::ZERO + around.now.since(RigTime::ZERO).saturating_sub(up)
 }
 
 /// The impedance of the clear probe after the last touch.

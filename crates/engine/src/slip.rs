@@ -1,10 +1,10 @@
 //! Whether the probe kept its place during a touch: after the sweep the surface is looked for again.
 //!
 //! ```text
-//! begin ─▶ up, out of the sample ─▶ down to above ─▶ read ─▶ down to below ─▶ read ─▶ finished
-//!          (takes up the backlash)        ▲           │ clear               contact
-//!                                         │           ▼ seems to touch, once
-//!                                         └── read ◀─ up: the baseline anew, as it drifts
+//! drive ─▶ up, out of the sample ─▶ down to above ─▶ read ─▶ down to below ─▶ read ─▶ finished
+//! (at the  (takes up the backlash)        ▲           │ clear               contact
+//! no-load                                 │           ▼ seems to touch, once
+//! resonance)                              └── read ◀─ up: the baseline anew, as it drifts
 //! ```
 //!
 //! A drive that has lost steps says that it is where it is not. The sample is the only reference that
@@ -22,10 +22,10 @@ use crate::{
 /// The next step of a check.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum SlipStep {
-    /// Go up, out of the sample, then call [`SlipCheck::arrived`].
-    Up(Position<Mm>),
-    /// Go down, then call [`SlipCheck::arrived`].
-    Down(Position<Mm>),
+    /// Drive the sensor at the no-load resonance, then call [`SlipCheck::driven`].
+    Drive,
+    /// Go here, then call [`SlipCheck::arrived`].
+    MoveTo(Position<Mm>),
     /// Read the impedance, then call [`SlipCheck::read`].
     Read {
         /// Whether the probe has just left the sample.
@@ -79,6 +79,8 @@ pub(crate) struct SlipCheck {
 /// The position that the check goes to, or is at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Place {
+    /// In the sample, where the sweep was.
+    In,
     /// Out of the sample, to take up the backlash.
     Out,
     /// The same place, to read the baseline anew.
@@ -94,10 +96,13 @@ impl SlipCheck {
         baseline: Impedance,
     ) -> (Self, SlipStep) {
         let here = surface.position;
-        let (place, trail, is_fresh) = (Place::Out, Vec::new(), false);
-        let mut check = Self { surface, approach, baseline, is_fresh, place, here, trail };
-        let step = check.up_to(Place::Out);
-        (check, step)
+        let (place, trail, is_fresh) = (Place::In, Vec::new(), false);
+        (Self { surface, approach, baseline, is_fresh, place, here, trail }, SlipStep::Drive)
+    }
+
+    /// The sensor is driven at the no-load resonance; `None` if that was done before.
+    pub(crate) fn driven(&mut self) -> Option<SlipStep> {
+        (self.place == Place::In).then(|| self.up_to(Place::Out))
     }
 
     /// The positions with their readings.
@@ -109,7 +114,7 @@ impl SlipCheck {
     pub(crate) fn arrived(&mut self, read_back: Position<Mm>) -> SlipStep {
         self.here = read_back;
         match self.place {
-            Place::Out => self.down_to(Place::Above, self.approach.slip_mm),
+            Place::In | Place::Out => self.down_to(Place::Above, self.approach.slip_mm),
             Place::Anew => SlipStep::Read { is_after_contact: true },
             Place::Above => SlipStep::Read { is_after_contact: !self.is_fresh },
             Place::Below => SlipStep::Read { is_after_contact: false },
@@ -131,7 +136,7 @@ impl SlipCheck {
             }
             Place::Above if is_clear => self.down_to(Place::Below, -self.approach.slip_mm),
             Place::Above if !self.is_fresh => self.up_to(Place::Anew),
-            Place::Out | Place::Anew | Place::Above => {
+            Place::In | Place::Out | Place::Anew | Place::Above => {
                 SlipStep::Finished(Err(Slip::Higher { at, by_mm }))
             }
             Place::Below if is_clear => SlipStep::Finished(Err(Slip::Lower { at, by_mm: -by_mm })),
@@ -142,11 +147,11 @@ impl SlipCheck {
     fn up_to(&mut self, place: Place) -> SlipStep {
         self.place = place;
         let above_mm = self.approach.slip_mm + self.approach.coarse_step_mm;
-        SlipStep::Up(self.surface.position.offset(above_mm))
+        SlipStep::MoveTo(self.surface.position.offset(above_mm))
     }
 
     fn down_to(&mut self, place: Place, above_mm: f64) -> SlipStep {
         self.place = place;
-        SlipStep::Down(self.surface.position.offset(above_mm))
+        SlipStep::MoveTo(self.surface.position.offset(above_mm))
     }
 }

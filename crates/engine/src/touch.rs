@@ -1,10 +1,10 @@
 //! One touch, from clear to clear.
 //!
 //! ```text
-//! rotate ─▶ baseline ─▶ declare ─▶ search ─▶ declare ─▶ indent ─▶ dwell ─▶ sweep ─▶ check ─▶ retract ─▶ done
-//!           (clear)     (intent    (down in  (intent                       │ ▲     (surface
-//!                       on disk)   steps)    on disk)                      └─┘      still there)
-//!                                                              once more if refused
+//! baseline ─▶ rotate ─▶ test ─▶ declare ─▶ search ─▶ declare ─▶ indent ─▶ dwell ─▶ sweep ─▶ check ─▶ retract
+//! (clear)               (clear) (intent    (down in  (intent                       │ ▲     (surface     │
+//!                               on disk)   steps)    on disk)                      └─┘      still     done
+//!                                                                    once more if refused   there)
 //! ```
 //!
 //! Every failure ends in a [`Fault`]; the engine then stops, retracts and latches.
@@ -12,33 +12,21 @@
 use std::time::Duration;
 
 use rig_model::{
-    Clearance, Deg, Impedance, Mm, PointResult, Position, Reading, RigLimits, SweepPoint,
-    SweepRequest, Window,
+    Clearance, Deg, Impedance, Mm, PointResult, Position, Reading, RigTime, SweepRequest, Window,
 };
-use rig_protocol::{Approach, Plan, StepId, Touch};
+use rig_protocol::{Approach, StepId, Touch};
 use rig_resonance::{Bench, FitOutcome, Prior, Resonance, flagged};
 
 use crate::{
-    Contact, ContactSenseFault, Event, Fault, LoweringPurpose, Operation, RunPhase, SweepPurpose,
+    Contact, ContactSenseFault, Event, Fault, LoweringPurpose, RunPhase, SweepPurpose,
     TouchOutcome, TouchRefusal, TouchResult,
-    contact_sense::{TEST_LINEWIDTHS, check_alive, check_free, check_shift, check_surface},
+    contact_sense::{check_alive, check_free, check_shift, check_surface},
+    listening::Decay,
     machine::{MachineContext, MachineEvent, MachineStep},
     search::{Search, SearchStep, Surface},
     slip::{SlipCheck, SlipStep},
     sweep::{DRIFT, Sweep, SweepStep},
 };
-
-/// The baseline is read after this many time constants of the ring-down, so that the residual
-/// transient (e⁻⁸ = 0.03 %) is far below any contact threshold.
-const BASELINE_TIME_CONSTANTS: f64 = 8.0;
-
-/// The reading of the self-test before it waits for this many, to e⁻³ = 5 % of the vibration at the
-/// resonance, which is within what the self-test allows.
-const TEST_TIME_CONSTANTS: f64 = 3.0;
-
-/// After the probe has left the sample, the vibration decays for this many time constants, to e⁻⁵ =
-/// 0.7 % of the change by the contact.
-const AFTER_CONTACT_TIME_CONSTANTS: f64 = 5.0;
 
 /// A refused sweep in contact is repeated this often before the touch is refused.
 const RETRIES: u32 = 1;
@@ -56,20 +44,39 @@ pub(crate) struct TouchMachine {
     window: Option<Window>,
     /// The impedance of the clear probe before the search.
     baseline: Option<Impedance>,
+    /// The linear stage as last read back in this touch, and when it last arrived from below.
+    linear: Option<Position<Mm>>,
+    risen: Option<RigTime>,
+    /// Whether the last reading came before the vibration of the contact had decayed.
+    is_early: bool,
     phase: Phase,
 }
 
 #[derive(Debug)]
 enum Phase {
-    Rotating,
     Baseline,
+    /// With the readings at the no-load resonance.
+    Rotating(Vec<Reading>),
+    Testing(Vec<Reading>),
     Declaring,
     Searching(Search),
-    DeclaringIndentation { surface: Surface },
-    Indenting { surface: Surface },
+    DeclaringIndentation {
+        surface: Surface,
+    },
+    Indenting {
+        surface: Surface,
+    },
     Dwelling(Contact),
-    Sweeping { contact: Contact, sweep: Box<Sweep>, retries_left: u32 },
-    Checking { check: SlipCheck, contact: Contact, loaded: Box<Resonance> },
+    Sweeping {
+        contact: Contact,
+        sweep: Box<Sweep>,
+        retries_left: u32,
+    },
+    Checking {
+        check: SlipCheck,
+        contact: Contact,
+        loaded: Box<Resonance>,
+    },
     Retracting(Box<TouchOutcome>),
 }
 
@@ -82,15 +89,25 @@ impl TouchMachine {
         window: Option<Window>,
     ) -> Self {
         let rotary = touch.pose.direction.rotary_position(touch.pose.angle);
-        let (no_load, baseline) = (*no_load, None);
-        let phase = Phase::Rotating;
-        Self { step, touch, no_load, rotary, offset_mm, window, baseline, phase }
+        Self {
+            step,
+            touch,
+            no_load: *no_load,
+            rotary,
+            offset_mm,
+            window,
+            baseline: None,
+            linear: None,
+            risen: None,
+            is_early: false,
+            phase: Phase::Baseline,
+        }
     }
 
     pub(crate) const fn run_phase(&self) -> RunPhase {
         match self.phase {
-            Phase::Rotating => RunPhase::Rotation,
-            Phase::Baseline | Phase::Declaring => RunPhase::Baseline,
+            Phase::Rotating(_) => RunPhase::Rotation,
+            Phase::Baseline | Phase::Testing(_) | Phase::Declaring => RunPhase::Baseline,
             Phase::Searching(_) => RunPhase::Search,
             Phase::DeclaringIndentation { .. } | Phase::Indenting { .. } => RunPhase::Indentation,
             Phase::Dwelling(_) => RunPhase::Dwell,
@@ -106,37 +123,35 @@ impl TouchMachine {
         context: &mut MachineContext<'_>,
     ) -> MachineStep<TouchResult> {
         match (&mut self.phase, event) {
-            (Phase::Rotating, MachineEvent::Begin) => context.rotate_to(self.touch.pose),
-            (Phase::Rotating, MachineEvent::RotaryAt(read_back)) => {
+            (Phase::Baseline, MachineEvent::Begin) => {
+                MachineStep::Do(context.listening(&self.no_load).baseline())
+            }
+            (Phase::Baseline, MachineEvent::Readings(mut readings)) => {
+                // The last one only sets the frequency of the self-test.
+                let set_hz = readings.last().map(|reading| reading.frequency_hz);
+                if readings.first().map(|reading| reading.frequency_hz) != set_hz {
+                    readings.retain(|reading| Some(reading.frequency_hz) != set_hz);
+                }
+                self.phase = Phase::Rotating(readings);
+                context.rotate_to(self.touch.pose)
+            }
+            (Phase::Rotating(free), MachineEvent::RotaryAt(read_back)) => {
                 self.rotary = read_back;
-                self.phase = Phase::Baseline;
-                MachineStep::Do(listen_clear(&self.no_load, context.plan))
+                self.phase = Phase::Testing(std::mem::take(free));
+                MachineStep::Do(context.listening(&self.no_load).test())
             }
-            (Phase::Baseline, MachineEvent::Readings(readings)) => {
-                self.declare_search(&readings, context)
+            (Phase::Testing(free), MachineEvent::Readings(test)) => {
+                let free = std::mem::take(free);
+                self.tested(&test, free, context)
             }
-            (Phase::Declaring, MachineEvent::Declared) => {
-                let Some(baseline) = self.baseline else {
-                    return MachineStep::Fault(MachineEvent::Declared.out_of_order("a search"));
-                };
-                let approach = self.approach(context);
-                let (search, step) = Search::begin(approach, self.expected(context), baseline);
-                self.phase = Phase::Searching(search);
-                let speed = context.limits.motion.travel_speed_mm_per_s;
-                self.follow(step, speed, context)
-            }
+            (Phase::Declaring, MachineEvent::Declared) => self.search(context),
             (Phase::Searching(search), MachineEvent::LinearAt(read_back)) => {
                 let step = search.arrived(read_back);
-                let speed = context.limits.motion.contact_speed_mm_per_s;
-                self.follow(step, speed, context)
+                self.arrived(read_back, context.now);
+                self.follow(step, context)
             }
-            (Phase::Searching(search), MachineEvent::Readings(readings)) => {
-                if let Err(fault) = is_alive(search, &self.no_load, &readings) {
-                    return MachineStep::Fault(Fault::ContactSense(fault));
-                }
-                let step = readings.iter().fold(SearchStep::Flagged, |_, one| search.read(*one));
-                let speed = context.limits.motion.contact_speed_mm_per_s;
-                self.follow(step, speed, context)
+            (Phase::Searching(_), MachineEvent::Readings(readings)) => {
+                self.searched(&readings, context)
             }
             (&mut Phase::DeclaringIndentation { surface }, MachineEvent::Declared) => {
                 self.phase = Phase::Indenting { surface };
@@ -144,6 +159,7 @@ impl TouchMachine {
                 context.move_linear(indented(surface, context), speed)
             }
             (&mut Phase::Indenting { surface }, MachineEvent::LinearAt(linear)) => {
+                self.arrived(linear, context.now);
                 self.phase = Phase::Dwelling(Contact { surface, linear });
                 MachineStep::Wait(Duration::from_secs_f64(context.plan.touch.dwell_s))
             }
@@ -170,6 +186,54 @@ impl TouchMachine {
         }
     }
 
+    /// The self-test has been read, after the baseline.
+    fn tested(
+        &mut self,
+        test: &[Reading],
+        mut baseline: Vec<Reading>,
+        context: &mut MachineContext<'_>,
+    ) -> MachineStep<TouchResult> {
+        // The last one only sets the no-load resonance again.
+        let test_hz = test.first().map(|reading| reading.frequency_hz);
+        let of_test = |reading: &&Reading| Some(reading.frequency_hz) == test_hz;
+        let mut readings: Vec<Reading> = test.iter().filter(of_test).copied().collect();
+        if readings.last().is_none_or(|last| !is_value(last)) {
+            return self.clear_unreadable(&readings, context);
+        }
+        readings.append(&mut baseline);
+        self.declare_search(&readings, context)
+    }
+
+    /// The search is declared.
+    fn search(&mut self, context: &mut MachineContext<'_>) -> MachineStep<TouchResult> {
+        let Some(baseline) = self.baseline else {
+            return MachineStep::Fault(MachineEvent::Declared.out_of_order("a search"));
+        };
+        let (search, step) =
+            Search::begin(self.approach(context), self.expected(context), baseline);
+        self.phase = Phase::Searching(search);
+        self.follow(step, context)
+    }
+
+    /// The impedance has been read in the search.
+    fn searched(
+        &mut self,
+        readings: &[Reading],
+        context: &mut MachineContext<'_>,
+    ) -> MachineStep<TouchResult> {
+        let Phase::Searching(search) = &mut self.phase else {
+            return MachineStep::Fault(MachineEvent::Begin.out_of_order("a search"));
+        };
+        if let Err(fault) = is_alive(search, &self.no_load, readings) {
+            return MachineStep::Fault(Fault::ContactSense(fault));
+        }
+        if std::mem::take(&mut self.is_early) && search.seems_to_touch(readings) {
+            return self.listen(Decay::Whole, context);
+        }
+        let step = readings.iter().fold(SearchStep::Flagged, |_, one| search.read(*one));
+        self.follow(step, context)
+    }
+
     /// Ends the touch before the probe is in the sample, because the analyzer flags its readings.
     fn unreadable(
         &mut self,
@@ -186,6 +250,16 @@ impl TouchMachine {
         context.retract()
     }
 
+    /// The same, with readings of the clear probe.
+    fn clear_unreadable(
+        &mut self,
+        readings: &[Reading],
+        context: &mut MachineContext<'_>,
+    ) -> MachineStep<TouchResult> {
+        let here = context.limits.linear.rest_target().position();
+        self.unreadable(readings.iter().map(|reading| (here, *reading)).collect(), context)
+    }
+
     /// Expected position of the surface at this pose.
     fn expected(&self, context: &MachineContext<'_>) -> Position<Mm> {
         let pose = self.touch.pose;
@@ -200,11 +274,7 @@ impl TouchMachine {
     ) -> MachineStep<TouchResult> {
         match check_free(&self.no_load, readings) {
             Ok(Some(baseline)) => self.baseline = Some(baseline),
-            Ok(None) => {
-                let here = context.limits.linear.rest_target().position();
-                let trail = readings.iter().map(|reading| (here, *reading)).collect();
-                return self.unreadable(trail, context);
-            }
+            Ok(None) => return self.clear_unreadable(readings, context),
             Err(fault) => return MachineStep::Fault(Fault::ContactSense(fault)),
         }
         self.phase = Phase::Declaring;
@@ -220,37 +290,47 @@ impl TouchMachine {
         Approach { give_up_below_mm: approach.give_up_below_mm.min(deepest_mm), ..approach }
     }
 
-    /// Reads the impedance at the no-load resonance, where a contact changes it most.
-    fn listen(&self, settle_s: f64, context: &MachineContext<'_>) -> MachineStep<TouchResult> {
-        let points = vec![point(&self.no_load, 0.0, settle_s, context.plan)];
-        MachineStep::Do(Operation::Measure { points, level: context.plan.contact_sweep.level })
+    /// The linear stage has been read back.
+    fn arrived(&mut self, read_back: Position<Mm>, now: RigTime) {
+        if self.linear.is_some_and(|before| before < read_back) {
+            self.risen = Some(now);
+        }
+        self.linear = Some(read_back);
     }
 
-    /// Settling of a reading of a search, s.
-    fn settle_s(&self, is_after_contact: bool, context: &MachineContext<'_>) -> f64 {
-        let settle_s = context.plan.touch.approach.settle_s;
-        let decay_s = AFTER_CONTACT_TIME_CONSTANTS * time_constant_s(&self.no_load);
-        if is_after_contact { settle_s.max(decay_s) } else { settle_s }
+    /// The speed to a position: that of contact on the way down, except from the clear position.
+    fn speed_mm_per_s(&self, to: Position<Mm>, context: &MachineContext<'_>) -> f64 {
+        let motion = context.limits.motion;
+        let is_down = self.linear.is_some_and(|here| to <= here);
+        if is_down { motion.contact_speed_mm_per_s } else { motion.travel_speed_mm_per_s }
+    }
+
+    /// Reads whether the probe touches, after it has left the sample.
+    fn listen(&mut self, decay: Decay, context: &MachineContext<'_>) -> MachineStep<TouchResult> {
+        self.is_early = decay == Decay::Early;
+        MachineStep::Do(context.listening(&self.no_load).contact(self.risen, decay))
     }
 
     /// Carries out the next step of the search.
     fn follow(
         &mut self,
         step: SearchStep,
-        speed_mm_per_s: f64,
         context: &mut MachineContext<'_>,
     ) -> MachineStep<TouchResult> {
         match step {
-            SearchStep::MoveTo(position) => context.move_linear(position, speed_mm_per_s),
-            SearchStep::Read { is_after_contact } => {
-                self.listen(self.settle_s(is_after_contact, context), context)
+            SearchStep::MoveTo(position) => {
+                context.move_linear(position, self.speed_mm_per_s(position, context))
+            }
+            SearchStep::Read { is_after_contact: true } => self.listen(Decay::Early, context),
+            SearchStep::Read { is_after_contact: false } => {
+                MachineStep::Do(context.listening(&self.no_load).contact(None, Decay::Whole))
             }
             SearchStep::Found(surface) => {
                 let tolerance_mm = context.limits.geometry.surface_tolerance_mm;
                 let (found, expected) = (surface.position, self.expected(context));
                 if let Err(fault) = check_surface(found, expected, self.offset_mm, tolerance_mm) {
                     let fault = SearchStep::Fault(Fault::ContactSense(fault));
-                    return self.follow(fault, speed_mm_per_s, context);
+                    return self.follow(fault, context);
                 }
                 let phase = Phase::DeclaringIndentation { surface };
                 if let Phase::Searching(search) = std::mem::replace(&mut self.phase, phase) {
@@ -356,11 +436,15 @@ impl TouchMachine {
     ) -> MachineStep<TouchResult> {
         let step = match (&mut self.phase, event) {
             (Phase::Checking { check, .. }, MachineEvent::LinearAt(read_back)) => {
-                check.arrived(*read_back)
+                let step = check.arrived(*read_back);
+                self.arrived(*read_back, context.now);
+                step
             }
             (Phase::Checking { check, .. }, MachineEvent::Readings(readings)) => {
-                let read = |_, one: &Reading| check.read(*one, &self.no_load);
-                readings.iter().fold(SlipStep::Flagged, read)
+                check.driven().unwrap_or_else(|| {
+                    let read = |_, one: &Reading| check.read(*one, &self.no_load);
+                    readings.iter().fold(SlipStep::Flagged, read)
+                })
             }
             (_, event) => {
                 return MachineStep::Fault(event.out_of_order("a check of the surface"));
@@ -377,12 +461,17 @@ impl TouchMachine {
         let Phase::Checking { check, contact, loaded } = &self.phase else {
             return MachineStep::Fault(MachineEvent::Begin.out_of_order("a check of the surface"));
         };
-        let RigLimits { motion, .. } = context.limits;
         let refusal = match step {
-            SlipStep::Up(to) => return context.move_linear(to, motion.travel_speed_mm_per_s),
-            SlipStep::Down(to) => return context.move_linear(to, motion.contact_speed_mm_per_s),
+            SlipStep::Drive => {
+                return MachineStep::Do(context.listening(&self.no_load).drive());
+            }
+            SlipStep::MoveTo(to) => {
+                return context.move_linear(to, self.speed_mm_per_s(to, context));
+            }
             SlipStep::Read { is_after_contact } => {
-                return self.listen(self.settle_s(is_after_contact, context), context);
+                let left = self.risen.filter(|_| is_after_contact);
+                let listening = context.listening(&self.no_load);
+                return MachineStep::Do(listening.contact(left, Decay::Whole));
             }
             SlipStep::Finished(Ok(())) => None,
             SlipStep::Finished(Err(slip)) => Some(TouchRefusal::Slipped(slip)),
@@ -413,26 +502,8 @@ impl TouchMachine {
     }
 }
 
-fn time_constant_s(no_load: &Resonance) -> f64 {
-    no_load.q / (std::f64::consts::PI * no_load.resonance_hz)
-}
-
-/// Reads the impedance of the clear probe below the no-load resonance, as the self-test, and then at the
-/// resonance, after its vibration has decayed.
-pub(crate) fn listen_clear(no_load: &Resonance, plan: &Plan) -> Operation {
-    let time_constant_s = time_constant_s(no_load);
-    let test_s = TEST_TIME_CONSTANTS * time_constant_s;
-    let baseline_s = BASELINE_TIME_CONSTANTS * time_constant_s;
-    let points =
-        vec![point(no_load, TEST_LINEWIDTHS, test_s, plan), point(no_load, 0.0, baseline_s, plan)];
-    Operation::Measure { points, level: plan.contact_sweep.level }
-}
-
-/// A reading this many linewidths below the no-load resonance, or at the end of the no-load window.
-fn point(no_load: &Resonance, linewidths: f64, settle_s: f64, plan: &Plan) -> SweepPoint {
-    let frequency_hz = no_load.resonance_hz * (1.0 - linewidths / no_load.q);
-    let frequency_hz = frequency_hz.max(plan.no_load_sweep.window.min_hz);
-    SweepPoint { frequency_hz, settle_s, cycles: plan.touch.approach.cycles }
+pub(crate) const fn is_value(reading: &Reading) -> bool {
+    matches!(reading.measured, PointResult::Value(_))
 }
 
 /// Holds a reading of a search against the one before it.

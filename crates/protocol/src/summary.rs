@@ -28,19 +28,20 @@ pub struct Summary {
 /// The quality of resonance that is assumed of a sensor, for the time that it rings.
 const ASSUMED_Q: f64 = 60.0;
 
-/// The first reading of each finer pass waits for this many: the contact has set it ringing.
-const AFTER_CONTACT_TIME_CONSTANTS: f64 = 5.0;
+/// The first reading of each finer pass waits for about this many, beyond the ways up and down: the
+/// contact has set it ringing.
+const AFTER_CONTACT_TIME_CONSTANTS: f64 = 2.0;
 
-/// The two readings of the clear probe before a search wait together for this many time constants of the
-/// ring.
-const CLEAR_TIME_CONSTANTS: f64 = 11.0;
+/// The two readings of the clear probe before a search wait for about this many time constants of the ring,
+/// beyond the turn of the sample.
+const CLEAR_TIME_CONSTANTS: f64 = 1.0;
 
 /// Duration of an adaptive sweep in time constants: it waits for about six at each of its few
 /// decisive points, and the integrated cycles hardly count.
 const ADAPTIVE_TIME_CONSTANTS: f64 = 30.0;
 
-/// Each pass of the search for the surface is finer than the one before it by this factor.
-const REFINEMENT: f64 = 5.0;
+/// Each pass of the search for the surface is finer than the one before it by at most this factor.
+const REFINEMENT: f64 = 20.0;
 
 /// Overhead of a move: starting, stopping, and requests to the drive, s.
 const MOVE_S: f64 = 0.04;
@@ -78,10 +79,11 @@ impl Plan {
     ///
     /// ```text
     /// no-load   rotation + no-load sweep, the first time + survey
-    /// touch     rotation + 11 τ + way down and up at travel speed + search + dwell + contact sweep
-    ///           + check of slip: 5 τ + 2 readings + its way
+    /// touch     rotation + τ + way down and up at travel speed + search + dwell + contact sweep
+    ///           + check of slip: 2 τ + 2 readings + its way
     /// search    readings · (settle + cycles/f + 0.04 s) + way at contact speed
-    /// readings  start above/coarse step + 1, and 3 more for each finer pass, a fifth of the last
+    /// readings  start above/coarse step + 1, and for each finer pass half of its steps; a pass has at
+    ///           most 20, and begins with 2 τ
     /// sweep     uniform: points · (settle + cycles/f); adaptive: 30 τ
     /// ```
     ///
@@ -181,12 +183,18 @@ impl Plan {
     /// Finding the surface, and the indentation.
     fn search_s(&self, limits: &RigLimits) -> f64 {
         let Approach { start_above_mm, coarse_step_mm, fine_step_mm, settle_s, .. } =
-            self.touch.approach;
+            &self.touch.approach;
         let passes = ((coarse_step_mm / fine_step_mm).ln() / REFINEMENT.ln()).ceil();
         // A finer pass ends anywhere among its steps, each as likely.
-        let readings = start_above_mm / coarse_step_mm + 1.0 + passes * 0.5 * (REFINEMENT + 1.0);
-        // Each finer pass begins a coarse step higher, to take up the backlash.
-        let way_mm = start_above_mm + passes * 2.0 * coarse_step_mm + self.touch.indentation_mm;
+        let (mut fine_readings, mut width_mm) = (0.0, *coarse_step_mm);
+        while *fine_step_mm < width_mm {
+            let next_mm = (width_mm / REFINEMENT).max(*fine_step_mm);
+            fine_readings += 0.5 * (width_mm / next_mm + 1.0);
+            width_mm = next_mm;
+        }
+        let readings = start_above_mm / coarse_step_mm + 1.0 + fine_readings;
+        // Each finer pass begins a coarse step higher, to take up the backlash, and goes up fast.
+        let way_mm = start_above_mm + passes * 1.5 * coarse_step_mm + self.touch.indentation_mm;
         let ringing_s = AFTER_CONTACT_TIME_CONSTANTS * time_constant_s(&self.no_load_sweep);
         let waits_s = passes * (ringing_s - settle_s).max(0.0);
         readings * self.reading_s() + waits_s + way_mm / limits.motion.contact_speed_mm_per_s

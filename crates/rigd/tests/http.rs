@@ -138,7 +138,7 @@ async fn an_axis_is_moved_within_what_the_interlock_admits() {
         assert!(problem["detail"].as_str().unwrap().contains(reason), "{problem}");
     }
     assert_eq!(daemon.rig().await["linear_mm"], 20.0);
-    assert_eq!(daemon.move_to("linear", 30.0).await.0, StatusCode::ACCEPTED);
+    assert_eq!(daemon.move_to("linear", 24.5).await.0, StatusCode::ACCEPTED);
     assert_eq!(daemon.rig().await["probe"], "clear");
 
     let session = daemon.handle.status().borrow().session;

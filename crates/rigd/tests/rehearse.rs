@@ -73,10 +73,10 @@ fn a_rehearsal_says_what_each_fault_does_and_touches_nothing_of_the_bench() {
     }
     let full = rows.iter().find(|row| row["number"] == 34).unwrap();
     assert!(full["seen"][0].as_str().unwrap().contains("the disk is full"), "{full}");
-    // Waiting costs nothing but time.
+    // Waiting costs nothing but time, less the decays that are over in the meantime.
     let of_person: Vec<_> = rows.iter().filter(|row| row["number"] == 39).collect();
     let [late, absent, wrong] = of_person[..] else { panic!("{of_person:?}") };
-    assert!((3600.0..3700.0).contains(&late["additional_s"].as_f64().unwrap()), "{late}");
+    assert!((3590.0..3700.0).contains(&late["additional_s"].as_f64().unwrap()), "{late}");
     assert_eq!((&late["resumed"], &absent["restarted"]), (&0.into(), &1.into()));
     // Of an act that was not done nobody hears either, and it costs the touches of that prompt.
     let lost = ["touches_different", "touches_refused"].map(|key| wrong[key].as_u64().unwrap());

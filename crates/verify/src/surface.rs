@@ -173,11 +173,15 @@ pub(crate) fn check_trail(
     for (index, Tried { position_mm, reading }) in trail.iter().enumerate() {
         let place = index + 1;
         let begin_s = reading.begin_s();
-        let moves = descent.moves.iter().rev();
-        let before =
-            moves.clone().find(|(at_us, _)| *at_us as f64 / 1e6 <= begin_s + CLOCK_SLACK_S);
+        // A step of the search can take less time than the clocks may differ by.
+        let last = |slack_s: f64| {
+            let is_before = |(at_us, _): &&(u64, f64)| *at_us as f64 / 1e6 <= begin_s + slack_s;
+            descent.moves.iter().rev().find(is_before)
+        };
+        let is_at = |(_, at_mm): &&(u64, f64)| (at_mm - position_mm).abs() <= ROUNDING;
+        let before = last(0.0).filter(is_at).or_else(|| last(CLOCK_SLACK_S));
         let at_mm = before.map(|(_, at_mm)| *at_mm);
-        let is_there = at_mm.is_some_and(|at_mm| (at_mm - position_mm).abs() <= ROUNDING);
+        let is_there = before.as_ref().is_some_and(is_at);
         if !is_there {
             let what = format!("reading {place} of the search was not taken at its position, mm");
             let found = format!("{position_mm} at {begin_s:.3} s");

@@ -79,6 +79,8 @@ pub struct World {
     plant: Plant,
     /// The time up to which the plant has been followed.
     plant_at: RigTime,
+    /// Whether the plant has the circuit of a probe in the sample.
+    is_plant_loaded: bool,
     noise: Stream,
     encoder: Stream,
     drive_phase: Stream,
@@ -158,6 +160,7 @@ impl World {
             drift,
             plant,
             plant_at: RigTime::ZERO,
+            is_plant_loaded: false,
             noise: Stream::new(seed, stream::NOISE),
             encoder: Stream::new(seed, stream::ENCODER),
             drive_phase: Stream::new(seed, stream::DRIVE_PHASE),
@@ -342,6 +345,9 @@ impl World {
         if !(is_turning || is_moving) || self.mounted.is_none() {
             return;
         }
+        if (self.indentation_mm(now) > 0.0) != self.is_plant_loaded {
+            self.advance_plant(self.crossing(since, now));
+        }
         // A lowering probe is deepest at the end of its way; a tilting sample may rise in between.
         let looks = if is_turning { LOOKS_PER_TURN } else { 1 };
         let span = now.as_micros() - since.as_micros();
@@ -392,8 +398,22 @@ impl World {
             .map_or(f64::INFINITY, |mounted| self.scene.samples[mounted.sample].max_indentation_mm)
     }
 
-    /// Lets the plant live up to `now`. The sensor feels a move when it ends.
+    /// When the probe went into the sample or out of it, between these times.
+    fn crossing(&self, since: RigTime, now: RigTime) -> RigTime {
+        const CLOSE_US: u64 = 100;
+        let (mut before, mut after) = (since.as_micros(), now.as_micros());
+        while CLOSE_US < after - before {
+            let middle = before.midpoint(after);
+            let is_loaded = self.indentation_mm(RigTime::from_micros(middle)) > 0.0;
+            if is_loaded == self.is_plant_loaded { before = middle } else { after = middle }
+        }
+        RigTime::from_micros(after)
+    }
+
+    /// Lets the plant live up to `now`. The sensor feels that a move takes it into the sample or out of it,
+    /// and the depth when the move ends.
     fn follow_plant(&mut self, now: RigTime) {
+        self.watch(now);
         let moved = self.linear.rests_from().max(self.rotary.rests_from());
         if self.plant_at < moved && moved < now {
             self.advance_plant(moved);
@@ -404,6 +424,7 @@ impl World {
     fn advance_plant(&mut self, until: RigTime) {
         self.plant.advance(until.since(self.plant_at).as_secs_f64());
         self.plant_at = self.plant_at.max(until);
+        self.is_plant_loaded = self.indentation_mm(until) > 0.0;
         let circuit = self.circuit(until);
         self.plant.set_circuit(circuit).expect(RINGS);
     }

@@ -124,6 +124,21 @@ fn the_sensor_rings_after_a_move_and_settles_to_the_circuit_of_the_contact() {
     assert!((truth.indentation_mm - 0.3).abs() < 1e-9 && truth.resonance_hz > 150.0, "{truth:?}");
 }
 
+/// A retract of half a second leaves the sample at its beginning: when it ends, the free sensor has settled.
+#[test]
+fn the_sensor_rings_from_the_moment_at_which_the_probe_leaves_the_sample() {
+    const SLOW: Profile = Profile { speed: 20.0, acceleration: 200.0, deceleration: 200.0 };
+    let mut world = quiet();
+    let depth = below(&world, 0.5);
+    world.drive(at(1.0), AxisId::Linear).start(at(1.0), depth, &FAST);
+    world.set_frequency(at(2.0), 140.4);
+    world.drive(at(4.0), AxisId::Linear).start(at(4.0), depth + 30.0, &SLOW);
+    let (reading, _) = world.measure(at(5.6), 2);
+    let (settled, _) = world.measure(at(20.0), 2);
+    let change = (reading - settled).norm() / settled.norm();
+    assert!(change < 1e-3, "{change} ten time constants after the contact");
+}
+
 #[test]
 fn noise_has_the_size_that_the_scene_says_for_every_integration() {
     let nuisances = Nuisances { impedance_rel: 0.005, ..Nuisances::NONE };

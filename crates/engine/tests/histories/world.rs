@@ -131,6 +131,18 @@ pub(crate) enum Trouble {
     StaysAtFrequency,
 }
 
+/// A reading that is none of a sweep.
+#[derive(Debug)]
+pub(crate) struct Listened {
+    /// At the frequency of the self-test.
+    pub(crate) is_test: bool,
+    /// Before or after a touch.
+    pub(crate) is_clear: bool,
+    /// Time for which the sensor was driven at its frequency, s, and the part of it that was waited for.
+    pub(crate) driven_s: f64,
+    pub(crate) asked_s: f64,
+}
+
 /// An ideal bench, with its own idea of where things are.
 #[derive(Debug)]
 pub(crate) struct World {
@@ -175,6 +187,10 @@ pub(crate) struct World {
     pub(crate) depths_mm: BTreeMap<String, f64>,
     /// The frequency that the analyzer measured at last, and whether it keeps it, Hz.
     pub(crate) measured_hz: (f64, bool),
+    /// When the analyzer was set to its frequency.
+    set_at: RigTime,
+    /// Each reading that is none of a sweep.
+    pub(crate) listened: Vec<Listened>,
     /// When the first fault was noted.
     pub(crate) faulted_at: Option<RigTime>,
 }
@@ -209,6 +225,8 @@ impl World {
             pressed_mm: f64::NAN,
             depths_mm: BTreeMap::new(),
             measured_hz: (FREE_HZ, false),
+            set_at: RigTime::ZERO,
+            listened: Vec::new(),
             faulted_at: None,
         }
     }
@@ -432,7 +450,21 @@ impl World {
                 if points.len() > 2 {
                     self.pressed_mm = self.surface_mm() - self.linear_mm - self.slip_mm;
                 }
-                return Report::Measured(points.iter().map(|point| self.reading(point)).collect());
+                let mut readings = Vec::new();
+                for point in points {
+                    let reading = self.reading(point);
+                    let driven_s = self.now.since(reading.started).as_secs_f64();
+                    if points.len() <= 2 && point.cycles > 1 {
+                        self.listened.push(Listened {
+                            is_test: point.frequency_hz < FREE_HZ - 1.0,
+                            is_clear: points.len() == 2,
+                            driven_s: driven_s + point.settle_s,
+                            asked_s: point.settle_s,
+                        });
+                    }
+                    readings.push(reading);
+                }
+                return Report::Measured(readings);
             }
             Operation::StopMotion | Operation::FindLinear { .. } => {}
         }
@@ -457,8 +489,8 @@ impl World {
         let drifted_hz = self.drift_hz_per_s * self.now.as_micros() as f64 * 1e-6;
         let softened_hz = self.softening_hz_per_v2 * self.level_v * self.level_v;
         let resonance_hz = drifted_hz - softened_hz + if is_touching { LOADED_HZ } else { FREE_HZ };
-        if !self.measured_hz.1 {
-            self.measured_hz.0 = point.frequency_hz;
+        if !self.measured_hz.1 && self.measured_hz.0 != point.frequency_hz {
+            (self.measured_hz.0, self.set_at) = (point.frequency_hz, self.now);
         }
         let frequency_hz = self.measured_hz.0;
         let (q, c0, ratio) = (50.0, 27e-9, self.ratio);
@@ -480,7 +512,7 @@ impl World {
         Reading {
             frequency_hz: point.frequency_hz,
             measured,
-            started: self.now,
+            started: self.set_at,
             settle_s: point.settle_s,
             integration_s: f64::from(point.cycles) / point.frequency_hz,
         }

@@ -45,7 +45,7 @@ fn a_rig_file_has_ports_addresses_and_positions() {
         }
     );
     assert_eq!((rig.linear.unit_id, rig.rotary.unit_id), (1, 2));
-    assert_eq!(rig.limits.linear.rest_target().position().value(), 30.0);
+    assert_eq!(rig.limits.linear.rest_target().position().value(), 24.5);
     assert_eq!(rig.linear.make, DriveMake::OrientalAz);
 }
 
@@ -128,7 +128,7 @@ fn a_rig_that_contradicts_itself_is_refused() {
         ("mm_per_step = 0.001", "mm_per_step = -0.005"),
         ("deg_per_step = 0.01", "deg_per_step = 0"),
         ("travel_mm = [0, 50]", "travel_mm = [0, 40]"),
-        ("clear_mm = 30", "clear_mm = 23"),
+        ("clear_mm = 24.5", "clear_mm = 23"),
         ("unit_id = 2", "unit_id = 1"),
         ("soft_limits_deg = [-50, 50]", "soft_limits_deg = [10, 50]"),
         ("surface_mm = 10", "surface_mm = 9"),
@@ -153,7 +153,7 @@ fn a_number_in_another_unit_gets_a_hint() {
         ("depth_mm = 0.02", "depth_mm = 20"),
     ]));
     insta::assert_snapshot!(complaints(&[
-        ("clear_mm = 30", "clear_mm = 0.03"),
+        ("clear_mm = 24.5", "clear_mm = 0.03"),
         ("length_mm = 35", "length_mm = 0.035")
     ]));
 }

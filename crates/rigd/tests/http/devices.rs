@@ -36,7 +36,7 @@ async fn the_devices_of_an_idle_rig_say_again_who_they_are() {
         assert_eq!(device["found"], device["known"]);
         assert_eq!((&device["is_as_known"], &device["trouble"]), (&json!(true), &Value::Null));
     }
-    assert_eq!(found[1]["position"], "30.000 mm");
+    assert_eq!(found[1]["position"], "24.500 mm");
     let after = daemon.rig().await;
     assert_eq!(after["linear_mm"], before["linear_mm"]);
 

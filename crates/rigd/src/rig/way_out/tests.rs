@@ -52,7 +52,7 @@ async fn panic_at(event: u64, is_resumed: bool) -> ProbeWord {
     assert_eq!(snapshot.fault, Some(injected()));
     // The clock of the rig is not the one of this thread; its motion is over.
     let truth = handle.simulation().unwrap().with(|_, rig| rig.world().truth(LATER));
-    assert!((truth.tip_mm - 30.0).abs() < 0.1, "event {event}: the tip is at {}", truth.tip_mm);
+    assert!((truth.tip_mm - 24.5).abs() < 0.1, "event {event}: the tip is at {}", truth.tip_mm);
     // Nothing begins any more, and the rig can be closed.
     let (reply, answer) = oneshot::channel();
     let request = Request::GiveUp { run: end.session, by: "Ada".to_owned(), reply };

@@ -1,0 +1,125 @@
+//! When a reading at the no-load resonance is due: the vibration of the sensor must have followed the
+//! last change of frequency and of contact. The time that has passed since then counts, whatever the rig
+//! did in it.
+
+use rig_model::{RigTime, SweepPoint};
+use rig_protocol::Plan;
+use rig_resonance::Resonance;
+
+use crate::{Operation, contact_sense::TEST_LINEWIDTHS};
+
+/// The reading of the self-test waits for this many, to e⁻³ = 5 % of the vibration at the
+/// resonance, which is within what the self-test allows.
+const TEST_TIME_CONSTANTS: f64 = 3.0;
+
+/// After a change of frequency, or when the probe has left the sample, the vibration decays for this many
+/// time constants, to e⁻⁵ = 0.7 % of the change.
+const SETTLED_TIME_CONSTANTS: f64 = 5.0;
+
+/// After the probe has left the sample, a reading after this many time constants has 5 % of the change left,
+/// which makes a clear probe seem to touch rather than the other way round. If it shows a clear probe, the
+/// rest of the decay need not be awaited.
+const EARLY_TIME_CONSTANTS: f64 = 3.0;
+
+/// The decay of the vibration that a contact has left.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Decay {
+    /// Most of it: enough to show that the probe is clear.
+    Early,
+    /// All of it.
+    Whole,
+}
+
+/// What drives the sensor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Driven {
+    /// The frequency as it was asked for, Hz. The analyzer rounds it, and a frequency that differs by the
+    /// last digit begins at another phase.
+    pub(crate) frequency_hz: f64,
+    /// Since when.
+    pub(crate) since: RigTime,
+}
+
+/// The readings of a touch at the no-load resonance.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Listening<'a> {
+    pub(crate) now: RigTime,
+    pub(crate) no_load: &'a Resonance,
+    pub(crate) plan: &'a Plan,
+    /// The drive of the sensor, if it is known.
+    pub(crate) driven: Option<Driven>,
+}
+
+impl Listening<'_> {
+    /// Reads the impedance of the clear probe at the no-load resonance, and goes on to the frequency of
+    /// the self-test, which the vibration follows while the sample turns.
+    pub(crate) fn baseline(&self) -> Operation {
+        let settle_s = self.due_s(SETTLED_TIME_CONSTANTS, self.driven_since(0.0));
+        self.measure(vec![self.point(0.0, settle_s), self.change_to(TEST_LINEWIDTHS)])
+    }
+
+    /// Reads the impedance of the clear probe at the frequency of the self-test, and goes back to the
+    /// no-load resonance, which the vibration follows on the way down.
+    pub(crate) fn test(&self) -> Operation {
+        let settle_s = self.due_s(TEST_TIME_CONSTANTS, self.driven_since(TEST_LINEWIDTHS));
+        self.measure(vec![self.point(TEST_LINEWIDTHS, settle_s), self.change_to(0.0)])
+    }
+
+    /// The same in one operation: the self-test first, then the baseline.
+    pub(crate) fn both(&self) -> Operation {
+        let test_s = self.due_s(TEST_TIME_CONSTANTS, self.driven_since(TEST_LINEWIDTHS));
+        let baseline_s = self.due_s(SETTLED_TIME_CONSTANTS, None);
+        self.measure(vec![self.point(TEST_LINEWIDTHS, test_s), self.point(0.0, baseline_s)])
+    }
+
+    /// Drives the sensor at the no-load resonance, which the vibration follows from now on.
+    pub(crate) fn drive(&self) -> Operation {
+        self.measure(vec![self.change_to(0.0)])
+    }
+
+    /// Reads the impedance at the no-load resonance, where a contact changes it most. `left` is when the
+    /// probe left the sample, if it did before this reading.
+    pub(crate) fn contact(&self, left: Option<RigTime>, decay: Decay) -> Operation {
+        let time_constants = match decay {
+            Decay::Early => EARLY_TIME_CONSTANTS,
+            Decay::Whole => SETTLED_TIME_CONSTANTS,
+        };
+        let driven_s = self.due_s(time_constants, self.driven_since(0.0));
+        let decay_s = left.map_or(0.0, |left| self.due_s(time_constants, Some(left)));
+        let settle_s = self.plan.touch.approach.settle_s.max(driven_s).max(decay_s);
+        self.measure(vec![self.point(0.0, settle_s)])
+    }
+
+    /// Since when the sensor has been driven this many linewidths below the no-load resonance.
+    fn driven_since(&self, linewidths: f64) -> Option<RigTime> {
+        let frequency_hz = self.frequency_hz(linewidths);
+        self.driven.filter(|driven| driven.frequency_hz == frequency_hz).map(|driven| driven.since)
+    }
+
+    /// The rest of this many time constants of the ring-down since then, s.
+    fn due_s(&self, time_constants: f64, since: Option<RigTime>) -> f64 {
+        let time_constant_s = self.no_load.q / (std::f64::consts::PI * self.no_load.resonance_hz);
+        let passed_s = since.map_or(0.0, |since| self.now.since(since).as_secs_f64());
+        (time_constants * time_constant_s - passed_s).max(0.0)
+    }
+
+    /// A frequency this many linewidths below the no-load resonance, or the end of the no-load window, Hz.
+    fn frequency_hz(&self, linewidths: f64) -> f64 {
+        let frequency_hz = self.no_load.resonance_hz * (1.0 - linewidths / self.no_load.q);
+        frequency_hz.max(self.plan.no_load_sweep.window.min_hz)
+    }
+
+    fn point(&self, linewidths: f64, settle_s: f64) -> SweepPoint {
+        let frequency_hz = self.frequency_hz(linewidths);
+        SweepPoint { frequency_hz, settle_s, cycles: self.plan.touch.approach.cycles }
+    }
+
+    /// The shortest reading at a frequency, which only sets it.
+    fn change_to(&self, linewidths: f64) -> SweepPoint {
+        SweepPoint { cycles: 1, ..self.point(linewidths, 0.0) }
+    }
+
+    fn measure(&self, points: Vec<SweepPoint>) -> Operation {
+        Operation::Measure { points, level: self.plan.contact_sweep.level }
+    }
+}
