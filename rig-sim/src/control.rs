@@ -235,11 +235,11 @@ fn list(violations: &[Violation]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{LineTransport, Wiring, scene::paper};
+    use crate::{LineTransport, Wiring, scene::matched};
 
     fn rig() -> Rig {
         let wiring = Wiring::paper(LineTransport::Serial { baud: 115_200 });
-        Rig::new(paper(), &wiring, 1).unwrap()
+        Rig::new(matched(), &wiring, 1).unwrap()
     }
 
     #[test]

@@ -254,7 +254,7 @@ mod tests {
     use crate::{
         faults::{FaultKind, FaultTrigger, ReplyFault, RequestFault},
         modbus::with_checksum,
-        scene::paper,
+        scene::matched,
     };
 
     /// A rig and one exchange at a time with one of its ports.
@@ -268,7 +268,7 @@ mod tests {
     impl TestRig {
         fn new(transport: LineTransport) -> Self {
             let wiring = Wiring::paper(transport);
-            let mut rig = Rig::new(paper(), &wiring, 1).unwrap();
+            let mut rig = Rig::new(matched(), &wiring, 1).unwrap();
             let (analyzer, bus) = (rig.connect(PortId::Analyzer), rig.connect(PortId::Bus));
             Self { rig, analyzer, bus, now: RigTime::ZERO }
         }

@@ -273,7 +273,7 @@ impl SimHandle {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{LineTransport, modbus::with_checksum, scene::paper};
+    use crate::{LineTransport, modbus::with_checksum, scene::matched};
     use rig_model::AnalyzerMake;
 
     fn start(seed: u64) -> SimRig {
@@ -283,7 +283,7 @@ mod tests {
     fn start_with(analyzer: AnalyzerMake, seed: u64) -> SimRig {
         let transport = LineTransport::Serial { baud: 115_200 };
         let wiring = Wiring { analyzer, ..Wiring::paper(transport) };
-        SimRig::start(paper(), &wiring, seed).unwrap()
+        SimRig::start(matched(), &wiring, seed).unwrap()
     }
 
     async fn line(io: &mut SimPort, request: &str) -> String {

@@ -34,7 +34,7 @@ fn rig(analyzer: AnalyzerMake, drive: DriveMake) -> Rig {
     let axis = |unit_id| AxisWiring::new(drive, unit_id, 0.01);
     let transport = LineTransport::Serial { baud: 115_200 };
     let wiring = Wiring { analyzer, linear: axis(1), rotary: axis(2), transport };
-    let mut rig = Rig::new(scene::paper(), &wiring, SEED).unwrap();
+    let mut rig = Rig::new(scene::matched(), &wiring, SEED).unwrap();
     rig.world().place_sample(RigTime::ZERO, "3").unwrap();
     rig
 }

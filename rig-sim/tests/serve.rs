@@ -30,7 +30,7 @@ const SERIAL: LineTransport = LineTransport::Serial { baud: 115_200 };
 const PATIENCE: Duration = Duration::from_secs(20);
 
 fn start() -> (SimRig, Server) {
-    let rig = SimRig::start(scene::paper(), &Wiring::paper(SERIAL), 1).unwrap();
+    let rig = SimRig::start(scene::matched(), &Wiring::paper(SERIAL), 1).unwrap();
     let server = Server::new(rig.handle());
     (rig, server)
 }

@@ -5,6 +5,7 @@
 
 #![deny(clippy::disallowed_methods)]
 
+pub mod budget;
 pub mod calibration;
 pub mod classes;
 pub mod classify;

@@ -12,7 +12,10 @@ use rig_contact::{Depth, Friction, Sensor, SensorDesign, inverse::InverseError};
 
 pub use judge::{Evidence, ModelCheck, Pattern, Residual, Verdict};
 
-use crate::stiffness::{Compensation, PosedTouch, Young};
+use crate::{
+    budget::Budget,
+    stiffness::{Compensation, PosedTouch, Young},
+};
 
 /// Where the model of a run comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -127,6 +130,8 @@ pub struct RunModel {
 pub struct ModelReading {
     /// Young's modulus with the uncertainty of the touch alone.
     pub young: Young,
+    /// The parts of that uncertainty; `None` if the angle was found together with the stiffness.
+    pub budget: Option<Budget>,
     /// The change of its logarithm for a unit of each learnt term.
     pub gradient: Vec<f64>,
 }
@@ -176,7 +181,8 @@ impl RunModel {
         let gradient: Result<Vec<f64>, InverseError> =
             self.sides.iter().zip(&self.learnt).map(|(side, term)| gradient(side, term)).collect();
         let young = Young { mpa: one.young_mpa, sigma_mpa: one.sigma_mpa };
-        Ok(ModelReading { young, gradient: gradient? })
+        let budget = Some(Budget::of_touch(&self.compensation, touch, &one));
+        Ok(ModelReading { young, budget, gradient: gradient? })
     }
 }
 

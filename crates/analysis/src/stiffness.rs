@@ -29,6 +29,8 @@ pub struct Compensation {
     pub shared_depth_sigma_mm: f64,
     /// Standard deviation of the independent depth error of each touch, mm.
     pub depth_sigma_mm: f64,
+    /// The part of it that is due to the surface found, mm.
+    pub surface_sigma_mm: f64,
     /// Standard deviation of the contact angle, rad.
     pub angle_sigma_rad: f64,
 }
@@ -46,13 +48,44 @@ pub struct PosedTouch {
     pub shift_hz: f64,
     /// Standard deviation of the shift, Hz.
     pub sigma_hz: f64,
+    /// The part of it that is due to the reference, Hz.
+    pub reference_sigma_hz: f64,
+    /// The measurement on the way to the depth, if there was one.
+    pub halfway: Option<Halfway>,
+}
+
+/// The measurement of a touch at a smaller depth, at the same point and with the same reference.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Halfway {
+    /// Depth along the probe, mm.
+    pub along_probe_mm: f64,
+    /// Resonance there less the no-load resonance, Hz.
+    pub shift_hz: f64,
+    /// Standard deviation of that resonance, Hz.
+    pub sigma_hz: f64,
 }
 
 impl PosedTouch {
+    /// The depth along the probe, mm.
+    pub(crate) const fn along_probe_mm(&self) -> f64 {
+        let (Depth::Indentation { along_probe_mm } | Depth::Stage { along_probe_mm }) = self.depth;
+        along_probe_mm
+    }
+
     /// The depth along the surface's normal, mm.
     pub(crate) fn normal_depth_mm(&self) -> f64 {
-        let (Depth::Indentation { along_probe_mm } | Depth::Stage { along_probe_mm }) = self.depth;
-        along_probe_mm * self.pose.cos()
+        self.along_probe_mm() * self.pose.cos()
+    }
+
+    /// The touch as it was halfway, if it was measured there.
+    pub(crate) fn at_halfway(&self) -> Option<Self> {
+        let Halfway { along_probe_mm, shift_hz, sigma_hz } = self.halfway?;
+        let depth = match self.depth {
+            Depth::Indentation { .. } => Depth::Indentation { along_probe_mm },
+            Depth::Stage { .. } => Depth::Stage { along_probe_mm },
+        };
+        let sigma_hz = sigma_hz.hypot(self.reference_sigma_hz);
+        Some(Self { depth, shift_hz, sigma_hz, halfway: None, ..*self })
     }
 }
 
@@ -162,6 +195,7 @@ impl Compensation {
             // The surface is found anew for every touch.
             shared_depth_sigma_mm: 0.0,
             depth_sigma_mm: sensor.uncertainty.depth_mm.hypot(surface_sigma_mm),
+            surface_sigma_mm,
             angle_sigma_rad: sensor.uncertainty.angle_deg.to_radians(),
         }
     }
@@ -280,7 +314,15 @@ mod tests {
                     .predict(Tier::Reference, &tissue, &contact)
                     .unwrap()
                     .shift_hz;
-                touches.push(PosedTouch { sample, pose, depth: MOVED, shift_hz, sigma_hz: 0.3 });
+                touches.push(PosedTouch {
+                    sample,
+                    pose,
+                    depth: MOVED,
+                    shift_hz,
+                    sigma_hz: 0.3,
+                    reference_sigma_hz: 0.0,
+                    halfway: None,
+                });
             }
         }
         touches

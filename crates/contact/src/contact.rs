@@ -162,6 +162,20 @@ impl Sensor {
         })
     }
 
+    /// The coefficient of friction that the contact needs to stick on its way to its depth; the arm of a
+    /// sensor that gives way drags the ball along the surface. For [`Friction::Elastic`] with that
+    /// tangential stiffness.
+    ///
+    /// # Errors
+    /// [`Refusal::Law`] when the depth lies outside the contact law, or is not a number.
+    pub fn needed_friction(&self, tissue: &Tissue, contact: &Contact) -> Result<f64, Refusal> {
+        let modulus_pa = tissue.contact_modulus_pa();
+        let depth_rel = self.patch(modulus_pa, contact)?.depth_rel;
+        let ratio = contact.tangential_ratio(tissue);
+        let section = self.section();
+        Ok(needed_friction(section, &contact.pose, contact.law, modulus_pa, ratio, depth_rel))
+    }
+
     fn patch(&self, modulus_pa: f64, contact: &Contact) -> Result<ContactPatch, LawError> {
         let section = self.section();
         let (Depth::Indentation { along_probe_mm } | Depth::Stage { along_probe_mm }) =

@@ -1,5 +1,6 @@
 //! The page: its frame, its head and the order of its parts.
 
+mod budget;
 mod element;
 mod figures;
 mod model;

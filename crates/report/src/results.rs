@@ -1,5 +1,6 @@
 //! The results of a run, built once from its records; every output is a view of them.
 
+pub(crate) mod budget;
 pub(crate) mod classification;
 pub(crate) mod cost;
 pub(crate) mod grid;

@@ -7,8 +7,8 @@ use serde::Serialize;
 use crate::{
     data::{DIRECTIONS, RunData},
     results::{
-        RunResults, recognition::Recognition, status::Tally, stiffness::Stiffness,
-        touches::TouchRow,
+        RunResults, budget::StiffnessBudget, recognition::Recognition, status::Tally,
+        stiffness::Stiffness, touches::TouchRow,
     },
 };
 
@@ -99,6 +99,8 @@ pub struct StiffnessSummary {
     pub stiffness_mpa: Option<f64>,
     /// Its standard deviation, those of calibration and model included, MPa.
     pub sigma_mpa: Option<f64>,
+    /// The same by cause; none if the contact angles are unknown.
+    pub budget: Option<StiffnessBudget>,
     /// Known Young's modulus, MPa.
     pub known_mpa: Option<f64>,
     /// Number of touches with a stiffness; of sites, when the angle is unknown.
@@ -233,6 +235,8 @@ impl RunResults {
                 sample: data.samples()[sample].name.clone(),
                 stiffness_mpa: found.map(|found| found.young_mpa),
                 sigma_mpa: found.map(|found| found.sigma_mpa),
+                budget: found
+                    .and_then(|found| Some(StiffnessBudget::of(&found.budget?, found.young_mpa))),
                 known_mpa: data.samples()[sample].stiffness_mpa,
                 used: basis.used,
                 planned: basis.planned,

@@ -78,6 +78,7 @@ fn a_complete_run_has_every_figure() {
         "blind-narrow",
         "no-load",
         "no-load-narrow",
+        "budget",
         "size",
         "phase",
     ];
@@ -183,7 +184,7 @@ fn the_summary_has_the_documented_fields() {
     assert_eq!(fields(&json["classification"]), "correct rate trials");
     assert_eq!(
         fields(&json["stiffness"][0]),
-        "known_mpa planned sample sigma_mpa stiffness_mpa used"
+        "budget known_mpa planned sample sigma_mpa stiffness_mpa used"
     );
     assert_eq!(fields(&json["recognition"][0]), "correct high low method rate trials");
     assert_eq!(
@@ -465,6 +466,18 @@ fn a_touch_that_was_not_reached_has_a_reason() {
     assert_eq!(table(&SampleRun::new(Story::Empty))[0]["reason"], "the run was aborted");
 }
 
+/// The squares of the parts add up, and a run with noise has each of the first five.
+#[track_caller]
+fn check_budget(budget: &StiffnessBudget, sigma_mpa: f64) {
+    let StiffnessBudget { sweep_mpa, reference_mpa, surface_mpa, depth_mpa, angle_mpa, .. } =
+        *budget;
+    let own = [sweep_mpa, reference_mpa, surface_mpa, depth_mpa, angle_mpa];
+    assert!(own.iter().all(|part| *part > 0.0), "{budget:?}");
+    let all = own.into_iter().chain([budget.sensor_mpa, budget.model_mpa, budget.sample_mpa]);
+    let together = all.map(|part| part * part).sum::<f64>().sqrt();
+    assert!((together / sigma_mpa - 1.0).abs() < 1e-9, "{budget:?} is not {sigma_mpa}");
+}
+
 #[test]
 fn the_table_of_touches_has_every_value_of_a_touch() {
     let sample = SampleRun::new(Story::Complete);
@@ -482,6 +495,10 @@ fn the_table_of_touches_has_every_value_of_a_touch() {
     for row in &found.touch_results {
         let (known, sigma) = (row.known_mpa.unwrap(), row.stiffness_sigma_mpa.unwrap());
         assert!((row.stiffness_mpa.unwrap() - known).abs() < 6.0 * sigma, "{row:?}");
+        check_budget(&row.budget.unwrap(), sigma);
+    }
+    for sample in &found.stiffness {
+        check_budget(&sample.budget.unwrap(), sample.sigma_mpa.unwrap());
     }
     let blind = || found.touch_results.iter().filter(|row| row.phase == "blind");
     let is_right = |row: &&TouchRow| row.class.as_deref() == Some(row.sample.as_str());

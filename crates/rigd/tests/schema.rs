@@ -34,12 +34,13 @@ fn is_read(kind: &str, text: &str) -> bool {
     }
 }
 
-const FILES: [(&str, &str); 5] = [
+const FILES: [(&str, &str); 6] = [
     ("protocol", "protocols/smoke.toml"),
     ("protocol", "protocols/three-direction.toml"),
     ("rig", "rigs/simulated.toml"),
     ("rig", "rigs/bench.toml"),
     ("scene", "scenes/paper.toml"),
+    ("scene", "scenes/matched.toml"),
 ];
 
 #[test]

@@ -203,7 +203,7 @@ mod tests {
 
     use super::*;
     use crate::{
-        device::drive::az::alarm, faults::FaultSchedule, scene::paper, wiring::AxisWiring,
+        device::drive::az::alarm, faults::FaultSchedule, scene::matched, wiring::AxisWiring,
         world::AxisId,
     };
 
@@ -224,7 +224,7 @@ mod tests {
 
     impl TestLine {
         fn new() -> Self {
-            let mut world = World::new(paper(), 1).unwrap();
+            let mut world = World::new(matched(), 1).unwrap();
             world.place_sample(RigTime::ZERO, "3").unwrap();
             let units = vec![
                 (1, Drive::new(AxisId::Linear, wiring(1, MM), &world)),

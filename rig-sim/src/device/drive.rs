@@ -118,7 +118,7 @@ mod test_drive {
 
     use super::*;
     use crate::{
-        scene::paper,
+        scene::matched,
         world::{Nuisances, Scene},
     };
 
@@ -131,7 +131,7 @@ mod test_drive {
 
     impl TestDrive {
         pub(super) fn new(make: DriveMake) -> Self {
-            let scene = Scene { nuisances: Nuisances::NONE, ..paper() };
+            let scene = Scene { nuisances: Nuisances::NONE, ..matched() };
             let world = World::new(scene, 1).unwrap();
             let wiring = AxisWiring::new(make, 1, 0.01);
             let drive = Drive::new(AxisId::Linear, wiring, &world);

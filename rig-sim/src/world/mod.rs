@@ -27,7 +27,7 @@ pub use self::{
     motion::Profile,
     nuisance::{Drift, Nuisances},
     scene::{AxisId, Mechanics, NoSuchSample, Sample, Scene, SceneError},
-    sensor::SensorScene,
+    sensor::{Relaxation, SensorScene},
     stage::{Drivetrain, Stage},
     true_geometry::TrueGeometry,
     truth::{Truth, Violation, ViolationKind},
@@ -59,6 +59,7 @@ const STUCK: WorldContact = WorldContact {
     indentation_mm: 0.2,
     contact_deg: 0.0,
     orientation: Orientation::FrontBack,
+    rested_s: 0.0,
 };
 
 /// While the rotary stage turns, contact is checked this many times between two events.
@@ -121,7 +122,7 @@ impl World {
     /// [`SceneError`] with the first thing that cannot be.
     pub fn new(scene: Scene, seed: u64) -> Result<Self, SceneError> {
         let largest = |of: fn(&Sample) -> f64| scene.samples.iter().map(of).fold(0.0, f64::max);
-        let sensor = SensorModel::new(
+        let mut sensor = SensorModel::new(
             scene.sensor,
             largest(|sample| sample.stiffness_mpa),
             largest(|sample| sample.max_indentation_mm),
@@ -474,6 +475,7 @@ impl World {
             indentation_mm,
             contact_deg: self.contact_deg(now),
             orientation: self.orientation,
+            rested_s: now.since(self.linear.rests_from().min(now)).as_secs_f64(),
         })
     }
 }

@@ -1,8 +1,8 @@
 //! The sensor and its impedance, clear and in contact.
 
 use rig_contact::{
-    Choice, Circuit, Contact, ContactLaw, Depth, Direction, Friction, Models, Pose, SensorDesign,
-    SensorError, Tier, Tissue, TissueError,
+    Choice, Circuit, Contact, ContactLaw, Depth, Direction, Friction, Models, Pose, Refusal,
+    SensorDesign, SensorError, Tier, Tissue, TissueError,
 };
 use rig_model::Orientation;
 
@@ -15,8 +15,12 @@ pub struct SensorScene {
     pub deflects: bool,
     /// The contact law.
     pub law: ContactLaw,
-    /// Whether the contact sticks sideways while it vibrates; it slides without resistance if not.
-    pub sticks: bool,
+    /// Tangential over normal stiffness of a contact that sticks; 0 without friction.
+    pub tangential_ratio: f64,
+    /// Coefficient of friction; infinite if no contact slips.
+    pub friction_coefficient: f64,
+    /// Relaxation of the tissue under a resting load.
+    pub relaxation: Relaxation,
     /// Poisson's ratio of all samples.
     pub poisson: f64,
     /// Loss factor of all samples.
@@ -26,8 +30,28 @@ pub struct SensorScene {
     pub tolerance_hz: f64,
 }
 
+/// Relaxation of a tissue: the force of a resting contact falls. A vibration at the sensor's resonance
+/// is too fast for it and meets the unrelaxed modulus.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Relaxation {
+    /// The part of the force that is lost in the end, 0 to 1.
+    pub part: f64,
+    /// Time constant, s.
+    pub time_s: f64,
+}
+
+impl Relaxation {
+    /// An elastic tissue.
+    pub const NONE: Self = Self { part: 0.0, time_s: 1.0 };
+
+    /// The force over its first value, this long after the last move.
+    fn left(&self, rested_s: f64) -> f64 {
+        1.0 - self.part * (1.0 - (-rested_s.max(0.0) / self.time_s).exp())
+    }
+}
+
 /// A contact of the simulated world.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct WorldContact {
     pub(super) stiffness_mpa: f64,
     /// Along the probe.
@@ -35,6 +59,8 @@ pub(super) struct WorldContact {
     /// The angle between probe and surface normal, with the sign of the tilt.
     pub(super) contact_deg: f64,
     pub(super) orientation: Orientation,
+    /// Time since the last move, s.
+    pub(super) rested_s: f64,
 }
 
 /// A checked sensor with its models.
@@ -43,6 +69,9 @@ pub(super) struct SensorModel {
     scene: SensorScene,
     models: Models,
     choice: Choice,
+    /// The last contact that was held by friction, at rest from the beginning, and the part of the
+    /// tangential stiffness that it had.
+    held: Option<(WorldContact, f64)>,
 }
 
 /// The scenes are those of contacts up to the paper's largest angle.
@@ -64,6 +93,9 @@ impl SensorModel {
         let sensor = rig_contact::Sensor::new(scene.design)?;
         let reference =
             Choice { tier: Tier::Reference, difference_hz: 0.0, tolerance_hz: scene.tolerance_hz };
+        // Deeper than its law a contact does not grow.
+        let limit_mm = scene.law.depth_limit_rel() * scene.design.probe_radius_mm;
+        let deepest_mm = deepest_mm.min(limit_mm);
         // A scene that the reference does not take in whole is left to it, as far as it does.
         let choice = tissue(&scene, stiffest_mpa).ok().and_then(|stiffest| {
             let asked = rig_contact::Requirements {
@@ -79,7 +111,7 @@ impl SensorModel {
         });
         let choice = choice.unwrap_or(reference);
         tracing::info!(%choice, "the model of the sensor");
-        Ok(Self { scene, models: Models::new(&sensor, scene.law), choice })
+        Ok(Self { scene, models: Models::new(&sensor, scene.law), choice, held: None })
     }
 
     pub(super) fn tissue(&self, stiffness_mpa: f64) -> Result<Tissue, TissueError> {
@@ -87,20 +119,21 @@ impl SensorModel {
     }
 
     /// The circuit without contact or in contact, with the free resonance shifted by `shift_hz`.
-    pub(super) fn circuit(&self, touched: Option<WorldContact>, shift_hz: f64) -> Circuit {
+    pub(super) fn circuit(&mut self, touched: Option<WorldContact>, shift_hz: f64) -> Circuit {
         // Without depth any tissue leaves the free sensor.
         let circuit = self.touching(touched.unwrap_or(WorldContact {
             stiffness_mpa: 1.0,
             indentation_mm: 0.0,
             contact_deg: 0.0,
             orientation: Orientation::FrontBack,
+            rested_s: 0.0,
         }));
         // Warmth softens the beam: it scales the resonance with and without contact alike.
         let factor = 1.0 + shift_hz / self.models.no_load_hz(self.choice.tier);
         Circuit { series_resonance_hz: circuit.series_resonance_hz * factor, ..circuit }
     }
 
-    fn touching(&self, touched: WorldContact) -> Circuit {
+    fn touching(&mut self, touched: WorldContact) -> Circuit {
         let tissue = self.tissue(touched.stiffness_mpa).expect("stiffness was checked");
         let direction = match touched.orientation {
             Orientation::FrontBack if touched.contact_deg < 0.0 => Direction::Back,
@@ -110,22 +143,70 @@ impl SensorModel {
         };
         let angle_deg = touched.contact_deg.abs().min(STEEPEST_DEG);
         let pose = Pose::leaning(direction, angle_deg.to_radians()).expect("the angle is acute");
-        let law = self.scene.law;
-        let friction = friction(&self.scene);
-        let depth = depth(&self.scene, touched.indentation_mm);
-        let contact = Contact { pose, depth, law, friction };
-        self.models.circuit(self.choice.tier, &tissue, &contact).unwrap_or_else(|_| {
+        let scene = self.scene;
+        let law = scene.law;
+        let depth = depth(&scene, touched.indentation_mm);
+        let pressed = Contact { pose, depth, law, friction: friction(&scene) };
+        let contact = self.at_rest(&touched, &pressed).and_then(|rested| {
+            let tangential_ratio =
+                scene.tangential_ratio * self.held_part(&touched, &tissue, &pressed)?;
+            Ok(Contact { friction: Friction::Elastic { tangential_ratio }, ..rested })
+        });
+        let circuit =
+            contact.and_then(|contact| self.models.circuit(self.choice.tier, &tissue, &contact));
+        circuit.unwrap_or_else(|_| {
             // Deeper than the law holds, or with more force than the sensor bears, as in a crash: the
             // contact grows no further.
-            let limit_mm = law.depth_limit_rel() * self.scene.design.probe_radius_mm;
+            let limit_mm = law.depth_limit_rel() * scene.design.probe_radius_mm;
             let crashed = (0..DEPTHS).find_map(|halved| {
                 let along_probe_mm = limit_mm * 0.5_f64.powi(halved);
                 let depth = Depth::Indentation { along_probe_mm };
-                let deepest = Contact { pose: Pose::UPRIGHT, depth, ..contact };
+                let deepest = Contact { pose: Pose::UPRIGHT, depth, ..pressed };
                 self.models.circuit(Tier::Reference, &tissue, &deepest).ok()
             });
             crashed.unwrap_or_else(|| self.models.free_circuit())
         })
+    }
+
+    /// The contact with the indentation that it has come to while the tissue relaxed: a sensor that
+    /// deflects then presses less and goes deeper.
+    fn at_rest(&self, touched: &WorldContact, pressed: &Contact) -> Result<Contact, Refusal> {
+        let left = self.scene.relaxation.left(touched.rested_s);
+        if !self.scene.deflects || left == 1.0 {
+            return Ok(*pressed);
+        }
+        let softer = self.tissue(touched.stiffness_mpa * left).expect("stiffness was checked");
+        let normal_mm = self.models.sensor().load(&softer, pressed)?.depth_mm;
+        let depth = Depth::Indentation { along_probe_mm: normal_mm / pressed.pose.cos() };
+        Ok(Contact { depth, ..*pressed })
+    }
+
+    /// The part of the tangential stiffness that friction leaves: the rim of the contact slips first,
+    /// and with the whole contact the last of it.
+    ///
+    /// # Source
+    /// Mindlin, J. Appl. Mech. 16 (1949) 259: the cube root of 1 - T/μN under a rising force T.
+    fn held_part(
+        &mut self,
+        touched: &WorldContact,
+        tissue: &Tissue,
+        pressed: &Contact,
+    ) -> Result<f64, Refusal> {
+        let coefficient = self.scene.friction_coefficient;
+        if coefficient.is_infinite() || self.scene.tangential_ratio == 0.0 {
+            return Ok(1.0);
+        }
+        // Friction is loaded while the ball goes in, not while the tissue relaxes.
+        let key = WorldContact { rested_s: 0.0, ..*touched };
+        if let Some((of, part)) = self.held
+            && of == key
+        {
+            return Ok(part);
+        }
+        let needed = self.models.sensor().needed_friction(tissue, pressed)?;
+        let part = (1.0 - needed / coefficient).max(0.0).cbrt();
+        self.held = Some((key, part));
+        Ok(part)
     }
 }
 
@@ -134,7 +215,7 @@ fn tissue(scene: &SensorScene, stiffness_mpa: f64) -> Result<Tissue, TissueError
 }
 
 const fn friction(scene: &SensorScene) -> Friction {
-    if scene.sticks { Friction::Sticking } else { Friction::Frictionless }
+    Friction::Elastic { tangential_ratio: scene.tangential_ratio }
 }
 
 /// The depth in the sample of a move of the stage.
@@ -149,19 +230,27 @@ const fn depth(scene: &SensorScene, along_probe_mm: f64) -> Depth {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::paper;
+    use crate::scene::matched;
+
+    fn touching(scene: SensorScene, indentation_mm: f64, contact_deg: f64) -> Circuit {
+        rested(scene, indentation_mm, contact_deg, 0.0)
+    }
+
+    fn rested(scene: SensorScene, indentation_mm: f64, contact_deg: f64, rested_s: f64) -> Circuit {
+        let orientation = Orientation::FrontBack;
+        let stiffness_mpa = 0.649;
+        let touched =
+            WorldContact { stiffness_mpa, indentation_mm, contact_deg, orientation, rested_s };
+        SensorModel::new(scene, 0.649, 1.0).unwrap().circuit(Some(touched), 0.0)
+    }
 
     fn circuit(deflects: bool, indentation_mm: f64, contact_deg: f64) -> Circuit {
-        let scene = SensorScene { deflects, ..paper().sensor };
-        let orientation = Orientation::FrontBack;
-        let touched =
-            WorldContact { stiffness_mpa: 0.649, indentation_mm, contact_deg, orientation };
-        SensorModel::new(scene, 0.649, 1.0).unwrap().circuit(Some(touched), 0.0)
+        touching(SensorScene { deflects, ..matched().sensor }, indentation_mm, contact_deg)
     }
 
     #[test]
     fn the_reference_sensor_has_the_shift_that_the_paper_prints() {
-        let model = SensorModel::new(paper().sensor, 0.649, 1.0).unwrap();
+        let mut model = SensorModel::new(matched().sensor, 0.649, 1.0).unwrap();
         let free_hz = model.circuit(None, 0.0).series_resonance_hz;
         assert!((free_hz - 140.4).abs() < 0.2, "{free_hz}");
         assert!((model.circuit(None, 0.3).series_resonance_hz - free_hz - 0.3).abs() < 1e-3);
@@ -180,5 +269,34 @@ mod tests {
         assert!(front_hz - back_hz > 5.0, "{front_hz} {back_hz}");
         let crash_hz = circuit(false, 20.0, 45.0).series_resonance_hz;
         assert!(crash_hz.is_finite() && crash_hz > front_hz, "{crash_hz}");
+    }
+
+    /// The cube root of what is left of the friction, between that of a contact that sticks and of one
+    /// that slides.
+    #[test]
+    fn friction_holds_a_part_of_the_tangential_stiffness() {
+        let with = |tangential_ratio, friction_coefficient| {
+            let scene = SensorScene { tangential_ratio, friction_coefficient, ..matched().sensor };
+            touching(scene, 0.4, 30.0).series_resonance_hz
+        };
+        let infinite = f64::INFINITY;
+        assert!((with(0.7, 1e9) - with(0.7, infinite)).abs() < 1e-3);
+        assert_eq!(with(0.7, 0.01), with(0.0, infinite));
+        let held = with(0.7, 2.0);
+        assert!(with(0.0, infinite) + 1.0 < held && held < with(0.7, infinite) - 0.1, "{held}");
+    }
+
+    /// The indentation grows until the force of a tissue that is a fifth softer balances the sensor.
+    #[test]
+    fn a_tissue_relaxes_under_a_sensor_that_deflects() {
+        let relaxation = Relaxation { part: 0.2, time_s: 2.0 };
+        let at = |deflects, rested_s| {
+            let scene = SensorScene { deflects, relaxation, ..matched().sensor };
+            rested(scene, 0.4, 15.0, rested_s).series_resonance_hz
+        };
+        assert_eq!(at(false, 0.0), at(false, 100.0));
+        let crept = at(true, 100.0) - at(true, 0.0);
+        assert!((1.0..6.0).contains(&crept), "{crept} Hz");
+        assert!((at(true, 2.0 * 2.0_f64.ln()) - at(true, 0.0) - crept / 2.0).abs() < 0.1 * crept);
     }
 }

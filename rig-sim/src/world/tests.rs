@@ -1,7 +1,7 @@
 use std::time::Duration;
 
 use super::*;
-use crate::scene::paper;
+use crate::scene::matched;
 
 const FAST: Profile = Profile { speed: 50.0, acceleration: 1000.0, deceleration: 1000.0 };
 
@@ -11,7 +11,7 @@ fn at(seconds: f64) -> RigTime {
 
 /// A bench without nuisances, with sample 3 in place.
 fn quiet() -> World {
-    let mut world = World::new(Scene { nuisances: Nuisances::NONE, ..paper() }, 1).unwrap();
+    let mut world = World::new(Scene { nuisances: Nuisances::NONE, ..matched() }, 1).unwrap();
     world.place_sample(RigTime::ZERO, "3").unwrap();
     world
 }
@@ -142,7 +142,7 @@ fn the_sensor_rings_from_the_moment_at_which_the_probe_leaves_the_sample() {
 #[test]
 fn noise_has_the_size_that_the_scene_says_for_every_integration() {
     let nuisances = Nuisances { impedance_rel: 0.005, ..Nuisances::NONE };
-    let mut world = World::new(Scene { nuisances, ..paper() }, 1).unwrap();
+    let mut world = World::new(Scene { nuisances, ..matched() }, 1).unwrap();
     world.set_frequency(at(0.0), 140.0);
     let mut now = at(10.0);
     let exact = quiet_free_impedance();
@@ -171,7 +171,7 @@ fn quiet_free_impedance() -> Complex64 {
 #[test]
 fn the_same_seed_gives_the_same_world_and_looking_at_it_changes_nothing() {
     let play = |seed: u64, looks: bool| {
-        let mut world = World::new(paper(), seed).unwrap();
+        let mut world = World::new(matched(), seed).unwrap();
         let mut told = Vec::new();
         for (round, name) in ["1", "2", "3", "4", "5"].repeat(4).into_iter().enumerate() {
             let start = 100.0 * round as f64;
@@ -194,7 +194,7 @@ fn the_same_seed_gives_the_same_world_and_looking_at_it_changes_nothing() {
 
 #[test]
 fn no_two_mountings_are_alike_and_none_is_far_off() {
-    let mut world = World::new(paper(), 1).unwrap();
+    let mut world = World::new(matched(), 1).unwrap();
     let (mut heights, sigma_mm) = (Vec::new(), world.scene().nuisances.mounting_mm);
     for _ in 0..300 {
         world.place_sample(at(0.0), "3").unwrap();
@@ -209,11 +209,11 @@ fn no_two_mountings_are_alike_and_none_is_far_off() {
 
 #[test]
 fn a_scene_that_cannot_be_is_refused() {
-    let mut scene = paper();
+    let mut scene = matched();
     scene.linear.start = 51.0;
     let refused = World::new(scene, 1).unwrap_err().to_string();
     assert_eq!(refused, "linear stage: start 51 is outside its travel [0, 50]");
-    let mut scene = paper();
+    let mut scene = matched();
     scene.samples[1].stiffness_mpa = -1.0;
     assert!(matches!(World::new(scene, 1), Err(SceneError::Sample { name, .. }) if name == "2"));
 }

@@ -6,11 +6,13 @@
 
 use std::f64::consts::PI;
 
+use rig_contact::inverse::OneTouch;
+
 use super::{
     LearntTerm, MainTouches, ModelSource, RunModel, Term, Terms, judge,
     linear::{self, Matrix},
 };
-use crate::stiffness::{Compensation, PosedTouch};
+use crate::stiffness::{Compensation, Halfway, PosedTouch};
 
 /// Steps of a fit at most; it needs three to six.
 const STEPS_MAX: usize = 12;
@@ -36,6 +38,9 @@ pub(super) struct Usable<'a> {
     pub(super) touches: Vec<PosedTouch>,
     /// Where each of them is in the list of the caller.
     pub(super) indices: Vec<usize>,
+    /// The touches that were also measured halfway. Each adds a row behind those of all touches: the
+    /// logarithm of its stiffness less that halfway, which is zero under a model that holds.
+    pub(super) pairs: Vec<usize>,
     pub(super) main: &'a MainTouches<'a>,
 }
 
@@ -53,13 +58,13 @@ pub(super) struct Fit {
 /// The touches under given terms.
 #[derive(Debug, Clone)]
 pub(super) struct State {
-    /// Logarithm of each stiffness.
+    /// Logarithm of each stiffness, and the difference of each pair.
     pub(super) logs: Vec<f64>,
-    /// Reciprocal variance of each logarithm, with that from point to point.
+    /// Reciprocal variance of each row, with that from point to point.
     pub(super) weights: Vec<f64>,
     /// The part of that variance from the depth.
     pub(super) depth_variances: Vec<f64>,
-    /// Each logarithm less the mean of its sample.
+    /// Each logarithm less the mean of its sample; the differences as they are.
     pub(super) residuals: Vec<f64>,
     pub(super) chi2: f64,
 }
@@ -117,8 +122,33 @@ impl<'a> Usable<'a> {
     fn new(described: &'a Compensation, main: &'a MainTouches<'a>) -> Self {
         let usable = |(_, touch): &(usize, &PosedTouch)| described.of_touch(touch).is_ok();
         let usable = main.touches.iter().enumerate().filter(usable);
-        let (indices, touches) = usable.map(|(index, touch)| (index, *touch)).unzip();
-        Self { described, touches, indices, main }
+        let (indices, touches): (Vec<usize>, Vec<PosedTouch>) =
+            usable.map(|(index, touch)| (index, *touch)).unzip();
+        let is_pair = |(index, touch): (usize, &PosedTouch)| {
+            let halfway = touch.at_halfway()?;
+            described.of_touch(&halfway).is_ok().then_some(index)
+        };
+        let pairs = touches.iter().enumerate().filter_map(is_pair).collect();
+        Self { described, touches, indices, pairs, main }
+    }
+
+    /// The touch of each row.
+    pub(super) fn rows(&self) -> impl Iterator<Item = usize> {
+        (0..self.touches.len()).chain(self.pairs.iter().copied())
+    }
+
+    /// A value of each row: of the touch, and of the touch less that of halfway.
+    fn values(&self, of: impl Fn(&PosedTouch) -> Option<f64>) -> Option<Vec<f64>> {
+        let mut values: Vec<f64> = self.touches.iter().map(&of).collect::<Option<_>>()?;
+        for &pair in &self.pairs {
+            values.push(values[pair] - of(&self.touches[pair].at_halfway()?)?);
+        }
+        Some(values)
+    }
+
+    /// The logarithm of the depth along the normal, as a value of each row.
+    pub(super) fn log_depths(&self) -> Option<Vec<f64>> {
+        self.values(|touch| Some(touch.normal_depth_mm().ln()))
     }
 
     /// Number of samples with a touch.
@@ -249,11 +279,14 @@ impl<'a> Usable<'a> {
     /// aᵀ W V W b with the variance V of the touches, of whose depth error `share` is common to one
     /// place of the stages.
     pub(super) fn covaried(&self, a: &[f64], b: &[f64], state: &State, share: f64) -> f64 {
+        let touch: Vec<usize> = self.rows().collect();
+        let is_pair = |row: usize| row >= self.touches.len();
         let mut sum = 0.0;
         for i in 0..a.len() {
             let weight = state.weights[i];
             sum += a[i] * weight * b[i];
-            for j in (0..a.len()).filter(|&j| j != i && self.is_one_place(i, j)) {
+            let others = (0..a.len()).filter(|&j| j != i && is_pair(j) == is_pair(i));
+            for j in others.filter(|&j| self.is_one_place(touch[i], touch[j])) {
                 let depths = state.depth_variances[i] * state.depth_variances[j];
                 sum += a[i] * weight * share * depths.sqrt() * state.weights[j] * b[j];
             }
@@ -290,18 +323,23 @@ impl<'a> Usable<'a> {
         let model = self.described.with(terms)?;
         let smooth = |(index, touch): (usize, &PosedTouch)| {
             let young_mpa = (state.logs[index] - state.residuals[index]).exp();
-            let shift_hz = model.shift_hz(&terms.touch(touch), young_mpa)?;
-            Some(PosedTouch { shift_hz, ..*touch })
+            let shift_hz = |touch: &PosedTouch| model.shift_hz(&terms.touch(touch), young_mpa);
+            let halfway = match (touch.halfway, touch.at_halfway()) {
+                (Some(before), Some(at)) => Some(Halfway { shift_hz: shift_hz(&at)?, ..before }),
+                _ => None,
+            };
+            Some(PosedTouch { shift_hz: shift_hz(touch)?, halfway, ..*touch })
         };
         let touches: Option<Vec<PosedTouch>> =
             self.touches.iter().enumerate().map(smooth).collect();
-        Some(Self { touches: touches?, indices: self.indices.clone(), ..*self })
+        let (indices, pairs) = (self.indices.clone(), self.pairs.clone());
+        Some(Self { touches: touches?, indices, pairs, ..*self })
     }
 
-    /// The logarithm of the stiffness of each touch.
+    /// The logarithm of the stiffness of each touch, and the difference of each pair.
     pub(super) fn logs(&self, terms: &Terms) -> Option<Vec<f64>> {
         let model = self.described.with(terms)?;
-        self.touches.iter().map(|touch| model.log_young(&terms.touch(touch)).ok()).collect()
+        self.values(|touch| model.log_young(&terms.touch(touch)).ok())
     }
 
     fn state(&self, terms: &Terms) -> Option<State> {
@@ -313,6 +351,14 @@ impl<'a> Usable<'a> {
             logs.push(one.young_mpa.ln());
             weights.push(1.0 / (relative(one.sigma_mpa) + self.main.sample_rel.powi(2)));
             depth_variances.push(relative(one.sigma_of_depth_mpa));
+        }
+        for &pair in &self.pairs {
+            let touch = &self.touches[pair];
+            let at = |touch: &PosedTouch| model.of_touch(&terms.touch(touch)).ok();
+            let difference = Difference::of(&model, touch, &at(touch)?, &touch.at_halfway()?, at)?;
+            logs.push(difference.log);
+            weights.push(1.0 / difference.variance);
+            depth_variances.push(difference.depth_variance);
         }
         let residuals = self.centred(&logs, &weights);
         let chi2 = chi2(&residuals, &weights);
@@ -327,9 +373,54 @@ impl<'a> Usable<'a> {
             sums[touch.sample] += weight * value;
             all[touch.sample] += weight;
         }
-        let centred =
-            |(value, touch): (&f64, &PosedTouch)| value - sums[touch.sample] / all[touch.sample];
-        values.iter().zip(&self.touches).map(centred).collect()
+        let means = self.touches.iter().map(|touch| sums[touch.sample] / all[touch.sample]);
+        // The differences of pairs have no mean of their own.
+        let means = means.chain(std::iter::repeat(0.0));
+        values.iter().zip(means).map(|(value, mean)| value - mean).collect()
+    }
+}
+
+/// The logarithm of the stiffness of a touch less that of the same touch halfway.
+struct Difference {
+    log: f64,
+    variance: f64,
+    /// The part of the variance from the depth.
+    depth_variance: f64,
+}
+
+impl Difference {
+    /// Point, reference, surface and angle are the same at both depths, so that only the differences of
+    /// what they change are left. The resonance and the depth itself err independently.
+    fn of(
+        model: &Compensation,
+        touch: &PosedTouch,
+        deep: &OneTouch,
+        halfway: &PosedTouch,
+        at: impl Fn(&PosedTouch) -> Option<OneTouch>,
+    ) -> Option<Self> {
+        let before = at(halfway)?;
+        let share = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { 0.0 };
+        let own = |one: &OneTouch, touch: &PosedTouch| {
+            let parts = [one.sigma_of_shift_mpa, one.sigma_of_depth_mpa, one.sigma_of_angle_mpa];
+            let reference = share(touch.reference_sigma_hz, touch.sigma_hz);
+            (parts.map(|part| part / one.young_mpa), reference)
+        };
+        let ([shift, depth, angle], reference) = own(deep, touch);
+        let ([shift_0, depth_0, angle_0], reference_0) = own(&before, halfway);
+        let surface = share(model.surface_sigma_mm, model.depth_sigma_mm);
+        let squares = |a: f64, b: f64, common: f64| {
+            (a * a + b * b) * (1.0 - common * common) + (common * (a - b)).powi(2)
+        };
+        let depth_variance = squares(depth, depth_0, surface);
+        let resonance = |shift: f64, reference: f64| shift * shift * (1.0 - reference * reference);
+        let references = (shift * reference - shift_0 * reference_0).powi(2);
+        let variance = resonance(shift, reference)
+            + resonance(shift_0, reference_0)
+            + references
+            + depth_variance
+            + (angle - angle_0).powi(2);
+        let log = (deep.young_mpa / before.young_mpa).ln();
+        Some(Self { log, variance, depth_variance })
     }
 }
 

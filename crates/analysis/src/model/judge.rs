@@ -119,7 +119,9 @@ pub(super) fn judge(touches: &Usable<'_>, fit: &Fit) -> Option<ModelCheck> {
     let mut evidence = terms(touches, fit);
     evidence.extend(samples(touches, state));
     let tests = 1.0 + evidence.len() as f64;
-    let by_chi2 = chi2_probability(state.chi2, freedom as f64 / touches.overlap(state));
+    let main = touches.touches.len();
+    let chi2 = weighted(&state.residuals[..main], &state.residuals[..main], &state.weights);
+    let by_chi2 = chi2_probability(chi2, freedom as f64 / touches.overlap(state));
     let least = evidence.iter().map(|one| one.probability).fold(by_chi2, f64::min);
     let probability = (tests * least).min(1.0);
     let verdict = if probability < REJECTED_BELOW {
@@ -137,14 +139,16 @@ pub(super) fn judge(touches: &Usable<'_>, fit: &Fit) -> Option<ModelCheck> {
         log: state.residuals[i],
         sigmas: state.residuals[i] * state.weights[i].sqrt(),
     };
-    let scatter = touches.excess_scatter(state, freedom);
+    let scatter = touches.excess_scatter(chi2, state, freedom);
     let added_rel = match verdict {
         Verdict::Holds => scatter,
-        Verdict::Strained | Verdict::Rejected => scatter.max(touches.common_misfit(state)),
+        Verdict::Strained | Verdict::Rejected => {
+            scatter.max(touches.common_misfit(state)).max(touches.depth_misfit(state))
+        }
     };
     Some(ModelCheck {
         verdict,
-        chi2: state.chi2,
+        chi2,
         freedom,
         pattern: pattern.filter(|_| verdict != Verdict::Holds),
         evidence,
@@ -162,7 +166,8 @@ fn terms(touches: &Usable<'_>, fit: &Fit) -> Vec<Evidence> {
         let mut slopes = smooth.slopes(terms, &[term], &state.weights)?;
         slopes.pop()
     };
-    let angles: Vec<f64> = touches.touches.iter().map(|touch| touch.pose.angle_rad()).collect();
+    let angles: Vec<f64> =
+        touches.rows().map(|index| touches.touches[index].pose.angle_rad()).collect();
     let mut splits = angles.clone();
     splits.sort_by(f64::total_cmp);
     splits.dedup();
@@ -182,8 +187,7 @@ fn terms(touches: &Usable<'_>, fit: &Fit) -> Vec<Evidence> {
         let change = others.iter().zip(&logs).map(|(other, log)| other - log).collect();
         columns.push((Pattern::Depth, change));
     }
-    let depths = touches.touches.iter().map(|touch| touch.normal_depth_mm().ln());
-    columns.push((Pattern::Depth, depths.collect()));
+    columns.extend(touches.log_depths().map(|column| (Pattern::Depth, column)));
     let all = columns.iter().filter_map(|(pattern, column)| {
         let column = free(touches, fit, column)?;
         Some(score(touches, state, *pattern, &column))
@@ -285,11 +289,28 @@ impl Usable<'_> {
         common.max(0.0).sqrt()
     }
 
+    /// The root mean square, over the main touches, of the change of the stiffness with the depth along the
+    /// normal, from the smallest angle on, if it grows between two depths as the pairs show.
+    fn depth_misfit(&self, state: &State) -> f64 {
+        let Some(depths) = self.log_depths() else { return 0.0 };
+        let main = self.touches.len();
+        let of = |a: &[f64], b: &[f64]| weighted(&a[main..], &b[main..], &state.weights[main..]);
+        let information = of(&depths, &depths);
+        if information == 0.0 {
+            return 0.0;
+        }
+        let exponent = of(&depths, &state.residuals) / information;
+        let deepest = depths[..main].iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let squares: f64 = depths[..main].iter().map(|depth| (deepest - depth).powi(2)).sum();
+        exponent.abs() * (squares / main as f64).sqrt()
+    }
+
     /// The relative standard deviation that would bring χ² down to its degrees of freedom; 0 if it is not
     /// above them.
-    fn excess_scatter(&self, state: &State, freedom: usize) -> f64 {
-        let mean_weight = state.weights.iter().sum::<f64>() / self.touches.len() as f64;
-        ((state.chi2 / freedom as f64 - 1.0) / mean_weight).max(0.0).sqrt()
+    fn excess_scatter(&self, chi2: f64, state: &State, freedom: usize) -> f64 {
+        let main = self.touches.len();
+        let mean_weight = state.weights[..main].iter().sum::<f64>() / main as f64;
+        ((chi2 / freedom as f64 - 1.0) / mean_weight).max(0.0).sqrt()
     }
 }
 

@@ -48,7 +48,15 @@ impl Truth {
                     let tissue = Tissue::soft(young_mpa).unwrap();
                     let found = models.predict(Tier::Reference, &tissue, &contact).unwrap();
                     let (shift_hz, depth) = (found.shift_hz, HELD);
-                    touches.push(PosedTouch { sample, pose, depth, shift_hz, sigma_hz: 0.05 });
+                    touches.push(PosedTouch {
+                        sample,
+                        pose,
+                        depth,
+                        shift_hz,
+                        sigma_hz: 0.05,
+                        reference_sigma_hz: 0.0,
+                        halfway: None,
+                    });
                 }
             }
         }

@@ -4,6 +4,7 @@ use rig_contact::inverse::InverseError;
 
 use super::{RunSample, RunTouches, RunYoung};
 use crate::{
+    budget::{Budget, Part},
     calibration::{Comparison, calibrate},
     model::{ModelReading, RunModel},
     stiffness::{SampleStiffness, Young},
@@ -113,14 +114,20 @@ impl RunCalibration {
         }
     }
 
-    /// The relative standard deviation that touches with this gradient share.
-    fn common_rel(&self, gradient: &[f64]) -> f64 {
+    /// The relative standard deviation that touches with this gradient share by the learnt terms and the
+    /// misfit of the model.
+    fn model_rel(&self, gradient: &[f64]) -> f64 {
         let less: Vec<f64> =
             gradient.iter().zip(&self.gradient).map(|(own, all)| own - all).collect();
         let row = |values: &Vec<f64>| values.iter().zip(&less).map(|(a, b)| a * b).sum::<f64>();
         let variance: f64 =
             less.iter().zip(&self.covariance).map(|(own, values)| own * row(values)).sum();
-        variance.max(0.0).sqrt().hypot(self.sigma_rel).hypot(self.added_rel)
+        variance.max(0.0).sqrt().hypot(self.added_rel)
+    }
+
+    /// The parts of a touch or a sample, with those that all share.
+    const fn whole(&self, own: Budget, model_rel: f64) -> Budget {
+        own.with(Part::Sensor, self.sigma_rel).with(Part::Model, model_rel)
     }
 
     /// Calibrates the stiffness of a touch or site.
@@ -128,14 +135,16 @@ impl RunCalibration {
         let found = reading.found.as_ref().map_err(|error| *error)?;
         let Young { mpa, sigma_mpa } = found.young;
         let own = Young { mpa: mpa / self.factor, sigma_mpa: sigma_mpa / self.factor };
-        Ok(RunYoung { own, common_rel: self.common_rel(&found.gradient) })
+        let model_rel = self.model_rel(&found.gradient);
+        let budget = found.budget.map(|own| self.whole(own, model_rel));
+        Ok(RunYoung { own, common_rel: model_rel.hypot(self.sigma_rel), budget })
     }
 
     /// Calibrates the mean stiffness of a sample with these touches.
     pub(super) fn sample<'a>(
         &self,
         found: &SampleStiffness,
-        touches: impl Iterator<Item = &'a Reading>,
+        touches: impl Iterator<Item = &'a Reading> + Clone,
         known_mpa: Option<f64>,
     ) -> RunSample {
         let young_mpa = found.young_mpa / self.factor;
@@ -143,11 +152,23 @@ impl RunCalibration {
         // chance.
         let scatter = |spread: f64| spread / (found.touches as f64).sqrt();
         let own_mpa = found.sigma_mpa.max(found.spread_mpa.map_or(0.0, scatter)) / self.factor;
-        let gradient = mean_gradient(touches.filter_map(|reading| reading.found.as_ref().ok()));
+        let readings = touches.filter_map(|reading| reading.found.as_ref().ok());
+        let model_rel = self.model_rel(&mean_gradient(readings.clone()));
+        let weighted = |reading: &ModelReading| {
+            let Young { mpa, sigma_mpa } = reading.young;
+            Some(((mpa / sigma_mpa).powi(2), reading.budget?))
+        };
+        let weighted: Option<Vec<(f64, Budget)>> = readings.map(weighted).collect();
+        let budget = weighted.map(|weighted| {
+            let own = Budget::mean(weighted.into_iter());
+            let beyond = (own_mpa / young_mpa).powi(2) - own.total().powi(2);
+            self.whole(own.with(Part::Sample, beyond.max(0.0).sqrt()), model_rel)
+        });
         RunSample {
             sample: found.sample,
             young_mpa,
-            sigma_mpa: own_mpa.hypot(self.common_rel(&gradient) * young_mpa),
+            sigma_mpa: own_mpa.hypot(model_rel.hypot(self.sigma_rel) * young_mpa),
+            budget,
             spread_mpa: found.spread_mpa.map(|spread| spread / self.factor),
             known_mpa,
             touches: found.touches,

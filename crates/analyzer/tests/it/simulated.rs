@@ -8,7 +8,7 @@ use rig_link::{Clock, Flow, Port, StopSignal};
 use rig_model::{AnalyzerMake, DriveLevel, Reading, ReadingFlag, SweepPoint};
 use rig_sim::{
     LineTransport, SimRig, Wiring, control,
-    scene::paper,
+    scene::matched,
     world::{Nuisances, Scene},
 };
 
@@ -16,7 +16,7 @@ use rig_sim::{
 fn bench(model: AnalyzerMake) -> SimRig {
     let transport = LineTransport::Serial { baud: 115_200 };
     let wiring = Wiring { analyzer: model, ..Wiring::paper(transport) };
-    let scene = Scene { nuisances: Nuisances::NONE, ..paper() };
+    let scene = Scene { nuisances: Nuisances::NONE, ..matched() };
     SimRig::start(scene, &wiring, 1).unwrap()
 }
 

@@ -141,7 +141,7 @@ impl TableName {
 /// The first column of a table of several runs.
 pub(super) const RUN: Column = text("run", "short name of the run");
 
-const TOUCH: [Column; 34] = [
+const TOUCH: [Column; 41] = [
     text(
         "step",
         "address of the step: `main/<sample>/<direction>/<angle>/<repeat>` or `blind/<number>`",
@@ -184,6 +184,21 @@ const TOUCH: [Column; 34] = [
         "stiffness_sigma_mpa",
         "MPa",
         "its standard deviation, with those of calibration and model",
+    ),
+    number("sigma_of_sweep_mpa", "MPa", "the part of it from the resonance in contact"),
+    number("sigma_of_reference_mpa", "MPa", "the part from the reference"),
+    number("sigma_of_surface_mpa", "MPa", "the part from the surface found"),
+    number("sigma_of_depth_mpa", "MPa", "the part from the depth below the surface"),
+    number("sigma_of_angle_mpa", "MPa", "the part from the contact angle"),
+    number(
+        "sigma_of_sensor_mpa",
+        "MPa",
+        "the part from the calibration by known samples, or from the description of the sensor",
+    ),
+    number(
+        "sigma_of_model_mpa",
+        "MPa",
+        "the part from what was learnt, and from a misfit of the model",
     ),
     text("model_verdict", "whether the model behind it holds: `holds`, `strained` or `rejected`"),
     number(

@@ -1,7 +1,7 @@
 //! The rows of the table of touches.
 
 use super::table::{POSITION_DECIMALS, TableValue};
-use crate::results::touches::TouchRow;
+use crate::results::{budget::StiffnessBudget, touches::TouchRow};
 
 /// The values of a touch, in the order of the columns. Those that differ between two runs of one
 /// seed are the last two.
@@ -9,12 +9,15 @@ pub(super) fn touch<'a>(
     row: &'a TouchRow,
     run_id: &'a str,
     is_simulated: bool,
-) -> [TableValue<'a>; 34] {
+) -> [TableValue<'a>; 41] {
     let [no_load, no_load_sigma] = pair(row.no_load_hz, row.no_load_sigma_hz);
     let [resonance, sigma] = pair(row.resonance_hz, row.sigma_hz);
     let [shift, shift_sigma] = pair(row.shift_hz, row.shift_sigma_hz);
     let [surface, surface_sigma] = pair(row.surface_mm, row.surface_sigma_mm);
     let [stiffness, stiffness_sigma] = pair(row.stiffness_mpa, row.stiffness_sigma_mpa);
+    let part = |of: fn(&StiffnessBudget) -> f64| {
+        TableValue::of(row.budget.as_ref().map(of), TableValue::Exact)
+    };
     let position =
         |value| TableValue::of(value, |value| TableValue::Decimals(value, POSITION_DECIMALS));
     [
@@ -41,6 +44,13 @@ pub(super) fn touch<'a>(
         position(row.rotary_deg),
         stiffness,
         stiffness_sigma,
+        part(|budget| budget.sweep_mpa),
+        part(|budget| budget.reference_mpa),
+        part(|budget| budget.surface_mpa),
+        part(|budget| budget.depth_mpa),
+        part(|budget| budget.angle_mpa),
+        part(|budget| budget.sensor_mpa),
+        part(|budget| budget.model_mpa),
         TableValue::of(row.model_verdict, TableValue::Text),
         TableValue::of(row.model_residual, TableValue::Exact),
         TableValue::of(row.class.as_deref(), TableValue::Text),

@@ -6,6 +6,7 @@ use rig_chart::{Axis, Chart, Marker, Point, Rule, Series};
 use rig_contact::inverse::Interval;
 
 use super::{
+    budget::{bars, parts},
     element::{dash, drawn, fault, figure_row, table, text},
     figures::HALF_PX,
     model::model,
@@ -29,10 +30,13 @@ pub(super) fn section(results: &RunResults, stiffness: &Stiffness) -> Markup {
     let charts = html! {
         @if is_known { (against_known(data, stiffness)) }
         @if let Some(recognition) = recognition { (blind(data, stiffness, recognition)) }
+        (bars(data, stiffness))
     };
     let caption = "Deviation of the samples from their known stiffness, and the stiffness of each blind \
-                   touch. A ring marks a touch taken for another sample or for none. Bars show the \
-                   standard deviation, for the samples with that of the calibration.";
+                   touch. A ring marks a touch taken for another sample or for none. Error bars show \
+                   the standard deviation, for the samples with that of the calibration. The budget has a bar \
+                   for each sample: its height is the relative standard deviation, its parts have the \
+                   proportions of their variances.";
     let angle = match &stiffness.sites {
         None => "and the known contact angle of each touch",
         Some(_) => "and without the contact angles",
@@ -41,7 +45,10 @@ pub(super) fn section(results: &RunResults, stiffness: &Stiffness) -> Markup {
         (samples(results, stiffness))
         (model(results, stiffness))
         (calibration(&stiffness.calibration, angle))
-        @if is_known || recognition.is_some() { (figure_row(&charts, caption)) }
+        @if is_known || recognition.is_some() || stiffness.sites.is_none() {
+            (figure_row(&charts, caption))
+        }
+        (parts(data, stiffness))
         @if let Some(found) = &stiffness.sites { (sites(data, stiffness, found)) }
     }
 }

@@ -49,7 +49,7 @@ pub(crate) struct Stiffness {
     pub(crate) sites: Option<Vec<Site>>,
     /// By the address of its step, the stiffness of each touch or of its site, with the uncertainty
     /// of calibration and model.
-    by_step: BTreeMap<String, Result<Young, InverseError>>,
+    by_step: BTreeMap<String, Result<RunYoung, InverseError>>,
 }
 
 /// The touches or sites behind the stiffness of a sample.
@@ -122,7 +122,7 @@ impl Stiffness {
         let mut by_step = BTreeMap::new();
         let mut note = |touch: &Touch, found: Option<&Result<RunYoung, InverseError>>| {
             let Some(found) = found else { return };
-            by_step.insert(touch.touch.step.clone(), found.map(|found| found.whole()));
+            by_step.insert(touch.touch.step.clone(), *found);
         };
         for (index, (touch, posed)) in main.iter().enumerate() {
             let index = match &sites {
@@ -196,7 +196,7 @@ impl Stiffness {
     }
 
     /// The stiffness of the touch at this address, with the uncertainty of calibration and model.
-    pub(crate) fn of_touch(&self, step: &str) -> Option<Result<Young, InverseError>> {
+    pub(crate) fn of_touch(&self, step: &str) -> Option<Result<RunYoung, InverseError>> {
         self.by_step.get(step).copied()
     }
 }
@@ -250,6 +250,7 @@ impl Reader<'_> {
             sample,
             found: found.map(|found| ModelReading {
                 young: Young { mpa: found.young_mpa.value, sigma_mpa: found.young_mpa.sigma },
+                budget: None,
                 gradient: Vec::new(),
             }),
         };
@@ -295,5 +296,7 @@ fn posed(
         depth: sensor.depth(touch.indentation_mm),
         shift_hz: scale * touch.shift_hz,
         sigma_hz: scale * touch.shift_sigma_hz,
+        reference_sigma_hz: scale * touch.no_load_sigma_hz,
+        halfway: None,
     })
 }

@@ -6,6 +6,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::{
+    budget::StiffnessBudget,
     classification::Classification,
     status::{Tally, TouchStatus},
     stiffness::Stiffness,
@@ -62,6 +63,8 @@ pub struct TouchRow {
     pub stiffness_mpa: Option<f64>,
     /// Its standard deviation, those of calibration and model included, MPa.
     pub stiffness_sigma_mpa: Option<f64>,
+    /// The same by cause; `None` if the contact angle is unknown.
+    pub budget: Option<StiffnessBudget>,
     /// Whether the model behind the stiffness holds: `holds`, `strained` or `rejected`.
     pub model_verdict: Option<&'static str>,
     /// For a main touch: the logarithm of its stiffness less that of its sample, in standard deviations.
@@ -179,7 +182,9 @@ impl TouchRow {
         self.linear_mm = Some(touch.linear_mm);
         self.rotary_deg = Some(touch.rotary_deg);
         match stiffness.and_then(|stiffness| stiffness.of_touch(&self.step)) {
-            Some(Ok(young)) => {
+            Some(Ok(found)) => {
+                let young = found.whole();
+                self.budget = found.budget.map(|parts| StiffnessBudget::of(&parts, young.mpa));
                 self.stiffness_mpa = Some(young.mpa);
                 self.stiffness_sigma_mpa = Some(young.sigma_mpa);
                 let verdict = stiffness.and_then(Stiffness::verdict);

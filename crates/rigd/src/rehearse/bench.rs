@@ -34,7 +34,7 @@ pub(super) fn simulated(rig: &LoadedRig, plan: &Plan) -> LoadedRig {
 }
 
 fn bench_of(file: &RigFile, plan: &Plan) -> LoadedScene {
-    let paper = rig_sim::scene::paper();
+    let matched = rig_sim::scene::matched();
     let known = |name: &String| {
         let found = file.samples.iter().find(|known| known.name == *name);
         found.map_or(STIFFNESS_MPA, |known| known.stiffness_mpa)
@@ -62,7 +62,7 @@ fn bench_of(file: &RigFile, plan: &Plan) -> LoadedScene {
             start: rotary.rest_target().position().value(),
             travel: (rotary.travel().min.value(), rotary.travel().max.value()),
         },
-        ..paper
+        ..matched
     };
     let source = Source { name: scene.name.clone(), toml: String::new() };
     LoadedScene { scene, source }

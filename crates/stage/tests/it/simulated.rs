@@ -10,7 +10,7 @@ use rig_model::{
 use rig_sim::{
     AxisWiring, LineTransport, PortId, SimRig, Wiring,
     faults::{DeviceFault, Fault, FaultKind, FaultTrigger, RequestFault},
-    scene::paper,
+    scene::matched,
 };
 use rig_stage::{
     BusError, BusHandle, BusSettings, HaltFrames, LineFault, RegisterMap, Stage, StageError,
@@ -50,7 +50,7 @@ async fn bench(make: DriveMake, per_count: f64) -> Bench {
         rotary: AxisWiring::new(make, 2, per_count),
         ..Wiring::paper(LineTransport::Serial { baud: 115_200 })
     };
-    let mut rig = SimRig::start(paper(), &wiring, 1).unwrap();
+    let mut rig = SimRig::start(matched(), &wiring, 1).unwrap();
     let line = LineSettings { baud: 115_200, parity: Parity::Even, stop_bits: StopBits::One };
     let port = Port::new("bus", rig.bus_port(), Some(line), Clock::start());
     let bus = BusHandle::open(port, BusSettings::rtu());

@@ -162,7 +162,15 @@ impl Site<'_> {
         let TiltedTouch { shift_hz, direction, young_mpa: truth_mpa } = self.tilted_touch(random);
         let pose = Pose::leaning(direction, self.angle_rad).expect("the angle is acute");
         let sigma_hz = NUISANCES.shift_hz;
-        let touch = PosedTouch { sample: self.sample, pose, depth: DEPTH, shift_hz, sigma_hz };
+        let touch = PosedTouch {
+            sample: self.sample,
+            pose,
+            depth: DEPTH,
+            shift_hz,
+            sigma_hz,
+            reference_sigma_hz: 0.0,
+            halfway: None,
+        };
         let Ok(one) = analysis.compensation.of_touch(&touch) else { return Outcome::default() };
         let stiffness = StiffnessError {
             error_rel: one.young_mpa / truth_mpa - 1.0,

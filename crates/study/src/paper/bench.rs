@@ -46,7 +46,8 @@ pub(super) fn add(page: &mut Page, args: &Args) -> Result<(), StudyError> {
     page.text(
         "The paper's figures have no numbers; the paper calls them consistent with its simulation. \
          The bench adds noise, scatter of the samples and an uncertain surface to the model of \
-         Figure 7. The means of the three directions beside those of Figure 7:",
+         Figure 7, and its sensor, contact and depth differ from that model \
+         ([decision 67](../decisions/0067-the-shipped-bench-is-not-its-description.md)). The means of the three directions beside those of Figure 7:",
     );
     page.table(against_model(&run));
     summary(page, &run);
@@ -215,9 +216,11 @@ fn blind(page: &mut Page, run: &BenchRun) {
     }
     page.table(table);
     page.text(
-        "The stiffness of each sample from its touches, with the angle compensated. Errors that \
-         all touches of one mounting share, of the surface found and of the screw, do not show in \
-         their scatter; they are one to two percent.",
+        "The stiffness of each sample from its touches, with the angle compensated by the model of \
+         the rig file and without known samples. The differences show how far this model is from the \
+         bench: a run learns its model from the main touches instead. Errors that all touches of one \
+         mounting share, of the surface found and of the screw, do not show in their scatter; they are \
+         one to two percent.",
     );
     page.table(stiffnesses(&known));
 }
@@ -276,6 +279,8 @@ fn posed(touch: &BenchTouch) -> PosedTouch {
         depth: Depth::Indentation { along_probe_mm: touch.indentation_mm },
         shift_hz: touch.shift_hz,
         sigma_hz: touch.shift_sigma_hz,
+        reference_sigma_hz: 0.0,
+        halfway: None,
     }
 }
 

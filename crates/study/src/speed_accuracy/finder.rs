@@ -96,7 +96,7 @@ pub(super) fn try_all(searches: u32, seed: u64) -> Vec<Searches> {
 
 /// One search; `None` if it does not find the surface.
 fn search(approach: Approach, sample: &str, seed: u64) -> Option<SurfaceFound> {
-    let world = World::new(scene::paper(), seed).expect("the shipped scene is sound");
+    let world = World::new(scene::matched(), seed).expect("the shipped scene is sound");
     let mut bench =
         SearchBench { world, now: RigTime::ZERO, frequency_hz: 0.0, time_constant_s: 0.0 };
     bench.world.place_sample(bench.now, sample).expect("the shipped scene has the sample");

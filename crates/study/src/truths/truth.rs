@@ -192,6 +192,8 @@ impl Bench {
             depth: Depth::Indentation { along_probe_mm: INDENTATION_MM },
             shift_hz,
             sigma_hz: NUISANCES.shift_hz,
+            reference_sigma_hz: NUISANCES.shift_hz * std::f64::consts::FRAC_1_SQRT_2,
+            halfway: None,
         };
         (touch, young_mpa)
     }

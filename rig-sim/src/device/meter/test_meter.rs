@@ -4,7 +4,7 @@ use num_complex::Complex64;
 
 use super::*;
 use crate::{
-    scene::paper,
+    scene::matched,
     world::{Nuisances, Scene},
 };
 
@@ -17,7 +17,7 @@ pub(crate) struct TestMeter<M: Model> {
 
 impl<M: Model> TestMeter<M> {
     pub(crate) fn new() -> Self {
-        let scene = Scene { nuisances: Nuisances::NONE, ..paper() };
+        let scene = Scene { nuisances: Nuisances::NONE, ..matched() };
         let world = World::new(scene, 1).unwrap();
         Self { meter: Meter::new(Duration::ZERO), world, now: RigTime::ZERO }
     }
