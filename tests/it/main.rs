@@ -9,6 +9,7 @@ mod errors;
 mod faults;
 mod flags;
 mod forged;
+mod halfway;
 mod homing;
 mod makes;
 mod operator;

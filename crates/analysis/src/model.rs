@@ -142,6 +142,30 @@ impl RunModel {
         fit::model(described, main, source)
     }
 
+    /// The model by the rig file, judged by the stiffness of sites whose angle was found together with it:
+    /// the sites of one sample give one stiffness. Each site is an index of a sample and its stiffness.
+    pub fn of_sites(described: &Compensation, sites: &[(usize, Young)]) -> Self {
+        let terms = Terms::of(described, &[]);
+        Self {
+            compensation: described.clone(),
+            terms,
+            described: terms,
+            learnt: Vec::new(),
+            covariance: Vec::new(),
+            sides: Vec::new(),
+            check: judge::of_sites(sites),
+        }
+    }
+
+    /// The same with other indices of the residuals, in the order of the list of the caller.
+    #[must_use]
+    pub fn with_touches(mut self, indices: &[usize]) -> Self {
+        for residual in self.check.iter_mut().flat_map(|check| &mut check.residuals) {
+            residual.touch = indices[residual.touch];
+        }
+        self
+    }
+
     /// The quantities of the model.
     pub const fn terms(&self) -> &Terms {
         &self.terms

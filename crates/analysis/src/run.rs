@@ -103,7 +103,7 @@ pub fn at_known_angles(
         angle_deg: least.map(f64::to_degrees),
         is_there: main.iter().map(|touch| Some(angle(touch)) == least).collect(),
     };
-    (calibrated(touches, &main_readings, &blind_readings, &at, Some(&model)), model)
+    (calibrated(touches, &main_readings, &blind_readings, &at, &model), model)
 }
 
 /// Calibrates the stiffness of main and blind touches, or of sites.
@@ -112,7 +112,7 @@ pub fn calibrated(
     main: &[Reading],
     blind: &[Reading],
     at: &ComparedAt,
-    model: Option<&RunModel>,
+    model: &RunModel,
 ) -> RunStiffness {
     let calibration = RunCalibration::of(main, at, touches, model);
     let all = |readings: &[Reading]| {

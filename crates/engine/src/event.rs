@@ -129,6 +129,8 @@ pub enum TouchOutcome {
         contact: Contact,
         /// The resonance in contact.
         loaded: Resonance,
+        /// The measurement on the way to the depth, if the protocol asks for it.
+        halfway: Option<Halfway>,
     },
     /// No trusted resonance.
     Refused {
@@ -137,6 +139,15 @@ pub enum TouchOutcome {
         /// Why the touch has no resonance.
         refusal: TouchRefusal,
     },
+}
+
+/// The measurement of a touch at a smaller depth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Halfway {
+    /// Position of the probe in the sample.
+    pub contact: Contact,
+    /// The resonance there.
+    pub loaded: Resonance,
 }
 
 /// The position of the probe in a sample.

@@ -36,8 +36,8 @@ pub use contact_sense::{ContactSenseFault, TouchRefusal};
 pub use effect::{Effect, Input};
 pub use engine::{Admitted, Engine, Progress, Snapshot};
 pub use event::{
-    Contact, Event, FinishedSweep, LoweringPurpose, RigState, RunPhase, RunStatus, SweepPurpose,
-    TouchOutcome, TouchResult,
+    Contact, Event, FinishedSweep, Halfway, LoweringPurpose, RigState, RunPhase, RunStatus,
+    SweepPurpose, TouchOutcome, TouchResult,
 };
 pub use fault::{Device, Failure, FailureKind, Fault};
 pub use interlock::{Interlock, InterlockError};

@@ -7,6 +7,9 @@
 //!                                                                    once more if refused   there)
 //! ```
 //!
+//! With a measurement halfway, indent, dwell and sweep come twice: at the smaller depth, and at the full
+//! one, to which the probe was declared in the beginning.
+//!
 //! Every failure ends in a [`Fault`]; the engine then stops, retracts and latches.
 
 use std::time::Duration;
@@ -18,7 +21,7 @@ use rig_protocol::{Approach, StepId, Touch};
 use rig_resonance::{Bench, FitOutcome, Prior, Resonance, flagged};
 
 use crate::{
-    Contact, ContactSenseFault, Event, Fault, LoweringPurpose, RunPhase, SweepPurpose,
+    Contact, ContactSenseFault, Event, Fault, Halfway, LoweringPurpose, RunPhase, SweepPurpose,
     TouchOutcome, TouchRefusal, TouchResult,
     contact_sense::{check_alive, check_free, check_shift, check_surface},
     listening::Decay,
@@ -49,6 +52,8 @@ pub(crate) struct TouchMachine {
     risen: Option<RigTime>,
     /// Whether the last reading came before the vibration of the contact had decayed.
     is_early: bool,
+    /// The measurement at the smaller depth, as soon as there is one.
+    halfway: Option<Halfway>,
     phase: Phase,
 }
 
@@ -97,6 +102,7 @@ impl TouchMachine {
             offset_mm,
             window,
             baseline: None,
+            halfway: None,
             linear: None,
             risen: None,
             is_early: false,
@@ -154,9 +160,7 @@ impl TouchMachine {
                 self.searched(&readings, context)
             }
             (&mut Phase::DeclaringIndentation { surface }, MachineEvent::Declared) => {
-                self.phase = Phase::Indenting { surface };
-                let speed = context.limits.motion.contact_speed_mm_per_s;
-                context.move_linear(indented(surface, context), speed)
+                self.indent(surface, context)
             }
             (&mut Phase::Indenting { surface }, MachineEvent::LinearAt(linear)) => {
                 self.arrived(linear, context.now);
@@ -396,6 +400,10 @@ impl TouchMachine {
             SweepStep::Finished(sweep) => {
                 let outcome = match sweep.outcome {
                     FitOutcome::Accepted(loaded) => match check_shift(&self.no_load, &loaded) {
+                        Ok(()) if self.is_halfway_due(context) => {
+                            self.halfway = Some(Halfway { contact, loaded });
+                            return self.indent(contact.surface, context);
+                        }
                         Ok(()) => return self.check_slip(contact, &loaded, context),
                         Err(refusal) => TouchOutcome::Refused { contact: Some(contact), refusal },
                     },
@@ -412,6 +420,25 @@ impl TouchMachine {
         }
     }
 
+    /// Whether the smaller depth is still to be measured.
+    const fn is_halfway_due(&self, context: &MachineContext<'_>) -> bool {
+        context.plan.touch.halfway_mm.is_some() && self.halfway.is_none()
+    }
+
+    /// Moves to the depth that is measured next.
+    fn indent(
+        &mut self,
+        surface: Surface,
+        context: &MachineContext<'_>,
+    ) -> MachineStep<TouchResult> {
+        self.phase = Phase::Indenting { surface };
+        let settings = context.plan.touch;
+        let halfway_mm = settings.halfway_mm.filter(|_| self.halfway.is_none());
+        let depth_mm = halfway_mm.unwrap_or(settings.indentation_mm);
+        let speed = context.limits.motion.contact_speed_mm_per_s;
+        context.move_linear(surface.position.offset(-depth_mm), speed)
+    }
+
     /// Looks for the surface again after an accepted sweep, if the protocol asks for it.
     fn check_slip(
         &mut self,
@@ -421,7 +448,7 @@ impl TouchMachine {
     ) -> MachineStep<TouchResult> {
         let approach = context.plan.touch.approach;
         let Some(baseline) = self.baseline.filter(|_| 0.0 < approach.slip_mm) else {
-            return self.retract(TouchOutcome::Measured { contact, loaded: *loaded }, context);
+            return self.retract(self.measured(contact, loaded), context);
         };
         let (check, step) = SlipCheck::begin(contact.surface, approach, baseline);
         self.phase = Phase::Checking { check, contact, loaded: Box::new(*loaded) };
@@ -486,10 +513,14 @@ impl TouchMachine {
         let (contact, loaded) = (*contact, **loaded);
         context.notes.push(Event::SurfaceChecked { trail: check.trail().to_vec() });
         let outcome = match refusal {
-            None => TouchOutcome::Measured { contact, loaded },
+            None => self.measured(contact, &loaded),
             Some(refusal) => TouchOutcome::Refused { contact: Some(contact), refusal },
         };
         self.retract(outcome, context)
+    }
+
+    const fn measured(&self, contact: Contact, loaded: &Resonance) -> TouchOutcome {
+        TouchOutcome::Measured { contact, loaded: *loaded, halfway: self.halfway }
     }
 
     fn retract(

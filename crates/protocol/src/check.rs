@@ -81,6 +81,12 @@ fn approach(protocol: &Protocol, faults: &mut Faults) {
         });
     }
     let Some(&indentation) = protocol.touch.indentation_mm.sound() else { return };
+    if let Some(halfway_mm) = &protocol.touch.halfway_mm {
+        halfway_mm.check(faults, |&halfway| {
+            (halfway >= indentation)
+                .then_some(ProtocolFault::HalfwayTooDeep { halfway, indentation })
+        });
+    }
     if let Some(slip_mm) = &keys.slip_mm {
         slip_mm.check(faults, |&slip| {
             (slip > indentation)

@@ -60,6 +60,10 @@ pub(crate) enum ProtocolFault {
     )]
     SlipAboveIndentation { slip: f64, indentation: f64 },
     #[error(
+        "halfway_mm = {halfway} is not less than indentation_mm = {indentation}, the full depth of a touch"
+    )]
+    HalfwayTooDeep { halfway: f64, indentation: f64 },
+    #[error(
         "fine_step_mm = {found} is below {limit} mm, the accuracy of the linear stage \
          (linear.tolerance_mm of the rig)"
     )]
@@ -151,6 +155,9 @@ impl Complaint for ProtocolFault {
             Self::SlipAboveIndentation { indentation, .. }
             | Self::CoarseAboveIndentation { indentation, .. } => {
                 format!("use at most {indentation}")
+            }
+            Self::HalfwayTooDeep { indentation, .. } => {
+                format!("use less than {indentation}, such as {}", 0.5 * indentation)
             }
             Self::FinerThanStage { limit, .. } => format!("use at least {limit}"),
             Self::WithinSurfaceTolerance { limit, .. } => {

@@ -123,6 +123,8 @@ pub struct Touch {
 pub struct TouchSettings {
     /// Depth below the surface found, along the probe axis, in mm.
     pub indentation_mm: f64,
+    /// The smaller depth at which each touch is measured first, mm; `None` for the full depth alone.
+    pub halfway_mm: Option<f64>,
     /// Rest between the indentation and the sweep, so that the tissue relaxes, in s.
     pub dwell_s: f64,
     /// The settings of the search for the surface.

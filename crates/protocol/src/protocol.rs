@@ -85,6 +85,7 @@ pub enum ModelOrigin {
 #[derive(Debug, Clone)]
 pub(crate) struct TouchKeys {
     pub(crate) indentation_mm: Setting<f64>,
+    pub(crate) halfway_mm: Option<Setting<f64>>,
     pub(crate) dwell_s: f64,
     pub(crate) on_refusal: RefusalPolicy,
 }
@@ -163,6 +164,7 @@ impl Protocol {
         let ApproachKeys { contact_threshold, settle_s, cycles, .. } = self.approach;
         TouchSettings {
             indentation_mm: self.touch.indentation_mm.value,
+            halfway_mm: self.touch.halfway_mm.as_ref().map(|halfway_mm| halfway_mm.value),
             dwell_s: self.touch.dwell_s,
             approach: Approach {
                 start_above_mm: self.approach.start_above_mm.value,
@@ -246,6 +248,7 @@ const STEP_MM: RangeInclusive<f64> = 0.0005..=10.0;
 fn touch(table: &mut Table<'_>) -> TouchKeys {
     TouchKeys {
         indentation_mm: table.number("indentation_mm").range(DEPTH_MM).required(),
+        halfway_mm: table.number("halfway_mm").range(DEPTH_MM).optional(),
         dwell_s: table.number("dwell_s").range(0.0..=3600.0).or(0.0).value,
         on_refusal: table
             .choice("on_refusal", RefusalPolicy::WORDS)

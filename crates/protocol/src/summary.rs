@@ -17,6 +17,8 @@ pub struct Summary {
     pub prompts: usize,
     /// Expected time on the rig's clock, without the time that a person takes, in s.
     pub duration_s: f64,
+    /// The part of it for the measurements halfway to the depth, s.
+    pub halfway_s: f64,
     /// Space that the journal and the files of the run may take, bytes.
     pub disk_bytes: u64,
     /// The lowest position that a touch may ask for, and the clear position.
@@ -81,6 +83,7 @@ impl Plan {
     /// no-load   rotation + no-load sweep, the first time + survey
     /// touch     rotation + τ + way down and up at travel speed + search + dwell + contact sweep
     ///           + check of slip: 2 τ + 2 readings + its way
+    ///           + halfway, if it is measured there: dwell + contact sweep
     /// search    readings · (settle + cycles/f + 0.04 s) + way at contact speed
     /// readings  start above/coarse step + 1, and for each finer pass half of its steps; a pass has at
     ///           most 20, and begins with 2 τ
@@ -96,6 +99,7 @@ impl Plan {
             no_loads: 0,
             prompts: 0,
             duration_s: self.durations_s(limits).iter().sum(),
+            halfway_s: 0.0,
             disk_bytes: 0,
             linear: Span { min: clear, max: clear },
             rotary: Span { min: level, max: level },
@@ -112,6 +116,7 @@ impl Plan {
                 }
                 Action::Touch(Touch { pose, .. }) => {
                     summary.touches += 1;
+                    summary.halfway_s += self.halfway_s();
                     include(&mut summary.linear, self.touch.floor(limits, pose));
                     pose
                 }
@@ -120,9 +125,10 @@ impl Plan {
         }
         let of_survey = self.survey_s.map_or(0, |_| SURVEY_READINGS)
             + usize::from(self.level_check) * readings(&self.no_load_sweep);
+        let sweeps = 1 + usize::from(self.touch.halfway_mm.is_some());
         let readings = of_survey
             + summary.no_loads * readings(&self.no_load_sweep)
-            + summary.touches * (SEARCH_READINGS + readings(&self.contact_sweep));
+            + summary.touches * (SEARCH_READINGS + sweeps * readings(&self.contact_sweep));
         summary.disk_bytes =
             RUN_BYTES + TOUCH_BYTES * summary.touches as u64 + READING_BYTES * readings as u64;
         summary
@@ -157,7 +163,13 @@ impl Plan {
         let travel_s = 2.0 * (way_mm / limits.motion.travel_speed_mm_per_s + MOVE_S);
         let baseline_s = CLEAR_TIME_CONSTANTS * time_constant_s(&self.no_load_sweep);
         let contact_s = self.search_s(limits) + self.touch.dwell_s + sweep_s(&self.contact_sweep);
-        travel_s + baseline_s + contact_s + self.slip_check_s(limits)
+        travel_s + baseline_s + contact_s + self.halfway_s() + self.slip_check_s(limits)
+    }
+
+    /// The measurement of a touch halfway to its depth, s.
+    fn halfway_s(&self) -> f64 {
+        let one_s = self.touch.dwell_s + MOVE_S + sweep_s(&self.contact_sweep);
+        self.touch.halfway_mm.map_or(0.0, |_| one_s)
     }
 
     /// Looking for the surface again after the sweep.

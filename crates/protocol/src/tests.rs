@@ -281,6 +281,12 @@ fn the_expected_duration_is_the_sum_that_the_documentation_gives() {
     let found = plan_of(&text).summary(&limits()).duration_s;
     let expected = no_load_s + 2.0 * touch_s;
     assert!((found - expected).abs() < 1e-9 * expected, "{found} {expected}");
+    let mut halfway = plan_of(&text);
+    halfway.touch.halfway_mm = Some(0.25);
+    let longer = halfway.summary(&limits());
+    let halfway_s = 2.0 * (0.5 + 0.04 + contact_s);
+    assert!((longer.duration_s - found - halfway_s).abs() < 1e-9 * expected, "{longer:?}");
+    assert!((longer.halfway_s - halfway_s).abs() < 1e-9 * halfway_s, "{longer:?}");
     let surveyed = Plan { survey_s: Some(20), ..plan_of(&text) }.summary(&limits());
     assert!((surveyed.duration_s - found - 20.0).abs() < 1e-9 * expected, "{surveyed:?}");
 }

@@ -24,7 +24,9 @@ pub use sweep::{
     BenchSettings, Circuit, FitNoise, FitSettings, FitTiming, NearCircuit, ReadingFlag,
     ReadingRecord, Sweep, SweepOutcome, SweepPurpose,
 };
-pub use touch::{Direction, Phase, Pose, RefusedTouch, Touch, TouchPosition, TouchSettings};
+pub use touch::{
+    Direction, Halfway, Phase, Pose, RefusedTouch, Touch, TouchPosition, TouchSettings,
+};
 
 /// One record of a journal.
 ///

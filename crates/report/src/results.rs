@@ -9,6 +9,8 @@ pub(crate) mod status;
 pub(crate) mod stiffness;
 pub(crate) mod touches;
 
+use std::sync::Arc;
+
 use rig_analysis::{
     no_load::{self, NoLoadMeasurement, NoLoadSummary},
     sensitivity::{self, SampleShift, Sensitivity},
@@ -46,7 +48,7 @@ pub struct RunResults {
     /// The blind touches, sorted by k-means.
     pub(crate) classification: Option<Classification>,
     /// The stiffness of the samples, with the angle compensated.
-    pub(crate) stiffness: Result<Stiffness, NoStiffness>,
+    pub(crate) stiffness: Result<Arc<Stiffness>, NoStiffness>,
     /// The blind touches, recognised by several methods.
     pub(crate) recognitions: Vec<Recognition>,
     pub(crate) cost: SweepCost,
@@ -68,6 +70,19 @@ impl RunResults {
     /// # Errors
     /// [`UnreadableRecord`] when a record cannot be understood.
     pub fn new(run: &Run, records: &[StoredRecord]) -> Result<Self, UnreadableRecord> {
+        Self::after(run, records, None)
+    }
+
+    /// The same. The stiffness, whose model takes long to learn, is that of earlier results of the run if
+    /// no touch has come since.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn after(
+        run: &Run,
+        records: &[StoredRecord],
+        earlier: Option<&Self>,
+    ) -> Result<Self, UnreadableRecord> {
         let data = RunData::read(records)?;
         let shifts_of = |phase| data.touches.iter().filter(move |t| t.touch.phase == phase);
         let main = shifts_of(Phase::Main);
@@ -77,8 +92,15 @@ impl RunResults {
         let references: Vec<NoLoadMeasurement> =
             data.sweeps.iter().zip(&data.clock_zeros_s).filter_map(reference).collect();
         let classification = Classification::of(&data);
-        let stiffness = Stiffness::of(&data);
-        let known_stiffness = stiffness.as_ref().ok();
+        let is_same = |earlier: &&Self| {
+            earlier.data.touches == data.touches && earlier.data.started == data.started
+        };
+        let kept = earlier.filter(is_same).and_then(|earlier| earlier.stiffness.as_ref().ok());
+        let stiffness = match kept {
+            Some(kept) => Ok(Arc::clone(kept)),
+            None => Stiffness::of(&data).map(Arc::new),
+        };
+        let known_stiffness = stiffness.as_deref().ok();
         Ok(Self {
             run: run.clone(),
             grid: grid::grid(&data),

@@ -55,8 +55,7 @@ pub struct RunSummary {
     pub classification: Option<ClassificationSummary>,
     /// The stiffness of the samples from the main touches, with the angle compensated.
     pub stiffness: Vec<StiffnessSummary>,
-    /// The model behind the stiffness and its judgement; `None` when the touches cannot judge it, as
-    /// with an unknown angle.
+    /// The model behind the stiffness and its judgement; `None` when the touches leave no degree of freedom.
     pub model: Option<ModelSummary>,
     /// The blind touches by every method, that of `classification` first.
     pub recognition: Vec<RecognitionSummary>,
@@ -278,7 +277,7 @@ impl RunResults {
                 .flat_map(|found| self.samples().into_iter().map(|sample| stiffness(found, sample)))
                 .collect(),
             model: (self.stiffness.as_ref().ok())
-                .and_then(|found| ModelSummary::of(found.model.as_ref()?, data)),
+                .and_then(|found| ModelSummary::of(&found.model, data)),
             recognition: self.recognitions.iter().map(recognition).collect(),
             touch_results: self.touches.clone(),
         }

@@ -3,9 +3,9 @@
 mod amended;
 pub(crate) mod sample;
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::Arc};
 
-use rig_record::{Chain, ChainCheck, Flaw};
+use rig_record::{Chain, ChainCheck, Flaw, StoredRecord};
 
 use super::*;
 use sample::{SampleRun, Story};
@@ -334,6 +334,9 @@ fn unknown_angles_are_found_with_the_stiffness_or_said_to_be_lost() {
     // Upright, the directions do not differ, and the touches say nothing about the azimuth.
     assert!(sites.contains("not identified"));
     let found = sample.results().summary();
+    // Five samples at four angles.
+    assert_eq!(found.model.unwrap().degrees_of_freedom, 20 - 5);
+    assert!(found.touch_results.iter().all(|row| row.model_verdict.is_some()));
     for (found, known) in found.stiffness.iter().zip(&known.stiffness) {
         let known_mpa = found.known_mpa.unwrap();
         let (found_mpa, sigma_mpa) = (found.stiffness_mpa.unwrap(), found.sigma_mpa.unwrap());
@@ -464,6 +467,22 @@ fn a_touch_that_was_not_reached_has_a_reason() {
     );
     assert_eq!(reason("blind/50"), "a fault ended the run: linear stage: no answer within 100 ms");
     assert_eq!(table(&SampleRun::new(Story::Empty))[0]["reason"], "the run was aborted");
+}
+
+/// The model of a run takes long to learn; most records of a run under way change nothing about it.
+#[test]
+fn the_stiffness_is_kept_until_a_touch_comes() {
+    let sample = SampleRun::new(Story::Complete);
+    let (run, records) = (&sample.run, &sample.chain.records);
+    let before = RunResults::new(run, &records[..records.len() - 1]).unwrap();
+    let after = RunResults::after(run, records, Some(&before)).unwrap();
+    let stiffness = |results: &RunResults| Arc::clone(results.stiffness.as_ref().unwrap());
+    assert!(Arc::ptr_eq(&stiffness(&before), &stiffness(&after)));
+    let is_touch = |one: &StoredRecord| one.payload.contains("\"touch_result\"");
+    let last = records.iter().rposition(is_touch).unwrap();
+    let shorter = RunResults::new(run, &records[..last]).unwrap();
+    let grown = RunResults::after(run, records, Some(&shorter)).unwrap();
+    assert!(!Arc::ptr_eq(&stiffness(&shorter), &stiffness(&grown)));
 }
 
 /// The squares of the parts add up, and a run with noise has each of the first five.

@@ -63,7 +63,7 @@ fn facts(results: &RunResults) -> Vec<(String, String)> {
         let count = no_load.count;
         fact("no-load resonance", format!("{mean} Hz, {count} references within {span} Hz"));
     }
-    if let Some(found) = results.stiffness.as_ref().ok().and_then(Stiffness::check) {
+    if let Some(found) = results.stiffness.as_deref().ok().and_then(Stiffness::check) {
         fact("model", model(results, found));
     }
     if let Some(found) = &results.sensitivity {

@@ -197,12 +197,15 @@ fn a_resonance_beyond_the_analyzer_is_not_answered_with_a_window_it_cannot_have(
 }
 
 #[test]
-fn what_is_predicted_is_measured() {
+fn what_is_predicted_is_measured_on_a_bench_as_described() {
     let dir = TempDir::new().unwrap();
     let checked = check(&[]);
     let predicted = predictions(&checked);
     let data = dir.path().to_str().unwrap();
-    assert!(rigd(&["run", SMOKE, "--data", data]).status.success());
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/scenes/matched.toml");
+    let simulated = "config/rigs/simulated.toml";
+    let rig = changed(dir.path(), simulated, &[("../scenes/paper.toml", scene)]);
+    assert!(rigd(&["run", SMOKE, "--rig", &rig, "--data", data]).status.success());
     let output = rigd(&["export", "latest", "--data", data, "--format", "csv"]);
     let mut lines = text(&output).lines().map(|line| line.split(',').collect::<Vec<_>>());
     let header = lines.next().unwrap();

@@ -222,7 +222,7 @@ fn what_rigd_exports_it_fits_again_and_finds_the_same() {
     // Some resonances of the stiffer sample lie above this window.
     let protocol = fs::read_to_string("../../config/protocols/smoke.toml").unwrap();
     let narrow = folder.path().join("narrow.toml");
-    fs::write(&narrow, protocol.replace("max_hz = 260", "max_hz = 226")).unwrap();
+    fs::write(&narrow, protocol.replace("max_hz = 260", "max_hz = 209")).unwrap();
     let run = rigd(&["run", narrow.to_str().unwrap(), "--data", dir, "--json"]);
     assert_eq!(run.status.code(), Some(6), "{run:?}");
     let export = |format| rigd(&["export", "latest", "--data", dir, "--format", format]).stdout;

@@ -4,6 +4,7 @@
 //! reference model, with the nuisances of the bench; its analysis is that of a run of the daemon, once
 //! with the model of the rig file and once with the model learnt from the main touches.
 
+mod budget;
 mod document;
 mod summary;
 mod trial;
@@ -23,7 +24,7 @@ use truth::Truth;
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Runs of each truth.
-    #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     runs: u32,
     /// Random seed.
     #[arg(long, default_value_t = 2020)]
@@ -35,7 +36,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
     let folder = Folder::at(&args.out)?;
-    document::page(args, &try_all(args)).write(&folder, "truths", out)
+    document::page(args, &try_all(args), &budget::try_all(args)).write(&folder, "truths", out)
 }
 
 /// The runs of one truth.
@@ -45,6 +46,8 @@ struct TruthRuns {
     described: Summary,
     /// With the learnt model.
     learnt: Summary,
+    /// With the learnt model, from touches that are measured halfway too.
+    halfway: Summary,
 }
 
 /// The summaries of every truth, in order.
@@ -56,12 +59,19 @@ fn try_all(args: &Args) -> Vec<TruthRuns> {
         let analysis = Analysis::new();
         let one = |run: u32| {
             let touches = bench.run(args.seed, number, u64::from(run));
-            let of = |source| analysis.of(&touches, source);
+            let once = touches.at_one_depth();
+            let of = |touches, source| analysis.of(touches, source);
             bar.inc(1);
-            (of(ModelSource::Described), of(ModelSource::Learnt))
+            [
+                of(&once, ModelSource::Described),
+                of(&once, ModelSource::Learnt),
+                of(&touches, ModelSource::Learnt),
+            ]
         };
-        let (described, learnt): (Vec<_>, Vec<_>) = (0..args.runs).into_par_iter().map(one).unzip();
-        TruthRuns { truth, described: Summary::of(&described), learnt: Summary::of(&learnt) }
+        let found: Vec<[_; 3]> = (0..args.runs).into_par_iter().map(one).collect();
+        let [described, learnt, halfway] =
+            [0, 1, 2].map(|index| Summary::of(found.iter().map(|of_run| &of_run[index])));
+        TruthRuns { truth, described, learnt, halfway }
     };
     let all = truths.into_iter().zip(0..).map(of_truth).collect();
     bar.finish_and_clear();
@@ -72,22 +82,27 @@ fn try_all(args: &Args) -> Vec<TruthRuns> {
 mod tests {
     use super::*;
 
-    fn runs(name: &str, runs: u64) -> (Summary, Summary) {
+    fn runs(name: &str, runs: u64) -> (Summary, Summary, Summary) {
         let truth = Truth::all().into_iter().find(|truth| truth.name == name).unwrap();
         let (bench, analysis) = (truth.bench(), Analysis::new());
         let all: Vec<_> = (0..runs).map(|run| bench.run(1, 0, run)).collect();
-        let of = |source| {
+        let once: Vec<_> = all.iter().map(truth::RunOfTruth::at_one_depth).collect();
+        let of = |all: &[truth::RunOfTruth], source| {
             let found: Vec<_> = all.iter().map(|touches| analysis.of(touches, source)).collect();
             Summary::of(&found)
         };
-        (of(ModelSource::Described), of(ModelSource::Learnt))
+        (
+            of(&once, ModelSource::Described),
+            of(&once, ModelSource::Learnt),
+            of(&all, ModelSource::Learnt),
+        )
     }
 
     /// Fewer runs than the page has; the bounds are four standard deviations wide.
     #[test]
     fn a_matched_truth_is_covered_and_left_alone() {
-        let (described, learnt) = runs("nothing", 40);
-        for summary in [described, learnt] {
+        let (described, learnt, halfway) = runs("nothing", 40);
+        for summary in [described, learnt, halfway] {
             assert!((0.92..0.985).contains(&summary.coverage()), "{summary:?}");
             assert!(summary.recognition() > 0.995 && summary.noticed() < 0.12, "{summary:?}");
         }
@@ -95,7 +110,7 @@ mod tests {
 
     #[test]
     fn a_frictionless_truth_is_rejected_as_described_and_covered_as_learnt() {
-        let (described, learnt) = runs("frictionless", 20);
+        let (described, learnt, _) = runs("frictionless", 20);
         assert!(described.noticed() == 1.0 && described.recognition() < 0.9, "{described:?}");
         assert!(learnt.recognition() > 0.985 && learnt.noticed() < 0.2, "{learnt:?}");
         assert!((0.91..0.99).contains(&learnt.coverage()), "{learnt:?}");
@@ -103,7 +118,26 @@ mod tests {
 
     #[test]
     fn a_slip_is_noticed_and_its_intervals_are_wide_enough() {
-        let (_, learnt) = runs("slip beyond 8.5°", 20);
+        let (_, learnt, _) = runs("slip beyond 8.5°", 20);
         assert!(learnt.noticed() >= 0.85 && learnt.coverage() > 0.9, "{learnt:?}");
+    }
+
+    /// One depth tells a layered sample in half of the runs.
+    #[test]
+    fn a_layered_sample_is_noticed_by_a_measurement_halfway() {
+        for name in ["stiffer with depth", "softer with depth"] {
+            let (_, _, halfway) = runs(name, 20);
+            assert!(halfway.noticed() >= 0.85, "{name}: {halfway:?}");
+            assert_eq!(halfway.pattern().map(|(pattern, _)| pattern), Some("depth"), "{name}");
+        }
+    }
+
+    /// Each part alone is as large as the budget says, within four standard deviations of 1,000 touches.
+    #[test]
+    fn the_parts_of_a_budget_are_what_each_cause_alone_makes() {
+        for part in budget::validate(1, 20) {
+            let ratio = part.found_rel / part.predicted_rel;
+            assert!((0.85..1.15).contains(&ratio), "{part:?}");
+        }
     }
 }

@@ -76,6 +76,8 @@ pub(crate) struct Labels {
     surface: Option<SurfaceFacts>,
     /// The read-back after the indentation, mm, until the next surface.
     indented_mm: Option<f64>,
+    /// The first accepted sweep in contact since the surface was found, and the read-back before it, mm.
+    halfway: Option<(SweepFacts, f64)>,
     /// What was found of the surface after the sweep; `None` before it was looked for.
     again: Option<surface::Again>,
     /// The window of the sweep in contact after it was widened, Hz.
@@ -137,6 +139,7 @@ impl Labels {
         }
         (self.step, self.sample, self.orientation, self.reference) = (None, None, None, None);
         (self.surface, self.indented_mm, self.free_s) = (None, None, 0.0);
+        self.halfway = None;
         self.again = None;
         self.bench = bench::BenchChain::default();
         (self.contradiction, self.fault) = (None, None);
@@ -212,7 +215,7 @@ impl Labels {
             }
         }
         (self.surface, self.indented_mm, self.again) = (None, None, None);
-        (self.window, self.refused_sweeps) = (None, 0);
+        (self.window, self.refused_sweeps, self.halfway) = (None, 0, None);
         self.step = Some(Step { seq, started, is_done: false });
     }
 
@@ -348,8 +351,10 @@ impl Labels {
     pub(crate) fn moved(&mut self, motion: &Motion, rig_us: u64, settings: Option<&Settings>) {
         self.free_s = rig_us as f64 / 1e6;
         // Later moves of the same descent look for the surface again.
-        let is_indentation =
-            |descent: &Descent| descent.what == "indent" && descent.moves.len() == 1;
+        let is_twice = settings.is_some_and(|all| all.protocol.touch.halfway_mm.is_some());
+        let is_indentation = |descent: &Descent| {
+            descent.what == "indent" && descent.moves.len() <= 1 + usize::from(is_twice)
+        };
         if motion.descent.as_ref().is_some_and(is_indentation) {
             self.indented_mm = motion.linear_mm;
             self.free_s += settings.map_or(0.0, |settings| settings.protocol.touch.dwell_s);
@@ -404,6 +409,11 @@ impl Labels {
                 step.is_done |= matches!(step.started.action, Action::NoLoad { .. });
             }
             self.reference = Some(facts.clone()).filter(|facts| facts.outcome.is_ok());
+        }
+        if let (true, Some(indented_mm)) = (facts.outcome.is_ok(), self.indented_mm)
+            && facts.purpose == "touch"
+        {
+            self.halfway.get_or_insert((facts.clone(), indented_mm));
         }
         self.sweep = Some(facts);
         self.free_s = rig_us as f64 / 1e6;

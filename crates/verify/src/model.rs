@@ -88,6 +88,12 @@ fn check(journal: &Journal, stated: &StatedModel) -> ModelCheck {
     }
 }
 
+/// The key of the protocol that says whether the angles are known.
+#[derive(Debug, Deserialize)]
+struct ProtocolKeys {
+    angle: Option<String>,
+}
+
 /// The keys of the rig file that describe the sensor.
 #[derive(Debug, Deserialize)]
 struct RigKeys {
@@ -150,6 +156,11 @@ fn touches(journal: &Journal) -> Result<(RunStarted, Vec<TouchResult>), &'static
 /// χ² for each degree of freedom, and their number.
 fn chi2_of(journal: &Journal, stated: &StatedModel) -> Result<(f64, usize), &'static str> {
     let (started, touches) = touches(journal)?;
+    let protocol: ProtocolKeys =
+        toml::from_str(&started.protocol.toml).map_err(|_| "the protocol cannot be read")?;
+    if protocol.angle.as_deref() == Some("unknown") {
+        return Err("the contact angles are unknown");
+    }
     let rig: RigKeys = toml::from_str(&started.rig.toml)
         .map_err(|_| "the rig file does not describe the sensor in full")?;
     let beam = Beam::new(&rig.sensor, rig.geometry.probe_radius_mm, stated.arm_mm);

@@ -285,6 +285,17 @@ pub(crate) struct TouchResult {
     pub(crate) indentation_mm: f64,
     pub(crate) linear_mm: f64,
     pub(crate) rotary_deg: f64,
+    pub(crate) halfway: Option<Halfway>,
+}
+
+/// The measurement of a touch at a smaller depth.
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub(crate) struct Halfway {
+    pub(crate) sweep: u64,
+    pub(crate) resonance_hz: f64,
+    pub(crate) sigma_hz: f64,
+    pub(crate) indentation_mm: f64,
+    pub(crate) linear_mm: f64,
 }
 
 #[derive(Debug, Clone, Deserialize)]

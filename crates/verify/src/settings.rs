@@ -104,6 +104,7 @@ const fn one() -> u32 {
 #[derive(Debug, Clone, Deserialize)]
 pub(crate) struct TouchKeys {
     pub(crate) indentation_mm: f64,
+    pub(crate) halfway_mm: Option<f64>,
     #[serde(default)]
     pub(crate) dwell_s: f64,
 }

@@ -8,6 +8,7 @@ use super::{
     fit::{Fit, SHARED_DEPTH, State, Usable, information, weighted},
     linear,
 };
+use crate::stiffness::Young;
 
 /// The judgement on a model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,6 +22,17 @@ pub enum Verdict {
 }
 
 impl Verdict {
+    /// By the probability of chance, in all tests of a run together.
+    fn of(probability: f64) -> Self {
+        if probability < REJECTED_BELOW {
+            Self::Rejected
+        } else if probability < STRAINED_BELOW {
+            Self::Strained
+        } else {
+            Self::Holds
+        }
+    }
+
     /// The word in files.
     pub const fn name(self) -> &'static str {
         match self {
@@ -123,14 +135,7 @@ pub(super) fn judge(touches: &Usable<'_>, fit: &Fit) -> Option<ModelCheck> {
     let chi2 = weighted(&state.residuals[..main], &state.residuals[..main], &state.weights);
     let by_chi2 = chi2_probability(chi2, freedom as f64 / touches.overlap(state));
     let least = evidence.iter().map(|one| one.probability).fold(by_chi2, f64::min);
-    let probability = (tests * least).min(1.0);
-    let verdict = if probability < REJECTED_BELOW {
-        Verdict::Rejected
-    } else if probability < STRAINED_BELOW {
-        Verdict::Strained
-    } else {
-        Verdict::Holds
-    };
+    let verdict = Verdict::of(tests * least);
     evidence.sort_by(|a, b| b.chi2_removed.total_cmp(&a.chi2_removed));
     let is_evident = |one: &&Evidence| tests * one.probability < STRAINED_BELOW;
     let pattern = evidence.iter().find(is_evident).map(|one| one.pattern);
@@ -154,6 +159,34 @@ pub(super) fn judge(touches: &Usable<'_>, fit: &Fit) -> Option<ModelCheck> {
         evidence,
         residuals: (0..touches.touches.len()).map(residual).collect(),
         added_rel,
+    })
+}
+
+/// The judgement on the stiffness of sites by χ² alone, without a cause; `None` when no sample has two.
+pub(super) fn of_sites(sites: &[(usize, Young)]) -> Option<ModelCheck> {
+    let log = |young: &Young| (young.mpa.ln(), (young.mpa / young.sigma_mpa).powi(2));
+    let residual = |(touch, (sample, young)): (usize, &(usize, Young))| {
+        let of_sample = || sites.iter().filter(|site| site.0 == *sample).map(|site| log(&site.1));
+        let weight: f64 = of_sample().map(|(_, weight)| weight).sum();
+        let mean = of_sample().map(|(log, weight)| weight * log).sum::<f64>() / weight;
+        let (log, weight) = log(young);
+        Residual { touch, log: log - mean, sigmas: (log - mean) * weight.sqrt() }
+    };
+    let residuals: Vec<Residual> = sites.iter().enumerate().map(residual).collect();
+    let mut samples: Vec<usize> = sites.iter().map(|site| site.0).collect();
+    samples.sort_unstable();
+    samples.dedup();
+    let freedom = sites.len().checked_sub(samples.len()).filter(|freedom| *freedom > 0)?;
+    let chi2: f64 = residuals.iter().map(|one| one.sigmas.powi(2)).sum();
+    let mean_weight = sites.iter().map(|site| log(&site.1).1).sum::<f64>() / sites.len() as f64;
+    Some(ModelCheck {
+        verdict: Verdict::of(chi2_probability(chi2, freedom as f64)),
+        chi2,
+        freedom,
+        pattern: None,
+        evidence: Vec::new(),
+        residuals,
+        added_rel: ((chi2 / freedom as f64 - 1.0) / mean_weight).max(0.0).sqrt(),
     })
 }
 

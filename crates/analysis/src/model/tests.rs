@@ -75,6 +75,27 @@ fn model(touches: &[PosedTouch], source: ModelSource) -> RunModel {
     RunModel::of(&described, &main, source)
 }
 
+/// Sites whose angles are unknown agree within a percent, or two of them differ by six standard
+/// deviations.
+#[test]
+fn sites_of_unknown_angle_judge_the_model_by_chi2() {
+    let described = Compensation::new(&SensorDescription::reference(), 0.002);
+    let site = |sample: usize, off: f64| {
+        let mpa = SAMPLES_MPA[sample] * (1.0 + off);
+        (sample, Young { mpa, sigma_mpa: 0.02 * mpa })
+    };
+    let even: Vec<_> =
+        (0..5).flat_map(|sample| [site(sample, 0.01), site(sample, -0.01)]).collect();
+    let check = RunModel::of_sites(&described, &even).check().unwrap().clone();
+    assert_eq!((check.verdict, check.freedom, check.residuals.len()), (Verdict::Holds, 5, 10));
+    let mut odd = even;
+    odd[3] = site(1, 0.2);
+    let check = RunModel::of_sites(&described, &odd).check().unwrap().clone();
+    assert_eq!((check.verdict, check.pattern), (Verdict::Rejected, None), "{check:?}");
+    assert!(check.added_rel > 0.03, "{check:?}");
+    assert!(RunModel::of_sites(&described, &odd[..1]).check().is_none());
+}
+
 #[test]
 fn a_model_that_is_the_truth_holds_and_stays_as_it_is() {
     for source in [ModelSource::Described, ModelSource::Learnt] {

@@ -68,7 +68,7 @@ impl RunCalibration {
         main: &[Reading],
         at: &ComparedAt,
         touches: &RunTouches<'_>,
-        model: Option<&RunModel>,
+        model: &RunModel,
     ) -> Self {
         let there = main.iter().zip(&at.is_there).filter(|(_, is_there)| **is_there);
         let compared = |(reading, _): (&Reading, &bool)| {
@@ -81,8 +81,8 @@ impl RunCalibration {
             Comparison { sample, young_mpa, sigma_mpa, known_mpa }
         };
         let comparisons: Vec<Comparison> = compared.iter().map(comparison).collect();
-        let covariance = model.map_or_else(Vec::new, |model| model.covariance().to_vec());
-        let check = model.and_then(RunModel::check);
+        let covariance = model.covariance().to_vec();
+        let check = model.check();
         let described = Self {
             resonance_ratio: touches.resonance_ratio,
             factor: 1.0,

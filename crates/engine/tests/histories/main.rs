@@ -27,7 +27,7 @@ fn an_undisturbed_run_finds_the_surface_and_the_shift_at_every_touch() {
     for event in &world.events {
         if let Event::TouchFinished(result) = event {
             touches += 1;
-            let TouchOutcome::Measured { contact, loaded } = &result.outcome else {
+            let TouchOutcome::Measured { contact, loaded, halfway: None } = &result.outcome else {
                 panic!("{result:?}")
             };
             let shift_hz = loaded.resonance_hz - result.no_load.resonance_hz;
@@ -59,6 +59,33 @@ fn a_vibration_decays_before_each_reading_and_time_that_has_passed_is_not_waited
     let readings = world.listened.len() as f64;
     let most_s = 0.1 * readings + (4.0 * 5.0 + 4.0 * 3.0 + 3.0 * 3.0 * 5.0) * time_constant_s;
     assert!(waited_s < most_s, "{waited_s} s of at most {most_s} s in {readings} readings");
+}
+
+/// Under the same declared depth, with the same surface and reference.
+#[test]
+fn a_touch_is_measured_halfway_and_then_at_its_depth() {
+    let mut both = plan();
+    both.touch.halfway_mm = Some(0.25);
+    let mut world = World::new(None);
+    world.play_plan(&both);
+    assert_eq!(world.endings(), [RunStatus::Completed], "{:#?}", world.events);
+    assert_eq!(world.engine.snapshot().clearance, Clearance::Clear);
+    let mut touches = 0;
+    for event in &world.events {
+        if let Event::TouchFinished(result) = event {
+            touches += 1;
+            let TouchOutcome::Measured { contact, halfway: Some(halfway), .. } = &result.outcome
+            else {
+                panic!("{result:?}")
+            };
+            assert!((contact.indentation_mm() - 0.5).abs() < 1e-9, "{contact:?}");
+            assert!((halfway.contact.indentation_mm() - 0.25).abs() < 1e-9, "{halfway:?}");
+            assert_eq!(halfway.contact.surface, contact.surface);
+            let shift_hz = halfway.loaded.resonance_hz - result.no_load.resonance_hz;
+            assert!((shift_hz - (LOADED_HZ - FREE_HZ)).abs() < 0.01, "{shift_hz}");
+        }
+    }
+    assert_eq!(touches, 3);
 }
 
 #[test]

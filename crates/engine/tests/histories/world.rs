@@ -62,6 +62,7 @@ pub(crate) fn plan() -> Plan {
         steps,
         touch: TouchSettings {
             indentation_mm: 0.5,
+            halfway_mm: None,
             dwell_s: 1.0,
             approach: Approach {
                 start_above_mm: 0.4,

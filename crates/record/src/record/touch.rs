@@ -105,6 +105,24 @@ pub struct Touch {
     pub linear_mm: f64,
     /// The tilt of the sample as read back, degrees.
     pub rotary_deg: f64,
+    /// The measurement on the way to that depth, if the protocol asks for one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub halfway: Option<Halfway>,
+}
+
+/// The measurement of a touch at a smaller depth, with the same surface and reference.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Halfway {
+    /// Number of its sweep.
+    pub sweep: u64,
+    /// The resonance there, Hz.
+    pub resonance_hz: f64,
+    /// Its standard deviation, Hz.
+    pub sigma_hz: f64,
+    /// Depth below the surface along the probe axis, mm.
+    pub indentation_mm: f64,
+    /// The linear axis as read back before the sweep, mm.
+    pub linear_mm: f64,
 }
 
 /// A touch that gave no frequency shift.

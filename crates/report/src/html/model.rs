@@ -17,9 +17,8 @@ use crate::{
 
 /// The model of a run; empty when the touches cannot judge it.
 pub(super) fn model(results: &RunResults, stiffness: &Stiffness) -> Markup {
-    let Some((model, check)) = stiffness.model.as_ref().and_then(|m| Some((m, m.check()?))) else {
-        return html! {};
-    };
+    let model = &stiffness.model;
+    let Some(check) = model.check() else { return html! {} };
     html! {
         (verdict(&results.data, check))
         @if !learnt(model).is_empty() { p { (learnt(model)) } }

@@ -15,7 +15,7 @@ use rig_analysis::{
     run::{
         self, ComparedAt, Reading, RunCalibration, RunSample, RunStiffness, RunTouches, RunYoung,
     },
-    stiffness::{Compensation, PosedTouch, Young},
+    stiffness::{Compensation, Halfway, PosedTouch, Young},
 };
 use rig_contact::{
     Pose, SensorDescription,
@@ -35,10 +35,10 @@ use site::{RepeatedTouch, UnknownAngle};
 #[derive(Debug)]
 pub(crate) struct Stiffness {
     pub(crate) calibration: RunCalibration,
-    /// The model, learnt and judged; `None` when the angle is unknown.
-    pub(crate) model: Option<RunModel>,
-    /// The address of each main touch with a known pose, in the order of the residuals of the model.
-    pub(crate) main_steps: Vec<String>,
+    /// The model, learnt and judged.
+    pub(crate) model: RunModel,
+    /// The address of each main touch, with its index or that of its site in the residuals of the model.
+    residual_of: BTreeMap<String, usize>,
     /// Each sample from its main touches, calibrated, ordered by sample.
     pub(crate) samples: Vec<RunSample>,
     /// Every main touch, in order; or every site, when the angle is unknown.
@@ -107,12 +107,12 @@ impl Stiffness {
             AngleKnowledge::Known => {
                 let (found, model) =
                     run::at_known_angles(&compensation, &touches, source(&protocol));
-                (found, Some(model), None)
+                (found, model, None)
             }
             AngleKnowledge::Unknown => {
                 let reader = Reader { compensation, sensor, data };
-                let (found, sites) = reader.unknown(&main, &blind, &touches);
-                (found, None, Some(sites))
+                let (found, model, sites) = reader.unknown(&main, &blind, &touches);
+                (found, model, Some(sites))
             }
         };
         let RunStiffness { calibration, samples, main: main_found, blind: blind_found } = found;
@@ -124,11 +124,13 @@ impl Stiffness {
             let Some(found) = found else { return };
             by_step.insert(touch.touch.step.clone(), *found);
         };
+        let mut residual_of = BTreeMap::new();
         for (index, (touch, posed)) in main.iter().enumerate() {
             let index = match &sites {
                 Some(sites) => sites.iter().position(|site| site.holds(touch, posed.sample)),
                 None => Some(index),
             };
+            residual_of.extend(index.map(|index| (touch.touch.step.clone(), index)));
             note(touch, index.and_then(|index| main_found.get(index)));
         }
         blind.iter().zip(&blind_found).for_each(|((touch, _), found)| note(touch, Some(found)));
@@ -142,7 +144,7 @@ impl Stiffness {
         Ok(Self {
             calibration,
             samples,
-            main_steps: main.iter().map(|(touch, _)| touch.touch.step.clone()).collect(),
+            residual_of,
             main: match &sites {
                 None => main.iter().zip(&main_found).map(of_touch).collect(),
                 Some(sites) => sites.iter().zip(&main_found).map(of_site).collect(),
@@ -179,7 +181,7 @@ impl Stiffness {
 
     /// The judgement on the model by the main touches.
     pub(crate) fn check(&self) -> Option<&ModelCheck> {
-        self.model.as_ref()?.check()
+        self.model.check()
     }
 
     /// Whether the model holds; `None` when the touches cannot say.
@@ -187,11 +189,11 @@ impl Stiffness {
         Some(self.check()?.verdict)
     }
 
-    /// The residual of the main touch at this address, in standard deviations.
+    /// The residual of the main touch at this address or of its site, in standard deviations.
     pub(crate) fn residual(&self, step: &str) -> Option<f64> {
         let check = self.check()?;
-        let index = self.main_steps.iter().position(|of_touch| of_touch == step)?;
-        let residual = check.residuals.iter().find(|residual| residual.touch == index)?;
+        let index = self.residual_of.get(step)?;
+        let residual = check.residuals.iter().find(|residual| residual.touch == *index)?;
         Some(residual.sigmas)
     }
 
@@ -239,7 +241,7 @@ impl Reader<'_> {
         main: &[Touched<'_>],
         blind: &[Touched<'_>],
         touches: &RunTouches<'_>,
-    ) -> (RunStiffness, Vec<Site>) {
+    ) -> (RunStiffness, RunModel, Vec<Site>) {
         let angles = self.data.touches.iter().map(|touch| touch.touch.pose.angle_deg);
         let unknown = UnknownAngle {
             compensation: &self.compensation,
@@ -265,7 +267,14 @@ impl Reader<'_> {
         let of_blind: Vec<Reading> =
             blind.iter().map(|(_, posed)| reading(posed.sample, unknown.infer([posed]))).collect();
         let at = ComparedAt { angle_deg: None, is_there: vec![true; sites.len()] };
-        (run::calibrated(touches, &of_sites, &of_blind, &at, None), sites)
+        // A site without a stiffness has no residual.
+        let found = |(index, reading): (usize, &Reading)| {
+            Some((index, (reading.sample, reading.found.as_ref().ok()?.young)))
+        };
+        let (indices, found): (Vec<usize>, Vec<(usize, Young)>) =
+            of_sites.iter().enumerate().filter_map(found).unzip();
+        let model = RunModel::of_sites(&self.compensation, &found).with_touches(&indices);
+        (run::calibrated(touches, &of_sites, &of_blind, &at, &model), model, sites)
     }
 }
 
@@ -297,6 +306,10 @@ fn posed(
         shift_hz: scale * touch.shift_hz,
         sigma_hz: scale * touch.shift_sigma_hz,
         reference_sigma_hz: scale * touch.no_load_sigma_hz,
-        halfway: None,
+        halfway: touch.halfway.map(|halfway| Halfway {
+            along_probe_mm: halfway.indentation_mm,
+            shift_hz: scale * (halfway.resonance_hz - touch.no_load_hz),
+            sigma_hz: scale * halfway.sigma_hz,
+        }),
     })
 }

@@ -273,6 +273,7 @@ impl Recorder {
             indentation_mm: 0.5,
             linear_mm: 9.6,
             rotary_deg: pose.angle_deg,
+            halfway: None,
         }));
     }
 

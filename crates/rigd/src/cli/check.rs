@@ -260,7 +260,9 @@ impl CheckedProtocol<'_> {
     /// Three lines, and what is wrong.
     fn text(&self) -> String {
         let (name, rig) = (&self.protocol.plan.name, &self.rig.file.name);
-        let Summary { touches, no_loads, prompts, linear, rotary, .. } = &self.protocol.summary;
+        let Summary { touches, no_loads, prompts, linear, rotary, halfway_s, .. } =
+            &self.protocol.summary;
+        let halfway = duration(*halfway_s);
         let duration = duration(self.protocol.summary.duration_s);
         let disk_mb = self.protocol.summary.disk_bytes.div_ceil(1_000_000);
         let mut lines = vec![
@@ -271,6 +273,9 @@ impl CheckedProtocol<'_> {
             ),
             format!("linear stage {linear}, rotary stage {rotary}."),
         ];
+        if *halfway_s > 0.0 {
+            lines.push(format!("{halfway} of it measure the touches halfway to their depth."));
+        }
         lines.extend(self.not_predicted(&self.protocol.plan));
         for warning in self.predictions.warnings() {
             lines.push(format!("warning: {}", self.message(&warning)));

@@ -1,4 +1,4 @@
-//! The results of ended runs, computed once.
+//! The results of runs, computed once for their records.
 
 use std::{
     collections::VecDeque,
@@ -7,7 +7,7 @@ use std::{
 };
 
 use rig_report::{RunResults, RunVerdict};
-use rig_store::{ChainCheck, Digest, Reader, Run, RunId, RunStatus, StoreError};
+use rig_store::{ChainCheck, Digest, Reader, Run, RunId, StoreError};
 
 use crate::verdict;
 
@@ -36,9 +36,9 @@ type Tip = (RunId, Option<Digest>);
 
 /// The results of the last requested runs.
 ///
-/// Only those of an ended run with an intact chain are kept. They hold as long as the journal has
-/// the same entry for the run, and the same last digests, which cover all records of the run and of
-/// its amendments.
+/// Those of a run with an intact chain are kept. They hold as long as the journal has the same entry for
+/// the run, and the same last digests, which cover all records of the run and of its amendments. Of a run
+/// that has grown, the stiffness holds until the next touch.
 #[derive(Debug, Default)]
 pub(super) struct ResultsCache {
     /// The latest first.
@@ -59,18 +59,25 @@ impl ResultsCache {
             return Ok(found);
         }
         let chain = reader.chain(id)?;
-        let is_final = matches!(run.status, RunStatus::Ended(_))
-            && matches!(chain.check, ChainCheck::Intact { .. });
-        let results = RunResults::new(&run, &reader.amend(id, chain.records)?)?;
+        let is_intact = matches!(chain.check, ChainCheck::Intact { .. });
+        let earlier = self.earlier(id);
+        let earlier = earlier.as_ref().map(|earlier| &earlier.results);
+        let results = RunResults::after(&run, &reader.amend(id, chain.records)?, earlier)?;
         let verdict = OnceLock::new();
         let checked = Arc::new(CheckedResults { results, check: chain.check, tips, verdict });
-        if is_final {
+        if is_intact {
             let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
             kept.retain(|other| other.results.run().id != id);
             kept.truncate(KEPT - 1);
             kept.push_front(Arc::clone(&checked));
         }
         Ok(checked)
+    }
+
+    /// The results of a run as they were.
+    fn earlier(&self, id: RunId) -> Option<Arc<CheckedResults>> {
+        let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.iter().find(|kept| kept.results.run().id == id).map(Arc::clone)
     }
 
     /// The results that are kept for a run with these last digests, which become the latest.
@@ -139,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_that_grows_is_computed_again_until_it_ends() {
+    fn a_run_that_grows_is_computed_again_for_each_record() {
         let directory = TempDir::new().unwrap();
         let store = Store::open(directory.path()).unwrap();
         let mut journal = store.begin(RunKind::Run, "empty").unwrap();
@@ -151,8 +158,7 @@ mod tests {
             let found = cache.of(&reader, id).unwrap();
             assert_eq!(found.results.run().records, count);
             assert!(matches!(found.check, ChainCheck::Intact { records, .. } if records == count));
-            let is_kept = Arc::ptr_eq(&found, &cache.of(&reader, id).unwrap());
-            assert_eq!(is_kept, count == 3, "after record {count}");
+            assert!(Arc::ptr_eq(&found, &cache.of(&reader, id).unwrap()), "after record {count}");
         }
     }
 

@@ -31,8 +31,10 @@ pub(super) struct Recorder {
     sweeps: u64,
     /// The last sweep with the probe clear.
     no_load_sweep: u64,
-    /// The sweeps of the last touch: with the probe clear, and the last one in contact.
-    touch_sweeps: [u64; 2],
+    /// The last two accepted sweeps in contact, the older one first.
+    accepted_sweeps: [u64; 2],
+    /// The sweeps of the last touch: with the probe clear, the last one in contact, and the one halfway.
+    touch_sweeps: [u64; 3],
     /// The last read-back of the linear stage.
     linear: Option<Position<Mm>>,
 }
@@ -45,7 +47,8 @@ impl Recorder {
             index: None,
             sweeps: 0,
             no_load_sweep: 0,
-            touch_sweeps: [0; 2],
+            accepted_sweeps: [0; 2],
+            touch_sweeps: [0; 3],
             linear: None,
         }
     }
@@ -290,6 +293,11 @@ impl Recorder {
         if finished.purpose == SweepPurpose::NoLoad {
             self.no_load_sweep = self.sweeps;
         }
+        if finished.purpose == SweepPurpose::Touch
+            && matches!(finished.outcome, FitOutcome::Accepted(_))
+        {
+            self.accepted_sweeps = [self.accepted_sweeps[1], self.sweeps];
+        }
         let outcome = match &finished.outcome {
             FitOutcome::Accepted(resonance) => store::SweepOutcome::Accepted {
                 resonance_hz: resonance.resonance_hz,
@@ -323,14 +331,14 @@ impl Recorder {
     }
 
     fn touch_of_last_sweeps(&mut self, result: &TouchResult) -> Record {
-        self.touch_sweeps = [self.no_load_sweep, self.sweeps];
+        self.touch_sweeps = [self.no_load_sweep, self.sweeps, self.accepted_sweeps[0]];
         self.touch(result)
     }
 
     /// A touch, also one that is doubted after further sweeps.
     fn touch(&self, result: &TouchResult) -> Record {
         let touch = touch_settings(&result.step, &result.touch, self.samples());
-        let [no_load_sweep, sweep] = self.touch_sweeps;
+        let [no_load_sweep, sweep, halfway_sweep] = self.touch_sweeps;
         let no_load = &result.no_load;
         let (no_load_hz, no_load_sigma_hz) = (no_load.resonance_hz, no_load.sigma_hz);
         let rotary_deg = result.rotary.value();
@@ -341,8 +349,8 @@ impl Recorder {
             indentation_mm: contact.indentation_mm(),
             linear_mm: contact.linear.value(),
         };
-        let (contact, loaded) = match &result.outcome {
-            TouchOutcome::Measured { contact, loaded } => (contact, loaded),
+        let (contact, loaded, halfway) = match &result.outcome {
+            TouchOutcome::Measured { contact, loaded, halfway } => (contact, loaded, halfway),
             TouchOutcome::Refused { contact, refusal } => {
                 return Record::TouchRefused(store::RefusedTouch {
                     touch,
@@ -372,6 +380,13 @@ impl Recorder {
             indentation_mm,
             linear_mm,
             rotary_deg,
+            halfway: halfway.as_ref().map(|halfway| store::Halfway {
+                sweep: halfway_sweep,
+                resonance_hz: halfway.loaded.resonance_hz,
+                sigma_hz: halfway.loaded.sigma_hz,
+                indentation_mm: halfway.contact.indentation_mm(),
+                linear_mm: halfway.contact.linear.value(),
+            }),
         })
     }
 }

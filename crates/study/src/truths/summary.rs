@@ -30,7 +30,7 @@ pub(super) struct Summary {
 }
 
 impl Summary {
-    pub(super) fn of(runs: &[Found]) -> Self {
+    pub(super) fn of<'a>(runs: impl IntoIterator<Item = &'a Found>) -> Self {
         let mut all = Self::default();
         for found in runs {
             all.add(found);

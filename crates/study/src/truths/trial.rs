@@ -51,6 +51,11 @@ impl Analysis {
         }
     }
 
+    /// The model of the rig file.
+    pub(super) const fn described(&self) -> &Compensation {
+        &self.described
+    }
+
     /// The result of a run with this source of its model. All samples are known.
     pub(super) fn of(&self, run: &RunOfTruth, source: ModelSource) -> Found {
         let known_mpa = SAMPLES_MPA.map(Some);

@@ -215,6 +215,7 @@ impl Labels {
                 findings.add(Check::Copy, seq, what, "an accepted sweep in contact", found);
             }
         }
+        self.halfway(seq, result, settings, findings);
         let of = (result.no_load_sweep, result.no_load_hz, result.no_load_sigma_hz);
         self.reference(seq, of, findings);
         let shift = result.resonance_hz - result.no_load_hz;
@@ -224,6 +225,51 @@ impl Labels {
         let what = "the standard deviation of the shift, Hz";
         findings.agree(Check::Shift, seq, what, (sigma, result.shift_sigma_hz), COPY);
         self.last = Some(result.clone());
+    }
+
+    /// The measurement halfway is that of the first accepted sweep in contact, at the depth that the
+    /// protocol asks for.
+    fn halfway(
+        &self,
+        seq: u64,
+        result: &TouchResult,
+        settings: Option<&Settings>,
+        findings: &mut Findings,
+    ) {
+        let Some(settings) = settings else { return };
+        let asked_mm = settings.protocol.touch.halfway_mm;
+        let (Some(asked_mm), Some(stated)) = (asked_mm, result.halfway) else {
+            if asked_mm.is_some() != result.halfway.is_some() {
+                let what = "the measurement halfway of a touch";
+                let (expected, found) = (format!("{asked_mm:?}"), format!("{:?}", result.halfway));
+                findings.add(Check::Row, seq, what, expected, found);
+            }
+            return;
+        };
+        let what = "the depth halfway that the protocol asks for, mm";
+        findings.agree(
+            Check::Indentation,
+            seq,
+            what,
+            (asked_mm, stated.indentation_mm),
+            ROUNDING + settings.rig.linear.tolerance_mm,
+        );
+        let mut copy = |what, expected, found| {
+            findings.agree(Check::Copy, seq, what, (expected, found), COPY);
+        };
+        let depth = result.surface_mm - stated.linear_mm;
+        copy("the depth halfway, mm: surface less position", depth, stated.indentation_mm);
+        let Some((sweep, linear_mm)) = &self.halfway else {
+            let what = "a measurement halfway whose sweep was not accepted";
+            findings.add(Check::Copy, seq, what, "an accepted sweep in contact", "none");
+            return;
+        };
+        copy("the position halfway, mm", *linear_mm, stated.linear_mm);
+        copy("the number of the sweep halfway", sweep.number as f64, stated.sweep as f64);
+        if let Ok((hz, sigma_hz)) = sweep.outcome {
+            copy("the resonance halfway, Hz", hz, stated.resonance_hz);
+            copy("its standard deviation, Hz", sigma_hz, stated.sigma_hz);
+        }
     }
 
     pub(crate) fn refused(
