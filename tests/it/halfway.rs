@@ -7,7 +7,9 @@ use rig_verify::Check;
 use serde_json::{Value, json};
 
 /// A forgery of the measurement halfway of a touch, and the check that must find it.
-const FORGERIES: [(Check, fn(&mut Value)); 5] = [
+type Case = (Check, fn(&mut Value));
+
+const FORGERIES: [Case; 5] = [
     (Check::Row, |touch| touch["halfway"] = Value::Null),
     (Check::Indentation, |touch| touch["halfway"]["indentation_mm"] = json!(0.3)),
     (Check::Copy, |touch| {
