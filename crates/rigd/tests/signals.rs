@@ -220,7 +220,7 @@ fn hanging_up_is_ignored_where_that_was_asked_for() {
     let rig = real_time_rig(folder.path());
     let script = "trap '' HUP; exec \"$@\"";
     let mut child = Command::new("sh")
-        .args(["-c", script, "sh", env!("CARGO_BIN_EXE_rigd"), "move", "linear", "29"])
+        .args(["-c", script, "sh", env!("CARGO_BIN_EXE_rigd"), "move", "linear", "23.5"])
         .args(["--data", data.to_str().unwrap(), "--rig", rig.to_str().unwrap()])
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
