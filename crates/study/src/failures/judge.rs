@@ -327,10 +327,12 @@ fn with_step(
     let of_low = verdict(axis, &half, &low);
     let of_high = verdict(axis, scene, &scene.measure(random));
     let differ = differ(&of_low, &of_high);
-    let verdict = if differ {
-        FitOutcome::Refused(Refusal { reason: Reason::Nonlinear, estimate: None })
-    } else {
-        of_low
+    let verdict = match of_high {
+        FitOutcome::Accepted(_) if differ => {
+            FitOutcome::Refused(Refusal { reason: Reason::Nonlinear, estimate: None })
+        }
+        FitOutcome::Accepted(_) => of_low,
+        FitOutcome::Refused(_) => of_high,
     };
     (low, SweepResult { differ: Some(differ), ..result(scene, id, &verdict) })
 }
