@@ -78,9 +78,12 @@ fn a_second_alarm_with_another_code_on_the_way_out_leaves_no_probe_in_the_sample
 fn a_move_by_hand_after_a_run_begins_where_the_run_has_left_the_probe() {
     let name = "by hand: lowers the probe and turns the sample";
     let troubles = [device(name, RunPhase::Sweep, 0.0)];
-    let played = life::play(&Bench::new(626), &troubles, true);
+    let bench = Bench::new(626);
+    let played = life::play(&bench, &troubles, true);
     outcome(&played);
     let is_intent = |record: &&String| record.contains(r#""what":"by_hand""#);
     let intent = played.records.iter().find(is_intent).expect("a move by hand");
-    assert!(intent.contains(r#""from":30.001,"#), "{intent}");
+    let from = intent.split(r#""from":"#).nth(1).and_then(|rest| rest.split(',').next());
+    let from_mm: f64 = from.and_then(|from| from.parse().ok()).expect("a height");
+    assert!((from_mm - bench.rest().value()).abs() < 0.01, "{intent}");
 }

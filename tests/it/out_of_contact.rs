@@ -107,7 +107,7 @@ async fn an_alarm_of_the_linear_drive_is_reset_once_and_the_probe_gets_out() {
 #[tokio::test]
 async fn a_linear_drive_that_refuses_a_few_requests_is_asked_again_and_the_probe_gets_out() {
     let mut down = 0;
-    for nth in (40..130).step_by(3) {
+    for nth in (40..130).step_by(2) {
         let six = nth..nth + 6;
         let Some(end) = run_with_each("exception code=4", six, &[]).await else { continue };
         let context = format!("at request {nth}: {:#?} {} mm", end.causes, end.tip_mm);

@@ -17,8 +17,10 @@ const FREE_MOVE: f64 = 2.0 * DRIFT;
 const FREE_STEPS: i32 = 40;
 
 /// Largest deviation of the impedance of a free sensor from the nearest of them, relative. Noise is some
-/// percent; a contact changes it by more than half.
+/// percent; a contact changes it by more than half. It is wider by the uncertainty of the capacitance,
+/// which a short sweep knows to some ten percent only, up to the second limit.
 const FREE_TOLERANCE: f64 = 0.35;
+const FREE_TOLERANCE_MAX: f64 = 0.5;
 
 /// The second frequency of the self-test lies this many linewidths below the no-load resonance, where the
 /// impedance of the free sensor differs from that at the resonance by a multiple.
@@ -177,12 +179,13 @@ pub(crate) fn check_free(
     };
     let compared: Vec<(f64, f64)> = free_sensors(no_load).map(compare).collect();
     let least = compared.iter().map(|(worst, _)| *worst).fold(f64::INFINITY, f64::min);
-    if FREE_TOLERANCE < least {
-        let (percent, limit_percent) = (100.0 * least, 100.0 * FREE_TOLERANCE);
+    let tolerance = free_tolerance(no_load);
+    if tolerance < least {
+        let (percent, limit_percent) = (100.0 * least, 100.0 * tolerance);
         let frequency_hz = baseline.0;
         return Err(ContactSenseFault::NotFree { frequency_hz, percent, limit_percent });
     }
-    let fitting = compared.iter().filter(|(worst, _)| *worst <= FREE_TOLERANCE);
+    let fitting = compared.iter().filter(|(worst, _)| *worst <= tolerance);
     let least = fitting.map(|(_, response)| *response).fold(f64::INFINITY, f64::min);
     if let Some((from_hz, _)) = other.filter(|_| RESPONSE_TOLERANCE < least) {
         let (percent, limit_percent) = (100.0 * least, 100.0 * RESPONSE_TOLERANCE);
@@ -190,6 +193,11 @@ pub(crate) fn check_free(
         return Err(ContactSenseFault::NoResponse { from_hz, to_hz, percent, limit_percent });
     }
     Ok(Some(baseline.1))
+}
+
+fn free_tolerance(no_load: &Resonance) -> f64 {
+    let sigma = no_load.covariance[2][2].max(0.0).sqrt() / no_load.c0_farad;
+    (FREE_TOLERANCE + sigma).min(FREE_TOLERANCE_MAX)
 }
 
 /// The magnitude of an impedance. Its square does not overflow, so that it takes a tenth of the time of
