@@ -47,7 +47,7 @@ impl Draw {
             ),
             ("nf_per_m = 13.3", format!("nf_per_m = {}", self.between(9.0, 18.0))),
             ("dielectric_loss = 0.018", format!("dielectric_loss = {}", self.between(0.002, 0.04))),
-            ("radius_mm = 0.5\n", format!("radius_mm = {}\n", self.between(0.4, 0.6))),
+            ("radius_mm = 0.51 #", format!("radius_mm = {} #", self.between(0.4, 0.6))),
             ("warm_up_hz = 0.3", format!("warm_up_hz = {}", self.between(-1.0, 1.0))),
             ("per_sqrt_hour = 0.1", format!("per_sqrt_hour = {}", self.log_between(0.01, 1.0))),
             ("stiffness_rel = 0.03", format!("stiffness_rel = {}", self.between(0.0, 0.1))),

@@ -75,7 +75,8 @@ fn introduction(page: &mut Page, args: &Args) {
          with the motion of the sensor carried from point to point. The resonance lies between 130 \
          and 150 Hz and is sought from 112 to 168 Hz; the loss tangent is 0.018. A planner knows \
          the noise of its analyzer and, from a survey of {SURVEY_S} s before its sweeps, what stays \
-         the same on the bench; its times are those of the sweeps, each of which has {LIMIT_S} s.",
+         the same on the bench; its times are those of the sweeps, each of which has {LIMIT_S} s. A survey \
+         that is refused twice counts as a sweep that takes that long without a result.",
         args.trials
     ));
     page.text(

@@ -86,7 +86,8 @@ impl Method {
                 let analyzer = |random| at_rest(random).with_any_phase(Gaps::USUAL);
                 let survey = survey(&mut analyzer(random.fork()), target_hz, case.noise);
                 if survey.bench.is_none() {
-                    return Measured { time_s: 0.0, ..survey };
+                    // Without a result, like a sweep that takes all of its time.
+                    return Measured { time_s: LIMIT_S, ..survey };
                 }
                 let prior = Prior { bench: survey.bench, ..cold(case.noise) };
                 plan(&mut analyzer(random), &request(target_hz), &prior)
