@@ -11,6 +11,9 @@ use crate::{
     results::{READINGS_MIN, most_scatter},
 };
 
+/// At most this many sweeps of a run are fitted, spread evenly over it: those without a resonance take
+/// long to fit.
+const SWEEPS_MAX: usize = 24;
 /// Frequencies of the window from which a fit begins.
 const BEGINS: u32 = 8;
 /// The standard deviations of the resonance, in linewidths, and of the motional capacitance, relative to it,
@@ -33,9 +36,17 @@ pub(crate) struct Refused {
 
 /// Adds a finding for each sweep whose readings contradict the reason of its refusal.
 pub(crate) fn check(sweeps: &[Refused], findings: &mut Findings) {
-    for Refused { seq, sweep, before } in sweeps {
-        let Outcome::Refused { reason } = &sweep.outcome else { continue };
-        let Some(sigmas) = scatter_sigmas(reason) else { continue };
+    let judged: Vec<(&Refused, &str, f64)> = sweeps
+        .iter()
+        .filter_map(|refused| match &refused.sweep.outcome {
+            Outcome::Refused { reason } => {
+                Some((refused, reason.as_str(), scatter_sigmas(reason)?))
+            }
+            Outcome::Accepted { .. } => None,
+        })
+        .collect();
+    let every = judged.len().div_ceil(SWEEPS_MAX).max(1);
+    for (Refused { seq, sweep, before }, reason, sigmas) in judged.into_iter().step_by(every) {
         if let Some(found) = determined(sweep, before, sigmas) {
             let what = format!("sweep {} is refused, but its readings determine", sweep.number);
             let expected = format!("{:.3} Hz ± {:.3} Hz", found.resonance_hz, found.sigma_hz);
