@@ -14,6 +14,9 @@ use crate::{
 /// At most this many sweeps of a run are fitted, spread evenly over it: those without a resonance take
 /// long to fit.
 const SWEEPS_MAX: usize = 24;
+/// Sweeps with more readings are not fitted: the time of a fit grows with the cube of the readings of a stay.
+/// Accepted sweeps of a run have some twenty.
+const READINGS_MAX: usize = 100;
 /// Frequencies of the window from which a fit begins.
 const BEGINS: u32 = 8;
 /// The standard deviations of the resonance, in linewidths, and of the motional capacitance, relative to it,
@@ -70,7 +73,7 @@ fn determined(sweep: &Sweep, before: &Circuit, sigmas: f64) -> Option<Fitted> {
     let readings: Vec<Reading> = usable.copied().collect();
     let settings = sweep.fit.as_ref()?;
     let noise = settings.noise?;
-    if readings.len() < READINGS_MIN {
+    if !(READINGS_MIN..=READINGS_MAX).contains(&readings.len()) {
         return None;
     }
     let [min_hz, max_hz] = settings.window_hz;
