@@ -72,6 +72,8 @@ impl Bench {
 #[test]
 fn a_disk_that_fails_at_any_call_costs_no_committed_record_and_no_safety() {
     const PLACES: u32 = 10;
+    /// The last calls write the end of the run, its files and the end of the session.
+    const LAST: u32 = 16;
     let bench = Bench::new();
     let whole = bench.folder.path().join("whole");
     let (output, calls) = bench.run_failing(&whole, &[]);
@@ -79,64 +81,63 @@ fn a_disk_that_fails_at_any_call_costs_no_committed_record_and_no_safety() {
     assert!(calls > 60, "{calls} calls");
     let mut codes = BTreeSet::new();
     let (mut resumed, mut begun_anew) = (0, 0);
-    for place in 0..PLACES {
-        // The first calls make the tables; a prime step visits all kinds of calls.
-        let at = 1 + (place * (calls - 2)) / (PLACES - 1);
-        for (error, is_once) in [(EIO, true), (EIO, false), (ENOSPC, false)] {
-            let data = bench.folder.path().join(format!("at-{at}-{error}-{is_once}"));
-            let mut failing =
-                vec![("RIGD_FAIL_AT", at.to_string()), ("RIGD_FAIL_WITH", error.to_string())];
-            failing.extend((!is_once).then(|| ("RIGD_FAIL_FROM", String::new())));
-            let (output, _) = bench.run_failing(&data, &failing);
-            let said = String::from_utf8(output.stderr).unwrap();
-            let here = format!("call {at} of {calls}, error {error}, once: {is_once}: {said}");
-            let code = output.status.code().unwrap();
-            codes.insert(code);
-            assert!([0, 1, 4].contains(&code), "{here}");
-            assert!(!said.contains("panicked"), "{here}");
-            if code != 0 {
-                let words = ["disk", "input or output", "database", "journal"];
-                assert!(words.iter().any(|word| said.contains(word)), "{here}");
-            }
-            // The records can be read, and the probe was left clear or counts as in contact.
-            let Ok(reader) = Reader::open(&data) else { continue };
-            for run in reader.runs().unwrap() {
-                reader.records(run.id).unwrap_or_else(|error| panic!("{error}: {here}"));
-            }
-            let Some(run) = reader.runs().unwrap().into_iter().find(|r| r.kind == RunKind::Run)
-            else {
-                begun_anew += 1;
-                continue;
-            };
-            let steps = |reader: &Reader| -> Vec<String> {
-                let records = reader.records(run.id).unwrap();
-                let touches = records.iter().filter_map(|stored| match stored.record().unwrap() {
-                    Record::TouchResult(touch) => Some(touch.touch.step),
-                    _ => None,
-                });
-                touches.collect()
-            };
-            let before = steps(&reader);
-            if !run.is_sealed && !is_once {
-                // A run that cannot write its files either says how it ended and where the probe is.
-                assert_eq!(code, 4, "{here}");
-                assert!(said.contains("rigd: the rig is latched: journal: "), "{here}");
-                assert!(said.contains("\nprobe: clear\n"), "{here}");
-            }
-            if !run.is_sealed {
-                let done = rigd(&data, &["run", "--resume", "latest"], &[]);
-                let said = String::from_utf8_lossy(&done.stderr).into_owned();
-                assert!(done.status.success(), "{here}, then {said}");
-                resumed += 1;
-            }
-            let after = steps(&reader);
-            assert_eq!(after.len(), 4, "{here}");
-            assert!(after.starts_with(&before), "{here}");
-            let unique: BTreeSet<&String> = after.iter().collect();
-            assert_eq!(unique.len(), 4, "{here}");
-            let session = reader.latest_session("simulated bench").unwrap().unwrap();
-            assert_eq!(reader.probe_word(&session).unwrap(), ProbeWord::Clear, "{here}");
+    // The first calls make the tables.
+    let spread = (0..PLACES).map(|place| 1 + (place * (calls - 2)) / (PLACES - 1));
+    let everywhere = spread.flat_map(|at| [(at, EIO, true), (at, EIO, false), (at, ENOSPC, false)]);
+    let at_the_end = (calls - LAST..calls).map(|at| (at, ENOSPC, false));
+    for (at, error, is_once) in everywhere.chain(at_the_end) {
+        let data = bench.folder.path().join(format!("at-{at}-{error}-{is_once}"));
+        let mut failing =
+            vec![("RIGD_FAIL_AT", at.to_string()), ("RIGD_FAIL_WITH", error.to_string())];
+        failing.extend((!is_once).then(|| ("RIGD_FAIL_FROM", String::new())));
+        let (output, _) = bench.run_failing(&data, &failing);
+        let said = String::from_utf8(output.stderr).unwrap();
+        let here = format!("call {at} of {calls}, error {error}, once: {is_once}: {said}");
+        let code = output.status.code().unwrap();
+        codes.insert(code);
+        assert!([0, 1, 4].contains(&code), "{here}");
+        assert!(!said.contains("panicked"), "{here}");
+        if code != 0 {
+            let words = ["disk", "input or output", "database", "journal"];
+            assert!(words.iter().any(|word| said.contains(word)), "{here}");
         }
+        // The records can be read, and the probe was left clear or counts as in contact.
+        let Ok(reader) = Reader::open(&data) else { continue };
+        for run in reader.runs().unwrap() {
+            reader.records(run.id).unwrap_or_else(|error| panic!("{error}: {here}"));
+        }
+        let Some(run) = reader.runs().unwrap().into_iter().find(|r| r.kind == RunKind::Run) else {
+            begun_anew += 1;
+            continue;
+        };
+        let steps = |reader: &Reader| -> Vec<String> {
+            let records = reader.records(run.id).unwrap();
+            let touches = records.iter().filter_map(|stored| match stored.record().unwrap() {
+                Record::TouchResult(touch) => Some(touch.touch.step),
+                _ => None,
+            });
+            touches.collect()
+        };
+        let before = steps(&reader);
+        if !run.is_sealed && !is_once {
+            // A run that cannot write its files either says how it ended and where the probe is.
+            assert_eq!(code, 4, "{here}");
+            assert!(said.contains("rigd: the rig is latched: journal: "), "{here}");
+            assert!(said.contains("\nprobe: clear\n"), "{here}");
+        }
+        if !run.is_sealed {
+            let done = rigd(&data, &["run", "--resume", "latest"], &[]);
+            let said = String::from_utf8_lossy(&done.stderr).into_owned();
+            assert!(done.status.success(), "{here}, then {said}");
+            resumed += 1;
+        }
+        let after = steps(&reader);
+        assert_eq!(after.len(), 4, "{here}");
+        assert!(after.starts_with(&before), "{here}");
+        let unique: BTreeSet<&String> = after.iter().collect();
+        assert_eq!(unique.len(), 4, "{here}");
+        let session = reader.latest_session("simulated bench").unwrap().unwrap();
+        assert_eq!(reader.probe_word(&session).unwrap(), ProbeWord::Clear, "{here}");
     }
     assert!(resumed > 8 && codes.contains(&4), "{resumed} resumed, {begun_anew} anew, {codes:?}");
 }

@@ -4,8 +4,9 @@ use rig_model::{Clearance, RigLimits, RigTime};
 
 use super::{Activity, Engine};
 use crate::{
-    Command, CommandRefusal, Effect, Event, Fault, LoweringPurpose, Operation, SweepPurpose,
-    fault::StopReason, machine::MachineEvent, recovery::Preparing, run::Run, sweep::Sweep,
+    Command, CommandRefusal, Effect, Event, Failure, Fault, LoweringPurpose, Operation,
+    SweepPurpose, fault::StopReason, machine::MachineEvent, recovery::Preparing, run::Run,
+    sweep::Sweep,
 };
 
 /// A command that [`Engine::admit`] has admitted. It holds for the state in which it was admitted,
@@ -198,6 +199,17 @@ impl Engine {
         self.notes.push(Event::Faulted { fault: fault.clone(), clearance });
         self.activity = Activity::Latched(fault);
         self.settle(effects);
+    }
+
+    /// Latches an idle rig whose records cannot be kept any more. Does nothing in another state: there
+    /// the next operation brings the failure.
+    pub fn latch_unrecorded(&mut self, failure: Failure, effects: &mut Vec<Effect>) {
+        if matches!(self.activity, Activity::Idle) {
+            let (fault, clearance) = (Fault::Device(failure), self.interlock.clearance());
+            self.notes.push(Event::Faulted { fault: fault.clone(), clearance });
+            self.activity = Activity::Latched(fault);
+            self.settle(effects);
+        }
     }
 
     fn begin_run(&mut self, now: RigTime, run: Run, effects: &mut Vec<Effect>) {

@@ -21,7 +21,7 @@ use super::{
     OpenError, PortFrames, Request, Setting, Status,
     gate::Gate,
     heartbeat::{BEAT, Heartbeat, Noticed},
-    log::Log,
+    log::{Log, unwritable},
     open::{Opened, Simulation, open_rig},
     owners::Owners,
     pulse::{Doing, Pulse},
@@ -296,10 +296,23 @@ impl Shell {
         if !is_busy || is_due {
             self.log.commit();
         }
-        if !had_ended && self.view.has_ended() && self.log.error().is_some() {
+        if self.log.error().is_some() && !had_ended && self.view.has_ended() {
             self.view.run_is_incomplete();
         }
+        self.latch_unrecorded();
         self.publish();
+    }
+
+    /// An idle rig whose journal cannot be written is latched.
+    fn latch_unrecorded(&mut self) {
+        let Some(reason) = self.log.error() else { return };
+        let mut effects = Vec::new();
+        self.engine.latch_unrecorded(unwritable(reason), &mut effects);
+        for effect in effects {
+            if let Effect::Note(event) = effect {
+                self.note(&event);
+            }
+        }
     }
 
     /// Makes an intent durable, and tells the interlock when it is.
