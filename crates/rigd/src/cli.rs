@@ -29,6 +29,7 @@ mod serve;
 mod session;
 mod signals;
 mod table;
+mod token;
 mod verify;
 mod watch;
 
@@ -86,6 +87,12 @@ enum CliCommand {
     Answer(daemon::AnswerArgs),
     /// Leave the latch of a daemon: the rig is prepared again
     Acknowledge(daemon::AcknowledgeArgs),
+    /// Open the page of a daemon in the browser, by a link that works once
+    Open(token::OpenArgs),
+    /// Show who operates a daemon's rig, take the lease over, or give it back
+    Lease(token::LeaseArgs),
+    /// Make, list and revoke the tokens of persons and programs
+    Token(token::TokenArgs),
     /// List the runs
     Runs(runs::RunsArgs),
     /// Show the results of a run
@@ -148,6 +155,9 @@ pub fn main() -> ExitCode {
         CliCommand::Stop(args) => daemon::order(&args, Order::Stop),
         CliCommand::Answer(args) => daemon::answer(&args),
         CliCommand::Acknowledge(args) => daemon::acknowledge(&args),
+        CliCommand::Open(args) => token::open(&args),
+        CliCommand::Lease(args) => token::lease(&args),
+        CliCommand::Token(args) => token::token(&args),
         CliCommand::Runs(args) => runs::list(&args),
         CliCommand::Show(args) => runs::show(&args),
         CliCommand::Export(args) => export::export(&args),

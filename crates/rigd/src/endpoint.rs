@@ -13,6 +13,8 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
+use crate::tokens::Secret;
+
 const FILE: &str = "daemon.json";
 /// The owner alone may read and write it: its content decides where clients send the token.
 const MODE: u32 = 0o600;
@@ -29,6 +31,9 @@ pub(crate) struct Endpoint {
     /// The file with the token that it asks for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) token_file: Option<PathBuf>,
+    /// The secret for commands on this computer, made anew at each start of the daemon.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) secret: Option<String>,
 }
 
 /// Keeps the file for the time of the daemon, and removes it at the end.
@@ -72,14 +77,19 @@ pub(crate) enum EndpointError {
 impl Endpoint {
     /// The daemon that listens on `listening`. An address that stands for all of them is reached over
     /// the loopback.
-    pub(crate) fn of(listening: SocketAddr, token_file: Option<&Path>) -> io::Result<Self> {
+    pub(crate) fn of(
+        listening: SocketAddr,
+        token_file: Option<&Path>,
+        secret: Option<&Secret>,
+    ) -> io::Result<Self> {
         let ip = match listening.ip() {
             IpAddr::V4(ip) if ip.is_unspecified() => Ipv4Addr::LOCALHOST.into(),
             IpAddr::V6(ip) if ip.is_unspecified() => Ipv6Addr::LOCALHOST.into(),
             ip => ip,
         };
         let token_file = token_file.map(fs::canonicalize).transpose()?;
-        Ok(Self { address: SocketAddr::new(ip, listening.port()), token_file })
+        let secret = secret.map(|secret| secret.reveal().to_owned());
+        Ok(Self { address: SocketAddr::new(ip, listening.port()), token_file, secret })
     }
 
     /// Writes the file of a data directory that this program has open.
@@ -138,7 +148,7 @@ mod tests {
         let data = TempDir::new().unwrap();
         let is_none = || matches!(Endpoint::find(data.path()), Err(EndpointError::None { .. }));
         assert!(is_none());
-        let endpoint = Endpoint::of("0.0.0.0:8137".parse().unwrap(), None).unwrap();
+        let endpoint = Endpoint::of("0.0.0.0:8137".parse().unwrap(), None, None).unwrap();
         assert_eq!(endpoint.address, "127.0.0.1:8137".parse().unwrap());
         let announced = endpoint.announce(data.path()).unwrap();
         assert_eq!(Endpoint::find(data.path()).unwrap(), endpoint);
@@ -156,7 +166,7 @@ mod tests {
     fn a_file_that_others_could_have_changed_is_not_believed() {
         let data = TempDir::new().unwrap();
         let path = data.path().join(FILE);
-        let endpoint = Endpoint::of("127.0.0.1:1".parse().unwrap(), None).unwrap();
+        let endpoint = Endpoint::of("127.0.0.1:1".parse().unwrap(), None, None).unwrap();
         let _announced = endpoint.announce(data.path()).unwrap();
         for (mode, is_believed) in [(0o600, true), (0o644, true), (0o620, false), (0o602, false)] {
             fs::set_permissions(&path, fs::Permissions::from_mode(mode)).unwrap();

@@ -12,7 +12,9 @@ mod changes;
 mod events;
 mod frames;
 mod guard;
+mod guesses;
 mod index;
+mod lease;
 mod limits;
 mod live;
 mod moves;
@@ -28,10 +30,12 @@ mod rig;
 mod route;
 mod runs;
 mod server;
+mod session;
 mod sweeps;
 mod tag;
+mod token_file;
 
-use std::{panic::AssertUnwindSafe, path::PathBuf, sync::Arc};
+use std::{panic::AssertUnwindSafe, path::PathBuf, sync::Arc, time::Duration};
 
 use axum::{
     Router,
@@ -44,15 +48,22 @@ use axum::{
 use futures_util::FutureExt;
 use rig_model::{panic_message, with_causes};
 use rig_store::{Reader, RunId, RunKind, RunStatus};
-use tokio::sync::{Mutex, Semaphore};
+use tokio::{
+    sync::{Mutex, Semaphore},
+    time::timeout,
+};
 use tokio_util::sync::CancellationToken;
 
 use crate::{loaded_rig::RigFacts, protocol_file::LoadedProtocol, rig::RigHandle, run_files};
 use access::Access;
 pub(crate) use guard::FOREIGN_PAGE;
+use lease::Lease;
 use problem::Problem;
 use results::ResultsCache;
 pub use server::serve;
+
+/// Interval at which the last uses of tokens are written. A crash loses those since.
+const USES_KEPT: Duration = Duration::from_secs(60);
 
 /// The state shared by the handlers.
 #[derive(Debug, Clone)]
@@ -67,6 +78,7 @@ struct Inner {
     loaded: Option<LoadedProtocol>,
     data: PathBuf,
     access: Access,
+    lease: Lease,
     results: ResultsCache,
     /// The event streams that may still be opened.
     streams: Arc<Semaphore>,
@@ -92,10 +104,29 @@ impl Shared {
     ) -> Self {
         let streams = Arc::new(Semaphore::new(events::STREAMS_MAX));
         let (keyed, noted) = (Mutex::new(()), Mutex::new(()));
-        let results = ResultsCache::default();
-        let inner =
-            Inner { rig, facts, loaded, data, access, results, streams, keyed, noted, closing };
+        let (results, lease) = (ResultsCache::default(), Lease::default());
+        let inner = Inner {
+            rig,
+            facts,
+            loaded,
+            data,
+            access,
+            lease,
+            results,
+            streams,
+            keyed,
+            noted,
+            closing,
+        };
         Self { inner: Arc::new(inner) }
+    }
+
+    /// Keeps the times at which tokens were last used, until the daemon closes.
+    pub async fn keep_uses(self) {
+        while timeout(USES_KEPT, self.inner.closing.cancelled()).await.is_err() {
+            self.inner.access.keep_uses();
+        }
+        self.inner.access.keep_uses();
     }
 
     /// The run or amendment that a path names: by its whole id, the short name of a run, or `latest`.
@@ -149,6 +180,7 @@ pub fn router(shared: Shared) -> Router {
         .route("/docs/http", get(index::documentation))
         .route("/openapi.json", get(openapi::show))
         .route("/reference", get(openapi::reference))
+        .route("/open/{secret}", get(session::open))
         .route("/api/v1", get(index::show))
         .route("/api/v1/", get(index::show))
         .merge(page::routes())

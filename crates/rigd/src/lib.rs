@@ -21,4 +21,5 @@ mod rig_view;
 pub mod run_files;
 mod sweep_form;
 mod sweeps;
+pub mod tokens;
 mod verdict;

@@ -194,6 +194,11 @@ enum Request {
         by: String,
         reply: oneshot::Sender<Result<identify::Answers, RequestRefusal>>,
     },
+    Note {
+        action: String,
+        by: String,
+        reply: oneshot::Sender<Result<(), RequestRefusal>>,
+    },
     Close {
         reply: oneshot::Sender<()>,
     },
@@ -383,6 +388,15 @@ impl RigHandle {
             all.extend(answer.await.map_err(|_| RequestRefusal::Closed)?);
         }
         Ok(all)
+    }
+
+    /// Records what a person did that is no command to the rig, such as taking over the lease.
+    ///
+    /// # Errors
+    /// [`RequestRefusal`]; it is not on record then.
+    pub async fn note(&self, action: String, by: &str) -> Result<(), RequestRefusal> {
+        let (reply, answer) = oneshot::channel();
+        self.ask(Request::Note { action, by: by.to_owned(), reply }, answer).await?
     }
 
     /// Ends the current operation, leaves the probe clear, and ends the rig thread.

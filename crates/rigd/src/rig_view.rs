@@ -39,11 +39,22 @@ pub(crate) struct RigView {
     pub(crate) asked: Option<OpenPrompt>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) fault: Option<FaultView>,
+    /// Who operates the rig, where clients have tokens.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) lease: Option<LeaseHolder>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) journal_error: Option<String>,
     /// The rig loop gives no sign of life; all else is as it was before.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) silence: Option<SilenceView>,
+}
+
+/// The client that operates the rig; the others watch.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+pub(crate) struct LeaseHolder {
+    pub(crate) name: String,
+    /// Since when it does, ms since 1970.
+    pub(crate) since_unix_ms: u64,
 }
 
 /// A rig loop that gives no sign of life.

@@ -2,6 +2,9 @@
 
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
+#[path = "access/named.rs"]
+mod named;
+
 use std::{fs, net::Ipv4Addr, os::unix::fs::PermissionsExt, path::Path};
 
 use axum::{
@@ -19,6 +22,7 @@ use rigd::{
     loaded_rig::LoadedRig,
     protocol_file::LoadedProtocol,
     rig::{self, RigHandle},
+    tokens::{Secret, Tokens},
 };
 use serde_json::Value;
 use tempfile::TempDir;
@@ -31,11 +35,15 @@ const SECRET: &str = "0123456789abcdef";
 struct Daemon {
     router: Router,
     handle: RigHandle,
-    _data: TempDir,
+    data: TempDir,
 }
 
 impl Daemon {
     async fn start(has_token: bool) -> Self {
+        Self::start_with(has_token, false).await
+    }
+
+    async fn start_with(has_token: bool, has_names: bool) -> Self {
         let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config");
         let rig = LoadedRig::load(&config.join("rigs/simulated.toml")).unwrap();
         let (data, facts) = (TempDir::new().unwrap(), rig.facts());
@@ -48,12 +56,16 @@ impl Daemon {
             Token::read(&path).unwrap()
         });
         let (allowed, operator) = (["bench.lab".parse().unwrap()], "ada".parse().unwrap());
-        let access = Access::new(Ipv4Addr::LOCALHOST.into(), allowed, token, operator);
+        let mut access = Access::new(Ipv4Addr::LOCALHOST.into(), allowed, token, operator);
+        if has_names {
+            access =
+                access.with_tokens(Tokens::open(data.path()).unwrap(), &Secret::new().unwrap());
+        }
         let (folder, closing) = (data.path().to_owned(), CancellationToken::new());
         let shared = Shared::new(handle.clone(), facts, Some(smoke), folder, access, closing);
         let mut status = handle.status();
         status.wait_for(|status| status.snapshot.state == RigState::Idle).await.unwrap();
-        Self { router: router(shared), handle, _data: data }
+        Self { router: router(shared), handle, data }
     }
 
     async fn send(
@@ -222,7 +234,7 @@ async fn every_error_is_described_in_the_same_way() {
 #[tokio::test]
 async fn without_the_token_nobody_comes_in() {
     const UNAUTHORIZED: (StatusCode, &str) = (StatusCode::UNAUTHORIZED, "unauthorized");
-    let daemon = Daemon::start(true).await;
+    let mut daemon = Daemon::start(true).await;
     let values = [
         "Bearer 0123456789abcdeg",
         "Bearer 0123456789abcde",
@@ -239,6 +251,8 @@ async fn without_the_token_nobody_comes_in() {
         for value in values {
             daemon.refused(method, path, &[("authorization", value)], "", UNAUTHORIZED).await;
         }
+        // More wrong tokens are refused in another way.
+        daemon = Daemon::start(true).await;
     }
     for scheme in ["Bearer", "bearer", "BEARER "] {
         let value = format!("{scheme} {SECRET}");

@@ -7,7 +7,7 @@ import { FaultCard, Progress, PromptCard, Running, SweepCard } from "./now.tsx";
 import { Protocols } from "./protocols.tsx";
 import { RigPage } from "./rig.tsx";
 import { RunPage, Runs } from "./runs.tsx";
-import { Band, hasSingleKeys, KeysDialog, pauseOrResume, StateRow, TABS, Tabs, TokenDialog, type Tab } from "./shell.tsx";
+import { Band, hasSingleKeys, KeysDialog, LeaseLine, pauseOrResume, StateRow, TABS, Tabs, TokenDialog, type Tab } from "./shell.tsx";
 import { follow, present, useView, type View } from "./store.ts";
 
 interface Place { tab: Tab; id: string | undefined }
@@ -49,6 +49,7 @@ function Page() {
       <a class="skip" href="#main">To the content</a>
       <Band view={view} tab={place.tab} />
       <StateRow view={view} />
+      {rig?.lease && <LeaseLine name={rig.lease.name} />}
       {rig?.journal_error !== undefined && <p class="alarm" role="alert">The journal cannot be written: {rig.journal_error}. Nothing can begin; free the disk and start rigd again.</p>}
       {rig?.silence && <p class="alarm" role="alert">{rig.silence.message}. What to do: {rig.silence.hint}.</p>}
       <Screen view={view} place={place} />

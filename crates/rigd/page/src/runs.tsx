@@ -9,7 +9,7 @@ import { Amend } from "./refused.tsx";
 import { NarrowingPlot, SweepPlots } from "./plots.tsx";
 import { Compare } from "./compare.tsx";
 import { AskButton, Confirm } from "./shell.tsx";
-import { get, hasToken, noted, open, post, reasonOf, Refused, type Body, type View } from "./store.ts";
+import { get, noted, open, post, reasonOf, Refused, type Body, type View } from "./store.ts";
 import type { Direction, Note, Notes, RunDetail, RunEntry, Sweep, TouchRow } from "./wire.ts";
 
 /** What a run found that cannot be continued is asked for once. */
@@ -252,7 +252,7 @@ function Downloads({ id, name }: { id: string; name: string }) {
   ];
   return (
     <div class="buttons">
-      <a class="button primary" href={`${base}/report`} target="_blank" rel="noopener" onClick={(event) => { if (hasToken()) { event.preventDefault(); void open(`runs/${id}/report`, `${name}-report.html`); } }}>Open report</a>
+      <a class="button primary" href={`${base}/report`} target="_blank" rel="noopener">Open report</a>
       {files.map(([label, format, file]) => <button key={format} type="button" onClick={() => void open(`runs/${id}/export?format=${format}`, `${name}-${file}`)}><Icon name="down" size={16} />{label}</button>)}
       <a class="button" href={`#/protocols/${id}`}>Run again…</a>
     </div>

@@ -4,7 +4,7 @@ import type { ComponentChildren } from "preact";
 import { clock, fixed } from "./format.ts";
 import { Icon, ProbeIcon, type IconName } from "./icons.tsx";
 import { depthMm, stateOf, type Model } from "./model.ts";
-import { post, reasonOf, setToken, stopAll, useAsking, type Asking, type Link, type View } from "./store.ts";
+import { get, operator, post, reasonOf, setToken, stopAll, useAsking, type Asking, type Link, type View } from "./store.ts";
 
 export type Tab = "now" | "protocols" | "runs" | "rig";
 export const TABS: { tab: Tab; label: string; icon: IconName }[] = [
@@ -217,15 +217,27 @@ export function KeysDialog({ onClose }: { onClose: () => void }) {
   );
 }
 
+/** Who operates the rig, where clients have tokens; the others watch, and may take over. */
+export function LeaseLine({ name }: { name: string }) {
+  const [me, setMe] = useState<string>();
+  useEffect(() => { get<{ name: string }>("session").then((client) => setMe(client.name)).catch(() => undefined); }, [name, operator()]);
+  if (me === undefined) return null;
+  if (me === name) return <p class="lease soft">You operate the rig.</p>;
+  const takeOver = () => post("lease", { type: "application/json", text: '{"take_over": true}' });
+  return <p class="lease"><strong>{name}</strong> operates the rig; you watch, and can stop it. <AskButton send={takeOver}>Take over</AskButton></p>;
+}
+
 export function TokenDialog() {
   const ref = useRef<HTMLDialogElement>(null);
+  const [why, setWhy] = useState("");
   useEffect(() => { if (ref.current && !ref.current.open) ref.current.showModal(); }, []);
   return (
     <dialog ref={ref} class="card" aria-labelledby="token-title">
-      <form onSubmit={(event) => { event.preventDefault(); setToken(String(new FormData(event.currentTarget).get("token") ?? "")); }}>
+      <form onSubmit={(event) => { event.preventDefault(); setToken(String(new FormData(event.currentTarget).get("token") ?? "")).catch((error: unknown) => setWhy(reasonOf(error))); }}>
         <h2 id="token-title">This daemon asks for a token</h2>
-        <p>It is in the file that was given to <code>rigd serve --token-file</code>. This page keeps it until it is closed.</p>
+        <p><code>rigd open</code> on the computer of the daemon lets a browser in without it; <code>rigd token new</code> makes one. This browser stays in for twelve hours.</p>
         <label>Token<input name="token" type="password" autocomplete="off" required /></label>
+        {why && <p class="said bad" role="alert">{why}</p>}
         <div class="buttons"><button class="primary">Use it</button></div>
       </form>
     </dialog>

@@ -71,15 +71,17 @@ export const operator = () => {
   return isName(name) ? name : "";
 };
 export const setOperator = (name: string) => { keep(localStorage, "operator", name.trim()); changed(); };
-export const hasToken = () => stored(sessionStorage, "token") !== "";
-export const setToken = (token: string) => { keep(sessionStorage, "token", token.trim()); needsToken = false; changed(); };
+/** The daemon keeps the token's client in a cookie that this page cannot read. */
+export async function setToken(token: string): Promise<void> {
+  await ask("session", { method: "POST", headers: headers({ Authorization: `Bearer ${token.trim()}` }) });
+  needsToken = false;
+  changed();
+}
 
 function headers(more: Record<string, string> = {}): Record<string, string> {
-  const token = stored(sessionStorage, "token");
   const name = operator();
   return {
     ...more,
-    ...(token ? { Authorization: `Bearer ${token}` } : {}),
     // A header is made of bytes, and those of the name are UTF-8.
     ...(name ? { "X-Operator": String.fromCharCode(...new TextEncoder().encode(name)) } : {}),
   };
@@ -186,7 +188,7 @@ export async function text(path: string): Promise<string> {
   return (await ask(path, { headers: headers() })).text();
 }
 
-/** A link to what the daemon has, opened as a file: links cannot carry the token. */
+/** A link to what the daemon has, opened as a file. */
 export async function open(path: string, name: string): Promise<void> {
   const blob = await (await ask(path, { headers: headers() })).blob();
   const url = URL.createObjectURL(blob);

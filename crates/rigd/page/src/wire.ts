@@ -28,6 +28,8 @@ export interface Rig {
   asked?: Asked;
   refused?: RefusedTouch;
   fault?: { kind: "fault" | "interrupted" | "not_homed"; cause: string; hint: string; attempts?: number };
+  /** Who operates the rig, where clients have tokens. */
+  lease?: { name: string; since_unix_ms: number };
   journal_error?: string;
   /** The rig loop gives no sign of life; all else is old. */
   silence?: { since_unix_ms: number; message: string; hint: string };

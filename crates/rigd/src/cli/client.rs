@@ -62,6 +62,7 @@ pub(super) struct Problem {
 /// Advice of the HTTP interface, in commands.
 pub(super) fn in_commands(advice: &str) -> String {
     let words = [
+        ("POST /api/v1/lease with {\"take_over\": true}", "`rigd lease --take-over`"),
         (
             "POST /api/v1/home with {\"nothing_below_probe\": true}",
             "`rigd acknowledge --nothing-below-probe`",
@@ -77,13 +78,21 @@ impl Client {
     /// Finds the daemon of a data directory. Requests name this operator.
     pub(super) fn find(data: &Path, operator: &Operator) -> Result<Self, DaemonError> {
         let endpoint = Endpoint::find(data)?;
-        let token = endpoint.token_file.as_deref().map(Token::read).transpose()?;
+        let bearer = match &endpoint.secret {
+            Some(secret) => Some(format!("Bearer {secret}")),
+            None => endpoint
+                .token_file
+                .as_deref()
+                .map(Token::read)
+                .transpose()?
+                .map(|token| token.bearer()),
+        };
         let header = |text: &str| HeaderValue::from_bytes(text.as_bytes());
         let failed = |error| Self::unreachable(endpoint.address, error);
         Ok(Self {
             address: endpoint.address,
-            authorization: token
-                .map(|token| header(&token.bearer()))
+            authorization: bearer
+                .map(|bearer| header(&bearer))
                 .transpose()
                 .map_err(|error| failed(io::Error::other(error)))?,
             operator: header(operator.as_str()).map_err(|error| failed(io::Error::other(error)))?,
@@ -108,6 +117,22 @@ impl Client {
         body: &'static str,
     ) -> Result<(), DaemonError> {
         self.ask(Method::POST, path, Some(body)).await.map(|_| ())
+    }
+
+    /// Asks for something that the daemon makes.
+    pub(super) async fn make<T: DeserializeOwned>(&self, path: &str) -> Result<T, DaemonError> {
+        let bytes = self.ask(Method::POST, path, None).await?;
+        serde_json::from_slice(&bytes).map_err(|error| self.failed(error.into()))
+    }
+
+    /// Takes something away.
+    pub(super) async fn delete(&self, path: &str) -> Result<(), DaemonError> {
+        self.ask(Method::DELETE, path, None).await.map(|_| ())
+    }
+
+    /// The beginning of every address of the daemon.
+    pub(super) fn origin(&self) -> String {
+        format!("http://{}", self.address)
     }
 
     /// Follows the events from now on.

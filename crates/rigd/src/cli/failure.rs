@@ -22,6 +22,7 @@ use crate::{
     rig::{OpenError, RequestRefusal, ResumeRefusal},
     run_files::RunFilesError,
     sweep_form::SweepFaults,
+    tokens::TokensError,
 };
 
 pub(super) const EXIT_CODES: &str = "\
@@ -68,15 +69,17 @@ pub(super) enum Failure {
     #[error("{problems} {}", if *problems == 1 { "problem" } else { "problems" })]
     Unfit { problems: usize },
     #[error(
-        "--listen {listen} lets every computer on that network move the rig; give --token-file \
-         with a file that contains a secret (`openssl rand -hex 32`, mode 600), which clients then \
-         send as `Authorization: Bearer`, or listen on 127.0.0.1"
+        "--listen {listen} lets every computer on that network move the rig; make a token for each \
+         person and program with `rigd token new NAME --data DIR`, which clients then send as \
+         `Authorization: Bearer`, or listen on 127.0.0.1"
     )]
     NoToken { listen: SocketAddr },
     #[error("{address} is not an address on which rigd can listen; {advice}")]
     Listen { address: SocketAddr, advice: &'static str, source: io::Error },
     #[error(transparent)]
     Token(#[from] TokenError),
+    #[error(transparent)]
+    Tokens(#[from] TokensError),
     #[error("{what}")]
     System { what: &'static str, source: io::Error },
     /// It has been explained already.
@@ -138,6 +141,7 @@ impl Failure {
             | Self::NoTimes { .. }
             | Self::NoToken { .. }
             | Self::Token(_)
+            | Self::Tokens(TokensError::Taken { .. } | TokensError::Unknown { .. })
             | Self::NoFile { .. }
             | Self::NoFolder { .. }
             | Self::Daemon(DaemonError::Token(_) | DaemonError::WrongAnswer(_)) => 2,
@@ -169,6 +173,7 @@ impl Failure {
             Self::NotSound => 7,
             Self::Interrupted => 130,
             Self::RunFiles(_)
+            | Self::Tokens(_)
             | Self::Daemon(_)
             | Self::Open(_)
             | Self::Rehearse(_)

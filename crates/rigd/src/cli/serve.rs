@@ -33,6 +33,7 @@ use crate::{
     protocol_file::LoadedProtocol,
     rig::Status,
     run_files,
+    tokens::{Secret, Tokens},
 };
 
 #[derive(Debug, Args)]
@@ -41,7 +42,7 @@ pub(super) struct ServeArgs {
     protocol: Option<PathBuf>,
     #[command(flatten)]
     bench: BenchArgs,
-    /// Address and port to listen on. Any but a loopback address needs --token-file
+    /// Address and port to listen on. Any but a loopback address needs tokens (`rigd token new`)
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:8137", value_parser = address)]
     listen: SocketAddr,
     /// Another name by which clients may call this computer; can be given several times
@@ -58,7 +59,8 @@ const READERS_MAX: usize = 8;
 const READING_TIME: Duration = Duration::from_secs(1);
 
 pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
-    let access = access(args)?;
+    let secret = Secret::new().map_err(|source| Failure::System { what: "secret", source })?;
+    let access = access(args, &secret)?;
     let rig = args.bench.rig.load()?;
     let facts = rig.facts();
     let loaded =
@@ -85,9 +87,10 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
         tokio::spawn(write_ended_runs(handle.status(), data.clone()));
         let shared =
             http::Shared::new(handle.clone(), facts, loaded, data, access, closing.clone());
+        let keeping = tokio::spawn(shared.clone().keep_uses());
         let mut serving =
             tokio::spawn(http::serve(listener, http::router(shared), closing.clone()));
-        let endpoint = Endpoint::of(address, args.token_file.as_deref());
+        let endpoint = Endpoint::of(address, args.token_file.as_deref(), Some(&secret));
         let announced = endpoint.and_then(|endpoint| endpoint.announce(&args.bench.data.data));
         if let Err(error) = &announced {
             say(&format!("rigd: `rigd status` and the like will not find this daemon: {error}"));
@@ -114,7 +117,7 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
         }
         closing.cancel();
         tokio::select! {
-            _ = serving => {}
+            _ = futures_util::future::join(serving, keeping) => {}
             () = signals.next() => {}
         }
         Ok(())
@@ -204,14 +207,16 @@ fn called(address: SocketAddr) -> String {
     }
 }
 
-/// The access rules. Another computer needs the token.
-fn access(args: &ServeArgs) -> Result<Access, Failure> {
+/// The access rules. Another computer needs a token.
+fn access(args: &ServeArgs, secret: &Secret) -> Result<Access, Failure> {
     let address = args.listen.ip().to_canonical();
     let token = args.token_file.as_ref().map(|path| Token::read(path)).transpose()?;
-    if !address.is_loopback() && token.is_none() {
+    let tokens = Tokens::open(&args.bench.data.data)?;
+    if !address.is_loopback() && token.is_none() && !tokens.is_in_use() {
         return Err(Failure::NoToken { listen: args.listen });
     }
-    Ok(Access::new(address, args.allow_host.iter().cloned(), token, args.bench.operator.name()))
+    let names = args.allow_host.iter().cloned();
+    Ok(Access::new(address, names, token, args.bench.operator.name()).with_tokens(tokens, secret))
 }
 
 #[cfg(test)]

@@ -1,35 +1,76 @@
-//! Access to the daemon: its host names, the token of the clients, and the operator of requests
+//! Access to the daemon: its host names, the tokens of the clients, and the operator of requests
 //! without one.
+//!
+//! A client has the token of a person or program (`tokens.json`), the secret in the file of
+//! `--token-file`, the secret that a daemon makes for commands on its own computer, or the cookie of a
+//! browser that had one of them.
 
-use std::{
-    collections::BTreeSet,
-    fmt, fs,
-    io::{self, Read},
-    net::IpAddr,
-    os::unix::fs::PermissionsExt,
-    path::{Path, PathBuf},
-    str::FromStr,
+use std::{collections::BTreeSet, net::IpAddr, str::FromStr};
+
+use axum::http::{HeaderMap, Method, header, uri::Authority};
+
+pub use super::token_file::{Token, TokenError};
+use super::{
+    Problem,
+    guesses::Guesses,
+    session::{self, Sessions},
 };
-
-use axum::http::uri::Authority;
-use subtle::ConstantTimeEq;
-
-use crate::operator::Operator;
-
-/// A shorter secret could be guessed over the network.
-const TOKEN_MIN: usize = 16;
-/// A longer one would not fit a request beside its other headers.
-const TOKEN_MAX: usize = 4096;
-/// Permissions that the file of the token must not have: writing by the group, and any access by
-/// others. The group may read it.
-const MODE_FORBIDDEN: u32 = 0o037;
+use crate::{
+    operator::Operator,
+    tokens::{Role, Secret, Tokens, fingerprint},
+};
 
 /// The rules of access.
 #[derive(Debug)]
 pub struct Access {
     hosts: BTreeSet<HostName>,
     token: Option<Token>,
+    tokens: Option<Tokens>,
+    /// Of the secret for commands on this computer.
+    local: Option<String>,
+    /// Whether other computers can reach the daemon.
+    is_shared: bool,
     operator: Operator,
+    pub(super) sessions: Sessions,
+    pub(super) guesses: Guesses,
+}
+
+/// A client that may come in.
+#[derive(Debug, Clone)]
+pub(super) struct Client {
+    /// Name in the journal.
+    pub(super) name: Operator,
+    pub(super) role: Role,
+    /// Whether it had to have a token.
+    pub(super) has_token: bool,
+    /// Fingerprint of its named token; the name and the role are those of the token.
+    token: Option<String>,
+}
+
+impl Client {
+    /// A client with a token of this name, or with a secret without a name.
+    pub(super) const fn of(name: Operator, role: Role, token: Option<String>) -> Self {
+        Self { name, role, has_token: true, token }
+    }
+
+    /// Whether its token has a name, so that the name is not only claimed.
+    pub(super) const fn is_named(&self) -> bool {
+        self.token.is_some()
+    }
+
+    /// A client without a named token has the name that it gives.
+    pub(super) fn named(self, name: Operator) -> Self {
+        if self.token.is_some() { self } else { Self { name, ..self } }
+    }
+}
+
+/// The role that a request needs. What is not known to be harmless leads the rig.
+pub(super) fn role_for(method: &Method, path: &str) -> Role {
+    /// They move nothing, and stopping must be possible for everybody.
+    const HARMLESS: [&str; 4] =
+        ["/api/v1/stop", "/api/v1/protocols/check", "/api/v1/session", "/api/v1/links"];
+    let is_read = matches!(*method, Method::GET | Method::HEAD);
+    if is_read || HARMLESS.contains(&path) { Role::View } else { Role::Operate }
 }
 
 impl Access {
@@ -44,7 +85,28 @@ impl Access {
     ) -> Self {
         let loopback = ["localhost", "127.0.0.1", "::1"].map(HostName::of).into_iter();
         let hosts = loopback.chain([HostName::of_address(listen)]).chain(allowed).collect();
-        Self { hosts, token, operator }
+        Self {
+            hosts,
+            token,
+            tokens: None,
+            local: None,
+            is_shared: !listen.to_canonical().is_loopback(),
+            operator,
+            sessions: Sessions::default(),
+            guesses: Guesses::default(),
+        }
+    }
+
+    /// Also admits the tokens of persons and programs, and the secret of this computer.
+    pub fn with_tokens(self, tokens: Tokens, local: &Secret) -> Self {
+        Self { tokens: Some(tokens), local: Some(fingerprint(local.reveal())), ..self }
+    }
+
+    /// Writes the times at which tokens were last used, if there is news.
+    pub fn keep_uses(&self) {
+        if let Some(tokens) = &self.tokens {
+            tokens.keep_uses();
+        }
     }
 
     /// Whether a client may call the daemon by this name. An address is always right when it is the
@@ -54,9 +116,78 @@ impl Access {
         is_here || self.hosts.contains(host)
     }
 
-    /// The token that a client must know.
-    pub(super) const fn token(&self) -> Option<&Token> {
-        self.token.as_ref()
+    /// Whether clients must have a token.
+    fn needs_token(&self) -> bool {
+        self.is_shared
+            || self.token.is_some()
+            || self.tokens.as_ref().is_some_and(Tokens::is_in_use)
+    }
+
+    /// The client of a request to `host`, from the address `peer`. Its name is still that of the daemon's
+    /// operator, unless its token has a name.
+    pub(super) fn client(
+        &self,
+        headers: &HeaderMap,
+        host: &Authority,
+        peer: Option<IpAddr>,
+    ) -> Result<Client, Problem> {
+        let nameless = Client::of(self.operator.clone(), Role::Admin, None);
+        if !self.needs_token() {
+            return Ok(Client { has_token: false, ..nameless });
+        }
+        if let Some(given) = headers.get(header::AUTHORIZATION) {
+            let given = given.to_str().ok().and_then(|given| given.split_once(' '));
+            let bearer = given.filter(|(scheme, _)| scheme.eq_ignore_ascii_case("bearer"));
+            let Some((_, given)) = bearer else { return Err(self.wrong(peer)) };
+            return self.of_token(given.trim_start(), nameless, peer);
+        }
+        let cookie = session::cookie(headers, host).and_then(|secret| self.sessions.find(secret));
+        match cookie {
+            Some(client) => match &client.token {
+                // The token may have been revoked since.
+                Some(token) => self.of_fingerprint(token).ok_or_else(Problem::session_is_over),
+                None => Ok(client),
+            },
+            None => Err(Problem::unauthorized("this daemon requires a token".to_owned())),
+        }
+    }
+
+    fn of_token(
+        &self,
+        given: &str,
+        nameless: Client,
+        peer: Option<IpAddr>,
+    ) -> Result<Client, Problem> {
+        let fingerprint = fingerprint(given);
+        if let Some(client) = self.of_fingerprint(&fingerprint) {
+            return Ok(client);
+        }
+        if self.local.as_deref() == Some(&fingerprint) {
+            return Ok(nameless);
+        }
+        let Some(token) = &self.token else { return Err(self.wrong(peer)) };
+        if !self.guesses.may_try(peer) {
+            return Err(Problem::too_many_guesses());
+        }
+        if !token.is(given) {
+            return Err(self.wrong(peer));
+        }
+        self.guesses.was_right(peer);
+        Ok(nameless)
+    }
+
+    fn of_fingerprint(&self, fingerprint: &str) -> Option<Client> {
+        let (name, role) = self.tokens.as_ref()?.find(fingerprint)?;
+        Some(Client::of(name, role, Some(fingerprint.to_owned())))
+    }
+
+    fn wrong(&self, peer: Option<IpAddr>) -> Problem {
+        if self.guesses.was_wrong(peer) {
+            Problem::unauthorized("the token is wrong".to_owned())
+        } else {
+            tracing::warn!(?peer, "an address has sent too many wrong tokens");
+            Problem::too_many_guesses()
+        }
     }
 
     /// Operator of requests that name none.
@@ -106,87 +237,6 @@ impl FromStr for HostName {
         } else {
             Err(HostNameError)
         }
-    }
-}
-
-/// The secret that a client sends as `Authorization: Bearer`.
-pub struct Token(String);
-
-/// Why a token cannot be used.
-#[derive(Debug, thiserror::Error)]
-pub enum TokenError {
-    /// The file cannot be read.
-    #[error("token file {}", path.display())]
-    File {
-        /// Path of the token file.
-        path: PathBuf,
-        /// The error of the system.
-        source: io::Error,
-    },
-    /// Other users could read or change it.
-    #[error(
-        "token file {} has mode {mode:03o}: other users could read or change it; run \
-         `chmod 600 {}`",
-        path.display(), path.display()
-    )]
-    Open {
-        /// Path of the token file.
-        path: PathBuf,
-        /// Permission bits of the file.
-        mode: u32,
-    },
-    /// Its content is not a token.
-    #[error(
-        "token file {} must hold one line of {TOKEN_MIN} to {TOKEN_MAX} visible ASCII characters, \
-         such as `openssl rand -hex 32` writes",
-        path.display()
-    )]
-    Unusable {
-        /// Path of the token file.
-        path: PathBuf,
-    },
-}
-
-impl Token {
-    /// Reads the file of a token.
-    ///
-    /// # Errors
-    /// [`TokenError`] with the fault of the file and advice.
-    pub fn read(path: &Path) -> Result<Self, TokenError> {
-        let failed = |source| TokenError::File { path: path.to_path_buf(), source };
-        let file = fs::File::open(path).map_err(failed)?;
-        // Of the open file, even if the path now names another one.
-        let mode = file.metadata().map_err(failed)?.permissions().mode() & 0o777;
-        if mode & MODE_FORBIDDEN != 0 {
-            return Err(TokenError::Open { path: path.to_path_buf(), mode });
-        }
-        let mut bytes = Vec::new();
-        // One byte more than allowed shows that there are too many; the line may end in CR LF.
-        file.take(TOKEN_MAX as u64 + 3).read_to_end(&mut bytes).map_err(failed)?;
-        let text = String::from_utf8(bytes).unwrap_or_default();
-        let token = text.trim_end_matches(['\r', '\n']);
-        let is_token = (TOKEN_MIN..=TOKEN_MAX).contains(&token.len())
-            && token.bytes().all(|byte| byte.is_ascii_graphic());
-        if !is_token {
-            return Err(TokenError::Unusable { path: path.to_path_buf() });
-        }
-        Ok(Self(token.to_owned()))
-    }
-
-    /// The value of `Authorization` that a client sends.
-    pub(crate) fn bearer(&self) -> String {
-        format!("Bearer {}", self.0)
-    }
-
-    /// Whether a client knows the token. The time of the comparison depends only on its length.
-    pub(super) fn is(&self, given: &str) -> bool {
-        self.0.as_bytes().ct_eq(given.as_bytes()).into()
-    }
-}
-
-impl fmt::Debug for Token {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("Token")
     }
 }
 
@@ -241,45 +291,5 @@ mod tests {
         for bad in ["", "a b", "http://a", "a:80", "*", "a/b", "[::1]"] {
             assert!(bad.parse::<HostName>().is_err(), "{bad}");
         }
-    }
-
-    #[test]
-    fn a_token_is_taken_from_a_file_that_others_cannot_read() {
-        let folder = tempfile::TempDir::new().unwrap();
-        let path = folder.path().join("token");
-        let read = |text: &[u8], mode: u32| {
-            _ = fs::remove_file(&path);
-            fs::write(&path, text).unwrap();
-            fs::set_permissions(&path, fs::Permissions::from_mode(mode)).unwrap();
-            Token::read(&path)
-        };
-        let secret = b"0123456789abcdef\n";
-        for mode in [0o600, 0o400, 0o640] {
-            let token = read(secret, mode).unwrap();
-            assert!(token.is("0123456789abcdef"), "{mode:o}");
-            assert!(!token.is("0123456789abcdeg") && !token.is("") && !token.is("0123456789abcde"));
-            assert_eq!(format!("{token:?}"), "Token");
-        }
-        for mode in [0o644, 0o604, 0o660, 0o666, 0o777] {
-            let error = read(secret, mode).unwrap_err();
-            assert!(
-                matches!(error, TokenError::Open { mode: found, .. } if found == mode),
-                "{error}"
-            );
-        }
-        let long = [b'a'; TOKEN_MAX + 1];
-        let bad: [&[u8]; 6] = [
-            b"",
-            b"short",
-            b"one two three four five",
-            b"0123456789abcdef\nmore",
-            b"\xff\xfe",
-            &long,
-        ];
-        for text in bad {
-            assert!(matches!(read(text, 0o600), Err(TokenError::Unusable { .. })), "{text:?}");
-        }
-        assert!(read(&long[1..], 0o600).is_ok() && read(b"0123456789abcdef\r\n", 0o600).is_ok());
-        assert!(matches!(Token::read(&path.join("gone")), Err(TokenError::File { .. })));
     }
 }

@@ -4,10 +4,12 @@
 //! |---|---|
 //! | one `Host`, and a name of this daemon | 400, 421 |
 //! | no `Origin` but our own; `Sec-Fetch-Site` says nothing of another site | 403 |
-//! | the token, if one is set | 401 |
+//! | the token, if one is set; not too many wrong ones | 401, 429 |
+//! | the role of the client allows it | 403 |
 //! | a connection of its own, or a stop | 503 |
 //! | a name that the journal takes, or none | 400 |
 //! | a body of JSON or TOML, small, and in time | 415, 413, 408 |
+//! | a command: nobody else has the lease | 409 |
 //! | with `If-Match`, the rig as the client saw it | 412 |
 //!
 //! A page of another site can make a browser send requests here. It cannot give them our name as
@@ -29,7 +31,8 @@ use http_body_util::{BodyExt, LengthLimitError, Limited};
 
 use super::{
     Problem, Shared,
-    access::{Access, HostName},
+    access::{Access, HostName, role_for},
+    lease,
     limits::{BODY_MAX, BODY_TIME},
     page,
     problem::PROBLEM_JSON,
@@ -45,16 +48,26 @@ const BODY_TYPES: [&str; 3] = ["application/json", "application/toml", "text/x-t
 pub(super) struct Connection {
     /// The address on which it arrived.
     pub(super) arrived_at: Option<IpAddr>,
+    /// The address from which it came.
+    pub(super) peer: Option<IpAddr>,
     /// Whether it is one of the few that are kept for a stop while all others are taken.
     pub(super) is_spare: bool,
 }
 
-/// Lets a request pass to its handler, or answers it.
+/// How a client has called the daemon.
+#[derive(Debug, Clone)]
+pub(super) struct Called {
+    pub(super) host: Authority,
+    pub(super) is_tls: bool,
+    pub(super) peer: Option<IpAddr>,
+}
+
 /// What a page of another site is told.
 pub(crate) const FOREIGN_PAGE: &str = "the request comes from a page of another site";
 
+/// Lets a request pass to its handler, or answers it.
 pub(super) async fn check(State(shared): State<Shared>, request: Request, next: Next) -> Response {
-    let admitted = admit(&shared.inner.access, request).await.and_then(|request| {
+    let admitted = admit(&shared, request).await.and_then(|request| {
         let status = shared.inner.rig.status();
         tag::check(request.method(), request.uri().path(), request.headers(), &status.borrow())?;
         Ok(request)
@@ -73,7 +86,7 @@ pub(super) async fn check(State(shared): State<Shared>, request: Request, next: 
 }
 
 /// Content policy of answers: a browser may only show them.
-const HEADERS: [(header::HeaderName, &str); 4] = [
+const HEADERS: [(header::HeaderName, &str); 6] = [
     (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
     (header::REFERRER_POLICY, "no-referrer"),
     (
@@ -82,9 +95,12 @@ const HEADERS: [(header::HeaderName, &str); 4] = [
          form-action 'none'; frame-ancestors 'none'",
     ),
     (header::HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
+    (header::HeaderName::from_static("cross-origin-opener-policy"), "same-origin"),
+    (header::CACHE_CONTROL, "no-store"),
 ];
 
-async fn admit(access: &Access, mut request: Request) -> Result<Request, Problem> {
+async fn admit(shared: &Shared, mut request: Request) -> Result<Request, Problem> {
+    let access = &shared.inner.access;
     let connection = request.extensions().get::<Connection>().copied();
     let headers = request.headers();
     let host = host(headers, request.uri())?;
@@ -95,24 +111,55 @@ async fn admit(access: &Access, mut request: Request) -> Result<Request, Problem
     if let Some(from) = elsewhere(headers, &host) {
         return Err(Problem::forbidden(format!("{FOREIGN_PAGE}: {from}")));
     }
-    if !page::is_public(request.method(), request.uri().path(), headers) {
-        check_token(access, headers)?;
+    let (method, path) = (request.method(), request.uri().path());
+    let peer = connection.and_then(|connection| connection.peer);
+    let is_stop = *method == Method::POST && path == "/api/v1/stop";
+    let named = operator(headers, access);
+    if !page::is_public(method, path, headers) {
+        let client = access.client(headers, &host, peer)?;
+        check_cookie(method, headers)?;
+        let needed = role_for(method, path);
+        if client.role < needed {
+            return Err(Problem::not_allowed(client.role, needed));
+        }
+        // A stop needs neither a name nor a body.
+        let name = match named.as_ref() {
+            Err(_) if is_stop => Some(access.operator()),
+            named => named.ok(),
+        };
+        let client = match name {
+            Some(name) => client.named(name.clone()),
+            None => client,
+        };
+        if lease::needs_lease(method, path) {
+            shared.check_lease(&client)?;
+        }
+        request.extensions_mut().insert(client.name.clone());
+        request.extensions_mut().insert(client);
     }
-    let is_stop = request.method() == Method::POST && request.uri().path() == "/api/v1/stop";
-    let operator = operator(headers, access);
+    request.extensions_mut().insert(Called { host, is_tls: false, peer });
     if is_stop {
-        // A stop needs neither an operator nor a body.
-        let operator = operator.unwrap_or_else(|_| access.operator().clone());
-        request.extensions_mut().insert(operator);
         return Ok(request);
     }
     if connection.is_some_and(|connection| connection.is_spare) {
         return Err(Problem::busy("all connections are in use".to_owned()));
     }
-    request.extensions_mut().insert(operator?);
+    named?;
     let (parts, body) = request.into_parts();
     let body = read(&parts.headers, body).await?;
     Ok(Request::from_parts(parts, body))
+}
+
+/// Browsers say where a command comes from. A cookie without that counts for reading only.
+fn check_cookie(method: &Method, headers: &HeaderMap) -> Result<(), Problem> {
+    let is_by_cookie =
+        headers.contains_key(header::COOKIE) && !headers.contains_key(header::AUTHORIZATION);
+    let has_source = headers.contains_key(header::ORIGIN) || headers.contains_key("sec-fetch-site");
+    if is_by_cookie && !has_source && *method != Method::GET {
+        let what = "a command with a cookie must have the header Origin; send a token instead";
+        return Err(Problem::forbidden(what.to_owned()));
+    }
+    Ok(())
 }
 
 /// The host in the request.
@@ -156,22 +203,6 @@ fn is_same_origin(origin: &str, host: &Authority) -> bool {
         (HostName::of_authority(authority), authority.port_u16().unwrap_or(default_port))
     };
     origin.authority().is_some_and(|origin| place(origin) == place(host))
-}
-
-fn check_token(access: &Access, headers: &HeaderMap) -> Result<(), Problem> {
-    let Some(token) = access.token() else { return Ok(()) };
-    let Some(given) = headers.get(header::AUTHORIZATION) else {
-        return Err(Problem::unauthorized("this daemon requires a token".to_owned()));
-    };
-    let given = given.to_str().ok().and_then(|given| given.split_once(' '));
-    match given {
-        Some((scheme, given))
-            if scheme.eq_ignore_ascii_case("bearer") && token.is(given.trim_start()) =>
-        {
-            Ok(())
-        }
-        _ => Err(Problem::unauthorized("the token is wrong".to_owned())),
-    }
 }
 
 fn operator(headers: &HeaderMap, access: &Access) -> Result<Operator, Problem> {

@@ -102,7 +102,7 @@ impl Cursor {
         let status = self.status.borrow_and_update().clone();
         self.sent = Some(Instant::now());
         self.next = status.live.as_ref().and_then(|live| self.news(live));
-        event("rig", &rig::view(&self.shared.inner.facts, &status))
+        event("rig", &rig::view(&self.shared, &status))
     }
 
     /// The part of a sweep since the last event.

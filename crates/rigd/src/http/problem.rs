@@ -18,6 +18,7 @@ use super::limits::{BODY_MAX, BODY_TIME};
 use crate::{
     hint,
     rig::{RequestRefusal, ResumeRefusal},
+    tokens::Role,
 };
 
 /// A problem document (RFC 9457).
@@ -76,6 +77,8 @@ impl Problem {
             StatusCode::PAYLOAD_TOO_LARGE => "content too large",
             StatusCode::UNSUPPORTED_MEDIA_TYPE => "unsupported media type",
             StatusCode::MISDIRECTED_REQUEST => "misdirected request",
+            StatusCode::GONE => "gone",
+            StatusCode::TOO_MANY_REQUESTS => "too many requests",
             StatusCode::UNPROCESSABLE_ENTITY => "cannot be done",
             StatusCode::INTERNAL_SERVER_ERROR => "internal error",
             StatusCode::SERVICE_UNAVAILABLE => "service unavailable",
@@ -118,10 +121,52 @@ impl Problem {
     pub(super) fn unauthorized(detail: String) -> Self {
         Self {
             hint: Some(
-                "send `Authorization: Bearer` with the token in the file given by --token-file",
+                "send `Authorization: Bearer` with a token that `rigd token new` has made, or with \
+                 the one in the file given by --token-file; `rigd open` lets a browser in",
             ),
             header: Some(("www-authenticate", "Bearer realm=\"rigd\"")),
             ..Self::of(StatusCode::UNAUTHORIZED, detail)
+        }
+    }
+
+    /// The cookie belongs to a token that has been revoked.
+    pub(super) fn session_is_over() -> Self {
+        Self::unauthorized("the token of this browser has been revoked".to_owned())
+    }
+
+    /// An address has sent too many wrong tokens.
+    pub(super) fn too_many_guesses() -> Self {
+        let detail = "this address has sent too many wrong tokens".to_owned();
+        Self {
+            hint: Some("wait for a minute, and send the right token"),
+            header: Some(("retry-after", "6")),
+            ..Self::of(StatusCode::TOO_MANY_REQUESTS, detail)
+        }
+    }
+
+    /// The token is not for such requests.
+    pub(super) fn not_allowed(role: Role, needed: Role) -> Self {
+        let (role, needed) = (role.name(), needed.name());
+        let detail = format!("this needs a token with the role {needed}; yours has {role}");
+        let hint = "ask who looks after the daemon for such a token (`rigd token new`); a stop is \
+                    allowed for every token";
+        Self { hint: Some(hint), ..Self::of(StatusCode::FORBIDDEN, detail) }
+    }
+
+    /// Another client operates the rig.
+    pub(super) fn not_your_lease(holder: &str) -> Self {
+        let detail = format!("{holder} operates the rig");
+        let hint = "POST /api/v1/lease with {\"take_over\": true} takes the lease over, and the \
+                    journal records it; a stop needs no lease";
+        let title = "operated by another";
+        Self { hint: Some(hint), ..Self::new(StatusCode::CONFLICT, title, detail) }
+    }
+
+    /// A link that was opened before, or is too old.
+    pub(super) fn link_is_over() -> Self {
+        Self {
+            hint: Some("`rigd open` makes a new one"),
+            ..Self::of(StatusCode::GONE, "this link has been used, or is too old".to_owned())
         }
     }
 

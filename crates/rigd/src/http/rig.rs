@@ -24,12 +24,12 @@ use crate::{
 /// The rig, with the tag for `If-Match` of a command.
 pub(super) async fn show(State(shared): State<Shared>) -> impl IntoResponse {
     let status = shared.inner.rig.status().borrow().clone();
-    ([(header::ETAG, tag::of_rig(&status))], Json(view(&shared.inner.facts, &status)))
+    ([(header::ETAG, tag::of_rig(&status))], Json(view(&shared, &status)))
 }
 
 pub(super) fn view_now(shared: &Shared) -> RigView {
     let status = shared.inner.rig.status().borrow().clone();
-    view(&shared.inner.facts, &status)
+    view(shared, &status)
 }
 
 pub(super) async fn stop(
@@ -111,7 +111,11 @@ async fn give(
     Ok(Json(view_now(&shared)))
 }
 
-pub(super) fn view(facts: &RigFacts, status: &Status) -> RigView {
+pub(super) fn view(shared: &Shared, status: &Status) -> RigView {
+    RigView { lease: shared.lease(), ..view_of(&shared.inner.facts, status) }
+}
+
+fn view_of(facts: &RigFacts, status: &Status) -> RigView {
     let (snapshot, now) = (&status.snapshot, status.present(facts.is_virtual_time));
     let run = match (&snapshot.progress, &status.run) {
         (Some(progress), Some(run)) => Some(RunProgress {
@@ -174,6 +178,7 @@ pub(super) fn view(facts: &RigFacts, status: &Status) -> RigView {
         }),
         asked: progress::asked(status),
         fault,
+        lease: None,
         journal_error: status.journal_error.as_ref().map(ToString::to_string),
         silence: status.silence.map(|silence| SilenceView {
             since_unix_ms: progress::unix_ms(silence.since),

@@ -3,7 +3,7 @@
 use axum::{
     Router,
     http::Method,
-    routing::{MethodRouter, get, post, put},
+    routing::{MethodRouter, delete, get, post, put},
 };
 use rig_store::Sweep;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
@@ -13,6 +13,8 @@ use super::{
     changes::ChangesView,
     events, frames,
     frames::FramesView,
+    lease,
+    lease::{LeaseForm, LeaseView},
     moves,
     moves::MoveForm,
     notes,
@@ -25,6 +27,8 @@ use super::{
     rig::{HomeForm, IdentifiedView},
     runs,
     runs::{AnswerOptions, BegunView, ExportOptions, ListOptions, RunDetail, RunView},
+    session,
+    session::{ClientView, LinkView},
     sweeps,
     sweeps::{SweepLine, SweepView},
 };
@@ -377,6 +381,73 @@ fn around_runs() -> Vec<Route> {
     ]
 }
 
+/// The requests about the clients of the daemon.
+fn of_clients() -> Vec<Route> {
+    vec![
+        Route::get(
+            "/session",
+            "getSession",
+            "The client as the daemon knows it",
+            json::<ClientView>(),
+            || get(session::show),
+        ),
+        Route::post(
+            "/session",
+            "beginSession",
+            "Gives a browser a cookie for its token",
+            Content::None,
+            200,
+            json::<ClientView>(),
+            || post(session::begin),
+        ),
+        Route {
+            method: Method::DELETE,
+            ..Route::post(
+                "/session",
+                "endSession",
+                "Ends the cookie of a browser",
+                Content::None,
+                204,
+                Content::None,
+                || delete(session::end),
+            )
+        },
+        Route::post(
+            "/links",
+            "makeLink",
+            "Makes a link that lets a browser in once",
+            Content::None,
+            200,
+            json::<LinkView>(),
+            || post(session::link),
+        ),
+        Route::get("/lease", "getLease", "Who operates the rig", json::<LeaseView>(), || {
+            get(lease::show)
+        }),
+        Route::post(
+            "/lease",
+            "takeLease",
+            "Takes the lease, also from another client",
+            json::<LeaseForm>(),
+            200,
+            json::<LeaseView>(),
+            || post(lease::take),
+        ),
+        Route {
+            method: Method::DELETE,
+            ..Route::post(
+                "/lease",
+                "giveLeaseBack",
+                "Gives the lease back",
+                Content::None,
+                204,
+                Content::None,
+                || delete(lease::give_back),
+            )
+        },
+    ]
+}
+
 /// The requests about runs that have ended.
 fn to_ended_runs() -> Vec<Route> {
     vec![
@@ -428,6 +499,7 @@ pub(super) fn all() -> impl Iterator<Item = Route> {
         .chain(to_runs())
         .chain(to_ended_runs())
         .chain(around_runs())
+        .chain(of_clients())
 }
 
 /// The router of all routes.

@@ -57,8 +57,8 @@ pub async fn serve(listener: TcpListener, router: Router, closing: CancellationT
             () = closing.cancelled() => break,
         };
         while connections.try_join_next().is_some() {}
-        let stream = match accepted {
-            Ok((stream, _)) => stream,
+        let (stream, peer) = match accepted {
+            Ok(accepted) => accepted,
             Err(error) => {
                 tracing::warn!(%error, "a connection could not be accepted");
                 sleep(ACCEPT_PAUSE).await;
@@ -76,7 +76,11 @@ pub async fn serve(listener: TcpListener, router: Router, closing: CancellationT
         };
         let (router, closing) = (router.clone(), closing.clone());
         connections.spawn(async move {
-            let connection = Connection { arrived_at: arrived_at(&stream), is_spare };
+            let connection = Connection {
+                arrived_at: arrived_at(&stream),
+                peer: Some(peer.ip().to_canonical()),
+                is_spare,
+            };
             watch_over(&stream);
             let conversation = converse(stream, router, connection, closing);
             if is_spare {
@@ -188,7 +192,7 @@ mod tests {
         let (client, server) = duplex(1 << 10);
         let router = Router::new().route("/", get(async || "answer"));
         let (closing, connection) =
-            (CancellationToken::new(), Connection { arrived_at: None, is_spare });
+            (CancellationToken::new(), Connection { arrived_at: None, peer: None, is_spare });
         let conversation = tokio::spawn(converse(server, router, connection, closing.clone()));
         (client, closing, conversation)
     }

@@ -1,5 +1,7 @@
 //! The requests of persons and programs: each is refused, or begins something in the engine.
 
+use std::sync::Arc;
+
 use rig_engine::{Command, CommandRefusal, RigState};
 use rig_interlock::Word;
 use rig_protocol::StepId;
@@ -43,6 +45,7 @@ impl Shell {
                 _ = reply.send(self.answer(run, step, &by));
             }
             Request::Identify { by, reply } => _ = reply.send(self.identify(by)),
+            Request::Note { action, by, reply } => _ = reply.send(self.put_on_record(action, by)),
             Request::Close { reply } => _ = reply.send(()),
             #[cfg(test)]
             Request::Block(until) => _ = until.recv(),
@@ -103,6 +106,16 @@ impl Shell {
         self.log.append(&Record::Operator(Operator { action: "identify".to_owned(), who: by }));
         self.log.commit();
         Ok(self.owners.identify(&self.setting.devices))
+    }
+
+    /// Records what a person did that is no command to the rig.
+    fn put_on_record(&mut self, action: String, by: String) -> Result<(), RequestRefusal> {
+        self.log.append(&Record::Operator(Operator { action, who: by }));
+        self.log.commit();
+        match self.log.error() {
+            Some(reason) => Err(RequestRefusal::Journal { reason: Arc::clone(reason) }),
+            None => Ok(()),
+        }
     }
 
     fn under_way(&self, run: RunId) -> Result<&Recorder, RequestRefusal> {

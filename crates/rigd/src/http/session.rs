@@ -1,0 +1,241 @@
+//! Browsers: a token, or a link that works once, becomes a cookie that scripts of the page cannot read.
+
+use std::{
+    collections::BTreeMap,
+    io,
+    sync::{Mutex, MutexGuard, PoisonError},
+    time::Duration,
+};
+
+use axum::{
+    Extension, Json,
+    extract::{Path, State},
+    http::{HeaderMap, HeaderValue, StatusCode, header, uri::Authority},
+    response::{IntoResponse, Response},
+};
+use schemars::JsonSchema;
+use serde::Serialize;
+use tokio::time::Instant;
+
+use super::{Problem, Shared, access::Client, guard::Called};
+use crate::tokens::{Role, Secret, fingerprint};
+
+/// A working day.
+const SESSION_TIME: Duration = Duration::from_secs(12 * 3600);
+/// Time for a person to open the link.
+const LINK_TIME: Duration = Duration::from_secs(300);
+/// Beyond these the oldest one ends.
+const SESSIONS_MAX: usize = 256;
+const LINKS_MAX: usize = 16;
+
+/// The clients with a cookie, and the links that have not been opened, by fingerprint.
+#[derive(Debug, Default)]
+pub(super) struct Sessions {
+    sessions: Mutex<Entries>,
+    links: Mutex<Entries>,
+}
+
+type Entries = BTreeMap<String, (Client, Instant)>;
+
+impl Sessions {
+    /// The client to whom this cookie was given.
+    pub(super) fn find(&self, secret: &str) -> Option<Client> {
+        live(&self.sessions).get(&fingerprint(secret)).map(|(client, _)| client.clone())
+    }
+
+    fn begin(&self, client: Client) -> io::Result<Secret> {
+        keep(&self.sessions, client, SESSION_TIME, SESSIONS_MAX)
+    }
+
+    fn link(&self, client: Client) -> io::Result<Secret> {
+        keep(&self.links, client, LINK_TIME, LINKS_MAX)
+    }
+
+    fn open(&self, secret: &str) -> Option<Client> {
+        live(&self.links).remove(&fingerprint(secret)).map(|(client, _)| client)
+    }
+
+    fn end(&self, secret: &str) {
+        live(&self.sessions).remove(&fingerprint(secret));
+    }
+}
+
+/// The entries whose time is not over.
+fn live(entries: &Mutex<Entries>) -> MutexGuard<'_, Entries> {
+    // Nothing that holds it panics.
+    let mut entries = entries.lock().unwrap_or_else(PoisonError::into_inner);
+    let now = Instant::now();
+    entries.retain(|_, (_, until)| *until > now);
+    entries
+}
+
+fn keep(
+    entries: &Mutex<Entries>,
+    client: Client,
+    time: Duration,
+    most: usize,
+) -> io::Result<Secret> {
+    let secret = Secret::new()?;
+    let mut entries = live(entries);
+    while entries.len() >= most {
+        let Some(oldest) = entries.iter().min_by_key(|(_, (_, until))| *until) else { break };
+        let oldest = oldest.0.clone();
+        entries.remove(&oldest);
+    }
+    entries.insert(fingerprint(secret.reveal()), (client, Instant::now() + time));
+    Ok(secret)
+}
+
+/// Name of the cookie. Browsers send cookies to every port of a host, where another daemon may be.
+fn cookie_name(host: &Authority) -> String {
+    format!("rigd_{}", host.port_u16().unwrap_or_default())
+}
+
+/// The cookie of a request.
+pub(super) fn cookie<'a>(headers: &'a HeaderMap, host: &Authority) -> Option<&'a str> {
+    let name = cookie_name(host);
+    let values = headers.get_all(header::COOKIE).iter().filter_map(|value| value.to_str().ok());
+    let mut pairs =
+        values.flat_map(|value| value.split(';')).filter_map(|pair| pair.split_once('='));
+    pairs.find_map(|(key, value)| (key.trim() == name).then(|| value.trim()))
+}
+
+fn set_cookie(called: &Called, value: &str, time: Duration) -> Result<HeaderValue, Problem> {
+    let (name, seconds) = (cookie_name(&called.host), time.as_secs());
+    let secure = if called.is_tls { "; Secure" } else { "" };
+    let text =
+        format!("{name}={value}; Path=/; Max-Age={seconds}; HttpOnly; SameSite=Strict{secure}");
+    HeaderValue::from_str(&text).map_err(|_| Problem::internal("the cookie cannot be made"))
+}
+
+fn no_random(error: &io::Error) -> Problem {
+    Problem::internal(&format!("the system gives no random number: {error}"))
+}
+
+/// The client, as the daemon knows it.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct ClientView {
+    /// Name in the journal.
+    name: String,
+    role: Role,
+    /// Whether clients of this daemon must have a token.
+    has_token: bool,
+}
+
+impl From<&Client> for ClientView {
+    fn from(client: &Client) -> Self {
+        Self { name: client.name.to_string(), role: client.role, has_token: client.has_token }
+    }
+}
+
+pub(super) async fn show(Extension(client): Extension<Client>) -> Json<ClientView> {
+    Json((&client).into())
+}
+
+/// Gives a browser a cookie for the token that it has sent.
+pub(super) async fn begin(
+    State(shared): State<Shared>,
+    Extension(client): Extension<Client>,
+    Extension(called): Extension<Called>,
+) -> Result<Response, Problem> {
+    let view = ClientView::from(&client);
+    let secret = shared.inner.access.sessions.begin(client).map_err(|error| no_random(&error))?;
+    let cookie = set_cookie(&called, secret.reveal(), SESSION_TIME)?;
+    Ok(([(header::SET_COOKIE, cookie)], Json(view)).into_response())
+}
+
+/// Ends the cookie.
+pub(super) async fn end(
+    State(shared): State<Shared>,
+    Extension(called): Extension<Called>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    if let Some(secret) = cookie(&headers, &called.host) {
+        shared.inner.access.sessions.end(secret);
+    }
+    let cookie = set_cookie(&called, "", Duration::ZERO)?;
+    Ok((StatusCode::NO_CONTENT, [(header::SET_COOKIE, cookie)]).into_response())
+}
+
+/// A link for a browser.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct LinkView {
+    /// Path of the link below the address of the daemon. It works once.
+    path: String,
+    /// For how long it works, s.
+    valid_s: u64,
+}
+
+/// Makes a link that gives a browser what the client may do.
+pub(super) async fn link(
+    State(shared): State<Shared>,
+    Extension(client): Extension<Client>,
+) -> Result<Json<LinkView>, Problem> {
+    let secret = shared.inner.access.sessions.link(client).map_err(|error| no_random(&error))?;
+    let path = format!("/open/{}", secret.reveal());
+    Ok(Json(LinkView { path, valid_s: LINK_TIME.as_secs() }))
+}
+
+/// Opens a link: the browser gets a cookie and goes to the page.
+pub(super) async fn open(
+    State(shared): State<Shared>,
+    Extension(called): Extension<Called>,
+    Path(secret): Path<String>,
+) -> Result<Response, Problem> {
+    let sessions = &shared.inner.access.sessions;
+    let Some(client) = sessions.open(&secret) else {
+        shared.inner.access.guesses.was_wrong(called.peer);
+        return Err(Problem::link_is_over());
+    };
+    let secret = sessions.begin(client).map_err(|error| no_random(&error))?;
+    let cookie = set_cookie(&called, secret.reveal(), SESSION_TIME)?;
+    let to_page = [(header::LOCATION, HeaderValue::from_static("/")), (header::SET_COOKIE, cookie)];
+    Ok((StatusCode::SEE_OTHER, to_page).into_response())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn client() -> Client {
+        Client::of("ada".parse().unwrap(), Role::View, None)
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_link_works_once_and_not_for_long_and_a_cookie_for_a_day() {
+        let sessions = Sessions::default();
+        let link = sessions.link(client()).unwrap();
+        assert_eq!(sessions.open(link.reveal()).unwrap().role, Role::View);
+        assert!(sessions.open(link.reveal()).is_none());
+        let late = sessions.link(client()).unwrap();
+        let cookie = sessions.begin(client()).unwrap();
+        assert!(sessions.find(late.reveal()).is_none() && sessions.open(cookie.reveal()).is_none());
+        tokio::time::advance(LINK_TIME).await;
+        assert!(sessions.open(late.reveal()).is_none());
+        assert!(sessions.find(cookie.reveal()).is_some());
+        tokio::time::advance(SESSION_TIME).await;
+        assert!(sessions.find(cookie.reveal()).is_none());
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn links_and_cookies_are_bounded_and_the_oldest_one_ends() {
+        let sessions = Sessions::default();
+        let first = sessions.begin(client()).unwrap();
+        tokio::time::advance(Duration::from_secs(1)).await;
+        let last = (0..SESSIONS_MAX).map(|_| sessions.begin(client()).unwrap()).last().unwrap();
+        assert!(sessions.find(first.reveal()).is_none() && sessions.find(last.reveal()).is_some());
+        for _ in 0..2 * LINKS_MAX {
+            sessions.link(client()).unwrap();
+        }
+        assert_eq!(live(&sessions.links).len(), LINKS_MAX);
+    }
+
+    #[test]
+    fn the_cookie_of_another_daemon_on_this_host_is_not_taken() {
+        let mut headers = HeaderMap::new();
+        headers.insert(header::COOKIE, HeaderValue::from_static("a=b; rigd_8137=x; rigd_9=y"));
+        let of = |host: &'static str| cookie(&headers, &Authority::from_static(host));
+        assert_eq!((of("localhost:8137"), of("localhost:9")), (Some("x"), Some("y")));
+        assert_eq!((of("localhost"), of("localhost:8")), (None, None));
+    }
+}
