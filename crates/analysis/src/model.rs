@@ -4,6 +4,7 @@
 //! all angles and in all directions within their uncertainties. χ² of their differences judges the
 //! model; the quantities that the touches identify are fitted until χ² is least.
 
+mod evidence;
 mod fit;
 mod judge;
 mod linear;
@@ -70,6 +71,14 @@ impl Term {
             }
             Self::Arm => Terms { arm_mm: value.clamp(ARM_LEAST_MM, ARM_MOST_MM), ..*terms },
         }
+    }
+
+    /// Whether the value is at an end of its range.
+    fn is_at_end(self, terms: &Terms) -> bool {
+        let value = self.of(terms);
+        [f64::NEG_INFINITY, f64::INFINITY]
+            .map(|end| self.of(&self.set(terms, end)))
+            .contains(&value)
     }
 
     /// A step that is small against every scale of the models.

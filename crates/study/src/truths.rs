@@ -18,7 +18,7 @@ use rig_analysis::model::ModelSource;
 use crate::{files::Folder, outcome::StudyError, progress};
 use summary::Summary;
 use trial::Analysis;
-use truth::Truth;
+use truth::{RunOfTruth, Truth};
 
 /// Coverage, recognition and verdicts under truths that differ from the described model.
 #[derive(Debug, clap::Args)]
@@ -48,6 +48,8 @@ struct TruthRuns {
     learnt: Summary,
     /// With the learnt model, from touches that are measured halfway too.
     halfway: Summary,
+    /// The chance of the best test to notice the truth, as described, learnt, and learnt from two depths.
+    at_most: [f64; 3],
 }
 
 /// The summaries of every truth, in order.
@@ -55,23 +57,26 @@ fn try_all(args: &Args) -> Vec<TruthRuns> {
     let truths = Truth::all();
     let bar = progress::bar(truths.len() * args.runs as usize, "runs");
     let of_truth = |(truth, number): (Truth, u64)| {
-        let bench = truth.bench();
+        let (bench, quiet) = (truth.bench(), truth.without_nuisances().bench());
         let analysis = Analysis::new();
-        let one = |run: u32| {
-            let touches = bench.run(args.seed, number, u64::from(run));
+        let of_run = |touches: &RunOfTruth| {
             let once = touches.at_one_depth();
             let of = |touches, source| analysis.of(touches, source);
-            bar.inc(1);
             [
                 of(&once, ModelSource::Described),
                 of(&once, ModelSource::Learnt),
-                of(&touches, ModelSource::Learnt),
+                of(touches, ModelSource::Learnt),
             ]
         };
+        let one = |run: u32| {
+            bar.inc(1);
+            of_run(&bench.run(args.seed, number, u64::from(run)))
+        };
+        let at_most = of_run(&quiet.run(args.seed, number, 0)).map(|found| found.noticed_at_most);
         let found: Vec<[_; 3]> = (0..args.runs).into_par_iter().map(one).collect();
         let [described, learnt, halfway] =
             [0, 1, 2].map(|index| Summary::of(found.iter().map(|of_run| &of_run[index])));
-        TruthRuns { truth, described, learnt, halfway }
+        TruthRuns { truth, described, learnt, halfway, at_most }
     };
     let all = truths.into_iter().zip(0..).map(of_truth).collect();
     bar.finish_and_clear();
@@ -86,8 +91,8 @@ mod tests {
         let truth = Truth::all().into_iter().find(|truth| truth.name == name).unwrap();
         let (bench, analysis) = (truth.bench(), Analysis::new());
         let all: Vec<_> = (0..runs).map(|run| bench.run(1, 0, run)).collect();
-        let once: Vec<_> = all.iter().map(truth::RunOfTruth::at_one_depth).collect();
-        let of = |all: &[truth::RunOfTruth], source| {
+        let once: Vec<_> = all.iter().map(RunOfTruth::at_one_depth).collect();
+        let of = |all: &[RunOfTruth], source| {
             let found: Vec<_> = all.iter().map(|touches| analysis.of(touches, source)).collect();
             Summary::of(&found)
         };
@@ -119,7 +124,7 @@ mod tests {
     #[test]
     fn a_slip_is_noticed_and_its_intervals_are_wide_enough() {
         let (_, learnt, _) = runs("slip beyond 8.5°", 20);
-        assert!(learnt.noticed() >= 0.85 && learnt.coverage() > 0.9, "{learnt:?}");
+        assert!(learnt.noticed() >= 0.9 && learnt.coverage() > 0.9, "{learnt:?}");
     }
 
     /// One depth tells a layered sample in half of the runs.

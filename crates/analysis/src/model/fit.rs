@@ -269,29 +269,42 @@ impl<'a> Usable<'a> {
     /// error.
     fn spread(&self, inverse: &Matrix, slopes: &Matrix, state: &State) -> Matrix {
         let n = slopes.len();
-        let middle =
-            |a: usize, b: usize| self.covaried(&slopes[a], &slopes[b], state, SHARED_DEPTH);
+        let middle = |a: usize, b: usize| self.covaried(&slopes[a], &slopes[b], state);
         let middle: Matrix = (0..n).map(|a| (0..n).map(|b| middle(a, b)).collect()).collect();
         let entry = |a: usize, b: usize| linear::form(&inverse[a], &middle, &inverse[b]);
         (0..n).map(|a| (0..n).map(|b| entry(a, b)).collect()).collect()
     }
 
-    /// aᵀ W V W b with the variance V of the touches, of whose depth error `share` is common to one
+    /// aᵀ W V W b with the covariance V of the rows, of whose depth error `SHARED_DEPTH` is common to one
     /// place of the stages.
-    pub(super) fn covaried(&self, a: &[f64], b: &[f64], state: &State, share: f64) -> f64 {
+    fn covaried(&self, a: &[f64], b: &[f64], state: &State) -> f64 {
+        let weight = |values: &[f64]| -> Vec<f64> {
+            values.iter().zip(&state.weights).map(|(value, weight)| value * weight).collect()
+        };
+        linear::form(&weight(a), &self.covariance(state), &weight(b))
+    }
+
+    /// The covariance of the rows. Touches at one place of the stages have `SHARED_DEPTH` of the variance of
+    /// their depth in common.
+    pub(super) fn covariance(&self, state: &State) -> Matrix {
         let touch: Vec<usize> = self.rows().collect();
         let is_pair = |row: usize| row >= self.touches.len();
-        let mut sum = 0.0;
-        for i in 0..a.len() {
-            let weight = state.weights[i];
-            sum += a[i] * weight * b[i];
-            let others = (0..a.len()).filter(|&j| j != i && is_pair(j) == is_pair(i));
-            for j in others.filter(|&j| self.is_one_place(touch[i], touch[j])) {
-                let depths = state.depth_variances[i] * state.depth_variances[j];
-                sum += a[i] * weight * share * depths.sqrt() * state.weights[j] * b[j];
+        let entry = |i: usize, j: usize| {
+            if i == j {
+                1.0 / state.weights[i]
+            } else if is_pair(i) == is_pair(j) && self.is_one_place(touch[i], touch[j]) {
+                SHARED_DEPTH * (state.depth_variances[i] * state.depth_variances[j]).sqrt()
+            } else {
+                0.0
             }
-        }
-        sum
+        };
+        (0..touch.len()).map(|i| (0..touch.len()).map(|j| entry(i, j)).collect()).collect()
+    }
+
+    /// One in the rows of a sample, zero elsewhere. The differences of pairs have no mean of their own.
+    pub(super) fn is_of(&self, sample: usize) -> Vec<f64> {
+        let of_touch = self.touches.iter().map(|touch| f64::from(u8::from(touch.sample == sample)));
+        of_touch.chain(self.pairs.iter().map(|_| 0.0)).collect()
     }
 
     /// Whether the stages are at one place for both touches.
@@ -305,17 +318,17 @@ impl<'a> Usable<'a> {
     }
 
     /// The slope of the residuals over each term.
-    pub(super) fn slopes(&self, terms: &Terms, of: &[Term], weights: &[f64]) -> Option<Matrix> {
-        let slope = |term: &Term| {
-            let at = |by: f64| term.set(terms, term.of(terms) + by);
-            let (low, high) = (at(-term.step()), at(term.step()));
-            let width = term.of(&high) - term.of(&low);
-            let (below, above) = (self.logs(&low)?, self.logs(&high)?);
-            let slope: Vec<f64> =
-                above.iter().zip(&below).map(|(above, below)| (above - below) / width).collect();
-            Some(self.centred(&slope, weights))
-        };
-        of.iter().map(slope).collect()
+    fn slopes(&self, terms: &Terms, of: &[Term], weights: &[f64]) -> Option<Matrix> {
+        of.iter().map(|term| Some(self.centred(&self.slope(terms, *term)?, weights))).collect()
+    }
+
+    /// The slope of each logarithm over a term.
+    pub(super) fn slope(&self, terms: &Terms, term: Term) -> Option<Vec<f64>> {
+        let at = |by: f64| term.set(terms, term.of(terms) + by);
+        let (low, high) = (at(-term.step()), at(term.step()));
+        let width = term.of(&high) - term.of(&low);
+        let (below, above) = (self.logs(&low)?, self.logs(&high)?);
+        Some(above.iter().zip(&below).map(|(above, below)| (above - below) / width).collect())
     }
 
     /// The touches with the shifts that the model gives for the mean stiffness of their samples.
@@ -434,7 +447,7 @@ fn chi2(residuals: &[f64], weights: &[f64]) -> f64 {
 }
 
 /// The information matrix of the terms.
-pub(super) fn information(slopes: &Matrix, weights: &[f64]) -> Matrix {
+fn information(slopes: &Matrix, weights: &[f64]) -> Matrix {
     let entry = |a: &Vec<f64>, b: &Vec<f64>| weighted(a, b, weights);
     slopes.iter().map(|a| slopes.iter().map(|b| entry(a, b)).collect()).collect()
 }

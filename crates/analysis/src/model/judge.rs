@@ -4,9 +4,8 @@
 //! finds a misfit that χ² alone would not, and names it.
 
 use super::{
-    Term, Terms,
-    fit::{Fit, SHARED_DEPTH, State, Usable, information, weighted},
-    linear,
+    evidence::{Rows, samples},
+    fit::{Fit, SHARED_DEPTH, State, Usable, weighted},
 };
 use crate::stiffness::Young;
 
@@ -99,6 +98,9 @@ pub struct ModelCheck {
     pub chi2: f64,
     /// Touches less unknowns.
     pub freedom: usize,
+    /// χ² of touches and differences as independent rows: what touches at one place share is taken out, and
+    /// so is a learnt term unless it is at the end of its range.
+    pub independent_chi2: f64,
     /// The cause that explains most of the misfit, when there is one.
     pub pattern: Option<Pattern>,
     /// The evidence for each cause, largest first.
@@ -115,20 +117,32 @@ impl ModelCheck {
     pub fn chi2_per_dof(&self) -> f64 {
         self.chi2 / self.freedom as f64
     }
+
+    /// The chance of the best test of any kind to notice what is behind these residuals when they are free of
+    /// noise, if it calls one true model in a hundred false.
+    ///
+    /// # Source
+    /// Neyman and Pearson, Phil. Trans. R. Soc. A 231 (1933) 289: the ratio of the likelihoods is the most
+    /// powerful test, and for normal errors it is normal with the root of this χ² as its mean.
+    pub fn noticed_at_most(&self) -> f64 {
+        above(NORMAL_OF_ONE_PERCENT - self.independent_chi2.max(0.0).sqrt())
+    }
 }
 
 /// The probability of chance below which a model is strained; in all tests of a run together.
 const STRAINED_BELOW: f64 = 0.02;
 /// The same for a rejected model.
 const REJECTED_BELOW: f64 = 1e-4;
-/// A column that is left with less than this part of its length does not differ from the fitted ones.
-const LEFT_OVER: f64 = 0.01;
+
+/// A normal variable exceeds this once in a hundred times.
+const NORMAL_OF_ONE_PERCENT: f64 = 2.326_348;
 
 /// The judgement on a fit; `None` when nothing is free.
 pub(super) fn judge(touches: &Usable<'_>, fit: &Fit) -> Option<ModelCheck> {
     let freedom = touches.freedom(fit.learnt.len())?;
     let state = &fit.state;
-    let mut evidence = terms(touches, fit);
+    let rows = Rows::new(touches, fit);
+    let mut evidence = rows.as_ref().map_or_else(Vec::new, Rows::evidence);
     evidence.extend(samples(touches, state));
     let tests = 1.0 + evidence.len() as f64;
     let main = touches.touches.len();
@@ -155,6 +169,7 @@ pub(super) fn judge(touches: &Usable<'_>, fit: &Fit) -> Option<ModelCheck> {
         verdict,
         chi2,
         freedom,
+        independent_chi2: rows.as_ref().map_or(chi2, Rows::chi2),
         pattern: pattern.filter(|_| verdict != Verdict::Holds),
         evidence,
         residuals: (0..touches.touches.len()).map(residual).collect(),
@@ -183,97 +198,12 @@ pub(super) fn of_sites(sites: &[(usize, Young)]) -> Option<ModelCheck> {
         verdict: Verdict::of(chi2_probability(chi2, freedom as f64)),
         chi2,
         freedom,
+        independent_chi2: chi2,
         pattern: None,
         evidence: Vec::new(),
         residuals,
         added_rel: ((chi2 / freedom as f64 - 1.0) / mean_weight).max(0.0).sqrt(),
     })
-}
-
-/// The evidence for each cause but the samples: the best of its terms.
-fn terms(touches: &Usable<'_>, fit: &Fit) -> Vec<Evidence> {
-    let (terms, state) = (&fit.terms, &fit.state);
-    // Terms of the readings themselves would be drawn by the same noise as the residuals.
-    let Some(smooth) = touches.smoothed(terms, state) else { return Vec::new() };
-    let slope = |term: Term| {
-        let mut slopes = smooth.slopes(terms, &[term], &state.weights)?;
-        slopes.pop()
-    };
-    let angles: Vec<f64> =
-        touches.rows().map(|index| touches.touches[index].pose.angle_rad()).collect();
-    let mut splits = angles.clone();
-    splits.sort_by(f64::total_cmp);
-    splits.dedup();
-    let mut columns: Vec<(Pattern, Vec<f64>)> = Vec::new();
-    if let Some(ratio) = slope(Term::TangentialRatio) {
-        // A contact that slips from some angle on sticks at the angles below.
-        for split in splits.iter().skip(1) {
-            let above = ratio.iter().zip(&angles);
-            let above = above.map(|(slope, angle)| if angle >= split { *slope } else { 0.0 });
-            columns.push((Pattern::Friction, above.collect()));
-        }
-        columns.push((Pattern::Friction, ratio));
-    }
-    columns.extend(slope(Term::Arm).map(|column| (Pattern::Arm, column)));
-    let other = Terms { deflects: !terms.deflects, ..*terms };
-    if let (Some(logs), Some(others)) = (smooth.logs(terms), smooth.logs(&other)) {
-        let change = others.iter().zip(&logs).map(|(other, log)| other - log).collect();
-        columns.push((Pattern::Depth, change));
-    }
-    columns.extend(touches.log_depths().map(|column| (Pattern::Depth, column)));
-    let all = columns.iter().filter_map(|(pattern, column)| {
-        let column = free(touches, fit, column)?;
-        Some(score(touches, state, *pattern, &column))
-    });
-    let all: Vec<Evidence> = all.collect();
-    let of = |pattern: Pattern| {
-        let tried: Vec<&Evidence> = all.iter().filter(|one| one.pattern == pattern).collect();
-        let best = tried.iter().max_by(|a, b| a.chi2_removed.total_cmp(&b.chi2_removed))?;
-        let least = tried.iter().map(|one| one.probability).fold(1.0, f64::min);
-        Some(Evidence { probability: (least * tried.len() as f64).min(1.0), ..**best })
-    };
-    [Pattern::Friction, Pattern::Arm, Pattern::Depth].into_iter().filter_map(of).collect()
-}
-
-/// A column less its part along the samples and the learnt terms; `None` when nothing is left.
-fn free(touches: &Usable<'_>, fit: &Fit, column: &[f64]) -> Option<Vec<f64>> {
-    let weights = &fit.state.weights;
-    let mut free = touches.centred(column, weights);
-    let before = weighted(&free, &free, weights);
-    let inverse = linear::inverse(&information(&fit.slopes, weights))?;
-    let along: Vec<f64> = fit.slopes.iter().map(|slope| weighted(slope, &free, weights)).collect();
-    for (row, slope) in inverse.iter().zip(&fit.slopes) {
-        let factor: f64 = row.iter().zip(&along).map(|(a, b)| a * b).sum();
-        free.iter_mut().zip(slope).for_each(|(value, slope)| *value -= factor * slope);
-    }
-    let after = weighted(&free, &free, weights);
-    (after > LEFT_OVER * before).then_some(free)
-}
-
-/// Rao's score of a term.
-fn score(touches: &Usable<'_>, state: &State, pattern: Pattern, column: &[f64]) -> Evidence {
-    let pull = weighted(column, &state.residuals, &state.weights);
-    let chi2_removed = pull.powi(2) / weighted(column, column, &state.weights);
-    let alone = touches.covaried(column, column, state, 0.0);
-    let variance = touches.covaried(column, column, state, SHARED_DEPTH).max(alone);
-    let probability = chi2_probability(pull.powi(2) / variance, 1.0);
-    Evidence { pattern, chi2_removed, probability }
-}
-
-/// The evidence that one sample does not agree with itself, for the worst one.
-fn samples(touches: &Usable<'_>, state: &State) -> Option<Evidence> {
-    let samples = touches.main.known_mpa.len();
-    let of_sample = |sample: usize| {
-        let of_sample =
-            || (0..touches.touches.len()).filter(|&i| touches.touches[i].sample == sample);
-        let freedom = of_sample().count().checked_sub(1).filter(|freedom| *freedom > 0)? as f64;
-        let chi2: f64 = of_sample().map(|i| state.weights[i] * state.residuals[i].powi(2)).sum();
-        Some((sample, chi2 - freedom, chi2_probability(chi2, freedom)))
-    };
-    let all: Vec<_> = (0..samples).filter_map(of_sample).collect();
-    let (sample, excess, probability) = *all.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let probability = (probability * all.len() as f64).min(1.0);
-    Some(Evidence { pattern: Pattern::Sample(sample), chi2_removed: excess, probability })
 }
 
 impl Usable<'_> {
@@ -349,7 +279,7 @@ impl Usable<'_> {
 
 /// Probability of a χ² at least as large, by the cube root of Wilson and Hilferty; exact for one degree
 /// of freedom.
-fn chi2_probability(chi2: f64, freedom: f64) -> f64 {
+pub(super) fn chi2_probability(chi2: f64, freedom: f64) -> f64 {
     if freedom <= 1.0 {
         return 2.0 * above(chi2.max(0.0).sqrt());
     }
@@ -362,7 +292,7 @@ fn chi2_probability(chi2: f64, freedom: f64) -> f64 {
 /// # Source
 /// Abramowitz and Stegun, Handbook of Mathematical Functions (1964), 26.2.17 up to 3, where it is within
 /// 7.5e-8, and the continued fraction 26.2.14 beyond.
-fn above(x: f64) -> f64 {
+pub(super) fn above(x: f64) -> f64 {
     if x < 0.0 {
         return 1.0 - above(-x);
     }

@@ -34,6 +34,46 @@ pub(super) fn form(a: &[f64], matrix: &Matrix, b: &[f64]) -> f64 {
     a.iter().zip(matrix).map(|(a, values)| a * row(values)).sum()
 }
 
+/// The lower factor L of a symmetric matrix L Lᵀ, by Cholesky; `None` unless it is positive definite.
+pub(super) fn cholesky(matrix: &Matrix) -> Option<Matrix> {
+    let mut factor: Matrix = Vec::with_capacity(matrix.len());
+    for (i, values) in matrix.iter().enumerate() {
+        let mut row: Vec<f64> = Vec::with_capacity(i + 1);
+        for j in 0..=i {
+            let other = factor.get(j).unwrap_or(&row);
+            let rest = values[j] - row.iter().zip(other).take(j).map(|(a, b)| a * b).sum::<f64>();
+            let value = if j < i { rest / other[j] } else { rest.sqrt() };
+            if !value.is_finite() {
+                return None;
+            }
+            row.push(value);
+        }
+        factor.push(row);
+    }
+    Some(factor)
+}
+
+/// L⁻¹ b of a lower factor.
+pub(super) fn forward(factor: &Matrix, b: &[f64]) -> Vec<f64> {
+    let mut solved: Vec<f64> = Vec::with_capacity(b.len());
+    for (row, b) in factor.iter().zip(b) {
+        let known: f64 = row.iter().zip(&solved).map(|(a, b)| a * b).sum();
+        solved.push((b - known) / row[solved.len()]);
+    }
+    solved
+}
+
+/// L⁻ᵀ b of a lower factor.
+pub(super) fn backward(factor: &Matrix, b: &[f64]) -> Vec<f64> {
+    let mut rest = b.to_vec();
+    for (i, row) in factor.iter().enumerate().rev() {
+        rest[i] /= row[i];
+        let solved = rest[i];
+        rest.iter_mut().zip(&row[..i]).for_each(|(rest, a)| *rest -= a * solved);
+    }
+    rest
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -53,5 +93,18 @@ mod tests {
         }
         assert_eq!(inverse(&vec![vec![1.0, 2.0], vec![2.0, 4.0]]), None);
         assert_eq!(inverse(&Vec::new()), Some(Vec::new()));
+    }
+    #[test]
+    fn a_cholesky_factor_solves_both_ways_and_an_indefinite_matrix_has_none() {
+        let matrix = vec![vec![4.0, 2.0, 1.0], vec![2.0, 5.0, 3.0], vec![1.0, 3.0, 9.0]];
+        let factor = cholesky(&matrix).unwrap();
+        let expected = [7.0, -2.0, 5.0];
+        let product: Vec<f64> =
+            (matrix.iter()).map(|row| row.iter().zip(expected).map(|(a, b)| a * b).sum()).collect();
+        let solved = backward(&factor, &forward(&factor, &product));
+        for (found, expected) in solved.iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-12, "{solved:?}");
+        }
+        assert_eq!(cholesky(&vec![vec![1.0, 2.0], vec![2.0, 1.0]]), None);
     }
 }

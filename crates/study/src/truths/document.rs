@@ -46,7 +46,12 @@ pub(super) fn page(args: &Args, all: &[TruthRuns], parts: &[PartRuns]) -> Page {
     page.heading("What is noticed");
     page.text(
         "The pattern is the cause whose further term removes most of χ², with the share of the runs that \
-         name it.",
+         name it. *At most* is the chance of the best test there can be, which knows the truth and calls one \
+         true model in a hundred false: with χ² of the same run without nuisances as λ² it notices a truth \
+         with the probability Φ(λ − 2.33) (Neyman and Pearson). Where that is a few per cent, the main touches \
+         cannot show that the model is another one: *the model holds* says that they agree with it, not that \
+         it is true. A share of noticed runs above it comes from errors that are larger than stated under that \
+         truth, or from runs that did not identify the arm.",
     );
     page.table(noticed(all));
     false_alarms(&mut page, all);
@@ -74,12 +79,13 @@ fn halfway(page: &mut Page, all: &[TruthRuns]) {
         "coverage, %",
         "noticed, %, one depth",
         "two depths",
+        "at most",
         "rejected, %, two depths",
         "pattern, two depths",
         "depth held by the stage, %, one depth",
         "two depths",
     ]);
-    for TruthRuns { truth, learnt, halfway, .. } in all {
+    for TruthRuns { truth, learnt, halfway, at_most, .. } in all {
         table.row([
             truth.name.to_owned(),
             percent(halfway.recognition(), 2),
@@ -87,6 +93,7 @@ fn halfway(page: &mut Page, all: &[TruthRuns]) {
             percent(halfway.coverage(), 1),
             percent(learnt.noticed(), 1),
             percent(halfway.noticed(), 1),
+            percent(at_most[2], 1),
             percent(halfway.rejected(), 1),
             pattern(halfway),
             percent(learnt.held_by_stage(), 0),
@@ -158,8 +165,10 @@ fn noticed(all: &[TruthRuns]) -> Table {
         "learnt",
         "pattern, described",
         "learnt",
+        "noticed, %, learnt",
+        "at most",
     ]);
-    for TruthRuns { truth, described, learnt, .. } in all {
+    for TruthRuns { truth, described, learnt, at_most, .. } in all {
         table.row([
             truth.name.to_owned(),
             format!("{:.2}", described.chi2_per_dof()),
@@ -168,6 +177,8 @@ fn noticed(all: &[TruthRuns]) -> Table {
             percent(learnt.rejected(), 1),
             pattern(described),
             pattern(learnt),
+            percent(learnt.noticed(), 1),
+            percent(at_most[1], 1),
         ]);
     }
     table
@@ -253,7 +264,7 @@ const COLUMNS: [&str; 13] = [
 
 fn csv(all: &[TruthRuns]) -> String {
     let mut table = Csv::new(&COLUMNS);
-    for TruthRuns { truth, described, learnt, halfway } in all {
+    for TruthRuns { truth, described, learnt, halfway, .. } in all {
         for (model, summary) in
             [("described", described), ("learnt", learnt), ("learnt, two depths", halfway)]
         {

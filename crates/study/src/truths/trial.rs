@@ -24,6 +24,8 @@ pub(super) struct Found {
     pub(super) verdict: Verdict,
     pub(super) pattern: Option<Pattern>,
     pub(super) chi2_per_dof: f64,
+    /// Of a run without nuisances: the chance of the best test to notice its truth.
+    pub(super) noticed_at_most: f64,
     pub(super) tangential_ratio: f64,
     pub(super) arm_mm: f64,
     pub(super) is_arm_learnt: bool,
@@ -92,6 +94,7 @@ impl Analysis {
             verdict: check.verdict,
             pattern: check.pattern,
             chi2_per_dof: check.chi2_per_dof(),
+            noticed_at_most: check.noticed_at_most(),
             tangential_ratio: model.terms().tangential_ratio,
             arm_mm: model.terms().arm_mm,
             is_arm_learnt: model.terms().arm_mm != model.described().arm_mm,

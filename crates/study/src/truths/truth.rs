@@ -87,6 +87,11 @@ impl Truth {
         Self { nuisances, surface_mm, ..Self::MATCHED }
     }
 
+    /// The same truth on a bench without chance.
+    pub(super) const fn without_nuisances(self) -> Self {
+        Self { nuisances: Nuisances::NONE, surface_mm: 0.0, ..self }
+    }
+
     /// Every truth of the page.
     pub(super) fn all() -> Vec<Self> {
         let one = Self::MATCHED;
