@@ -107,7 +107,7 @@ impl InstrumentPort {
         self.health.note(|health| {
             health.requests += 1;
             match &answer {
-                Ok(_) => health.last_round_trip = Some(asked.elapsed()),
+                Ok(_) => health.answered(asked.elapsed()),
                 Err(AnalyzerError::Line {
                     source: LineError::TimedOut { arrived, .. }, ..
                 }) if arrived.bytes.is_empty() => {

@@ -5,6 +5,8 @@ use std::{
     time::Duration,
 };
 
+use crate::Durations;
+
 /// Counts of a device since its driver was opened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Health {
@@ -22,6 +24,16 @@ pub struct Health {
     pub faults: u64,
     /// From the sending of the last answered request to the end of its answer.
     pub last_round_trip: Option<Duration>,
+    /// The same of all answered requests.
+    pub round_trips: Durations,
+}
+
+impl Health {
+    /// Counts an answer that took this long.
+    pub fn answered(&mut self, took: Duration) {
+        self.last_round_trip = Some(took);
+        self.round_trips.note(took);
+    }
 }
 
 /// The counts of one device. Clones show the same counts, so that the daemon can keep one beside the

@@ -6,6 +6,7 @@
 
 mod attached;
 mod clock;
+mod durations;
 mod endpoint;
 mod error;
 mod health;
@@ -16,6 +17,7 @@ mod transport;
 
 pub use attached::{AttachedPort, Holder, UsbIdentity, attached_ports};
 pub use clock::Clock;
+pub use durations::Durations;
 pub use endpoint::{Endpoint, Plug};
 pub use error::{LineError, OpenError, PartialAnswer, escaped};
 pub use health::{Health, HealthMeter};

@@ -13,6 +13,7 @@ mod fit;
 mod guard;
 mod identify;
 mod live;
+mod manager;
 mod manual;
 mod measure;
 mod moves;

@@ -13,10 +13,12 @@ mod events;
 mod frames;
 mod guard;
 mod guesses;
+mod health;
 mod index;
 mod lease;
 mod limits;
 mod live;
+mod metrics;
 mod moves;
 mod notes;
 pub mod openapi;
@@ -54,10 +56,16 @@ use tokio::{
 };
 use tokio_util::sync::CancellationToken;
 
-use crate::{loaded_rig::RigFacts, protocol_file::LoadedProtocol, rig::RigHandle, run_files};
+use crate::{
+    loaded_rig::RigFacts,
+    protocol_file::LoadedProtocol,
+    rig::{RigHandle, Status},
+    run_files,
+};
 use access::Access;
 pub(crate) use guard::FOREIGN_PAGE;
 use lease::Lease;
+use metrics::Happened;
 use problem::Problem;
 use results::ResultsCache;
 pub use server::serve;
@@ -80,6 +88,8 @@ struct Inner {
     access: Access,
     lease: Lease,
     results: ResultsCache,
+    /// What the figures of the service say of the journal.
+    happened: Mutex<Happened>,
     /// The event streams that may still be opened.
     streams: Arc<Semaphore>,
     /// Held from the search for a key in the journal until the run that it belongs to has begun, so
@@ -104,6 +114,7 @@ impl Shared {
     ) -> Self {
         let streams = Arc::new(Semaphore::new(events::STREAMS_MAX));
         let (keyed, noted) = (Mutex::new(()), Mutex::new(()));
+        let happened = Mutex::default();
         let (results, lease) = (ResultsCache::default(), Lease::default());
         let inner = Inner {
             rig,
@@ -113,12 +124,18 @@ impl Shared {
             access,
             lease,
             results,
+            happened,
             streams,
             keyed,
             noted,
             closing,
         };
         Self { inner: Arc::new(inner) }
+    }
+
+    /// The rig as it is now.
+    pub(crate) fn status(&self) -> Status {
+        self.inner.rig.status().borrow().clone()
     }
 
     /// Keeps the times at which tokens were last used, until the daemon closes.
@@ -181,6 +198,9 @@ pub fn router(shared: Shared) -> Router {
         .route("/openapi.json", get(openapi::show))
         .route("/reference", get(openapi::reference))
         .route("/open/{secret}", get(session::open))
+        .route("/healthz", get(health::live))
+        .route("/readyz", get(health::ready))
+        .route("/metrics", get(metrics::show))
         .route("/api/v1", get(index::show))
         .route("/api/v1/", get(index::show))
         .merge(page::routes())

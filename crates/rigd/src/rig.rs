@@ -19,6 +19,7 @@ mod identify;
 mod inspect;
 mod live;
 mod log;
+mod meters;
 mod open;
 mod owners;
 mod pace;
@@ -56,6 +57,7 @@ pub use inspect::{
 };
 pub use live::{LiveEstimate, LiveSweep};
 pub(crate) use log::unwritable;
+pub(crate) use meters::Meters;
 pub use open::{DeviceError, OpenError};
 pub use pace::{Pace, Remaining};
 pub use pulse::{Doing, Silence};
@@ -63,7 +65,7 @@ pub(crate) use resume::{Outcomes, changes_since};
 pub use resume::{ResumeRefusal, SOFTWARE};
 pub use rig_loop::RigLoop;
 pub(crate) use shell::{CLOCK_WAS_SET, HELD_UP};
-pub(crate) use space::free_bytes;
+pub(crate) use space::{RESERVE_BYTES, free_bytes};
 pub use status::{DeviceIdentity, RunView, Status};
 pub(crate) use status::{PortFrames, Setting};
 pub use way_out::{WayOut, make_safe};
@@ -264,6 +266,11 @@ impl RigHandle {
     /// The present status and its changes.
     pub fn status(&self) -> watch::Receiver<Status> {
         self.status.clone()
+    }
+
+    /// Whether the rig thread takes requests.
+    pub(crate) fn is_open(&self) -> bool {
+        !self.requests.is_closed()
     }
 
     /// The simulated bench, in which faults are injected; `None` for a real rig.

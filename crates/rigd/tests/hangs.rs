@@ -56,6 +56,9 @@ fn check(person: Person, bench: &Bench) {
         assert!(said.contains("the rig loop has not answered since "), "{said}");
         assert!(said.contains("when it wrote the journal"), "{said}");
     }
+    // The watchdog of a service manager is fed for as long as this is well.
+    let health = request(&address, "GET /healthz", "");
+    assert!(health.starts_with("HTTP/1.1 503 ") && health.contains("does not answer"), "{health}");
     program.wait_for_line("the rig loop has not answered since ");
     assert!(bench.is_in_contact());
     match person {

@@ -283,9 +283,9 @@ fn what_would_open_the_rig_to_a_network_is_refused() {
     fs::write(&path, "0123456789abcdef").unwrap();
     let open = path.to_str().unwrap();
     let rows: [(&[&str], &str); 6] = [
-        (&["--listen", "0.0.0.0:0"], "give --token-file"),
-        (&["--listen", "[::]:0"], "give --token-file"),
-        (&["--listen", "192.0.2.1:80"], "give --token-file"),
+        (&["--listen", "0.0.0.0:0"], "`rigd token new NAME --data DIR`"),
+        (&["--listen", "[::]:0"], "`rigd token new NAME --data DIR`"),
+        (&["--listen", "192.0.2.1:80"], "`rigd token new NAME --data DIR`"),
         (&["--token-file", missing], missing),
         (&["--listen", "0.0.0.0:0", "--token-file", open], "chmod 600"),
         (&["--allow-host", "http://bench"], "without port or path"),

@@ -366,7 +366,7 @@ impl Line {
         let outcome = self.ask(unit, request, answer_by).await;
         self.count(unit, |health| match &outcome {
             Ok(_) | Err(ExchangeFault::Refused(_)) => {
-                health.last_round_trip = Some(asked.elapsed());
+                health.answered(asked.elapsed());
             }
             Err(ExchangeFault::Unusable(Symptom::Silence | Symptom::OnlyEcho, _)) => {
                 health.late += 1;

@@ -20,6 +20,7 @@ use super::{
     Failure,
     args::BenchArgs,
     guard::watch_over_http,
+    manager,
     screen::{say, say_clearly},
     session::{left, open},
     signals::Signals,
@@ -87,6 +88,7 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
         tokio::spawn(write_ended_runs(handle.status(), data.clone()));
         let shared =
             http::Shared::new(handle.clone(), facts, loaded, data, access, closing.clone());
+        let telling = tokio::spawn(manager::feed(shared.clone()));
         let keeping = tokio::spawn(shared.clone().keep_uses());
         let mut serving =
             tokio::spawn(http::serve(listener, http::router(shared), closing.clone()));
@@ -98,11 +100,14 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
         let mut has_http_ended = false;
         if signals.count == 0 {
             say(&format!("rigd: listening on {}", called(address)));
+            manager::ready();
             tokio::select! {
                 () = signals.next() => {}
                 _ = &mut serving => has_http_ended = true,
             }
         }
+        manager::stopping();
+        telling.abort();
         say_clearly(
             "rigd: leaving the probe clear and closing; interrupt again to leave the rig as it is",
         );

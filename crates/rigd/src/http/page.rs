@@ -58,12 +58,13 @@ pub(super) fn is_wanted(headers: &HeaderMap) -> bool {
     accept.is_some_and(|accept| accept.contains("text/html"))
 }
 
-/// Whether a request needs no token: the files of the page, which contain nothing about the rig, and a link
-/// that is a secret itself.
+/// Whether a request needs no token: the files of the page, which contain nothing about the rig, a link that is
+/// a secret itself, and the health of the service.
 pub(super) fn is_public(method: &Method, path: &str, headers: &HeaderMap) -> bool {
     let is_file = FILES.iter().any(|file| file.path == path);
     let is_page = is_file && (path != "/" || is_wanted(headers));
-    *method == Method::GET && (is_page || path.starts_with("/open/"))
+    *method == Method::GET
+        && (is_page || path.starts_with("/open/") || matches!(path, "/healthz" | "/readyz"))
 }
 
 /// The page at `/` for a browser.

@@ -185,6 +185,11 @@ impl Problem {
         }
     }
 
+    /// The service is not as it should be.
+    pub(super) fn unwell(because: &[&str]) -> Self {
+        Self::of(StatusCode::SERVICE_UNAVAILABLE, because.join("; "))
+    }
+
     /// The body of the answer.
     pub(super) fn to_json(&self) -> String {
         // Text and numbers always have a JSON.

@@ -11,6 +11,7 @@ use rig_model::{RigTime, with_causes};
 use rig_store::{Ending, Journal, Record, RunFinished, RunId, RunKind, Store, StoreError};
 
 use super::{
+    meters::Meters,
     pulse::{Doing, Pulse},
     record::Recorder,
 };
@@ -41,6 +42,7 @@ pub(super) struct Log {
     error: Option<Arc<str>>,
     last_commit: Instant,
     pulse: Arc<Pulse>,
+    meters: Meters,
 }
 
 impl Log {
@@ -49,6 +51,7 @@ impl Log {
         rig: String,
         clock: Clock,
         pulse: &Arc<Pulse>,
+        meters: &Meters,
     ) -> Result<Self, StoreError> {
         let session = (store.begin(RunKind::Session, &rig)?, Recorder::for_session());
         Ok(Self {
@@ -63,6 +66,7 @@ impl Log {
             error: None,
             last_commit: Instant::now(),
             pulse: Arc::clone(pulse),
+            meters: meters.clone(),
         })
     }
 
@@ -143,6 +147,7 @@ impl Log {
         self.last_commit = Instant::now();
         self.pulse.beat(Doing::Recording);
         let committed = self.session.0.commit();
+        self.meters.committed(self.last_commit.elapsed());
         self.pulse.beat(Doing::Deciding);
         if let Err(error) = committed {
             self.failed(&error);

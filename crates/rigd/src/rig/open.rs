@@ -13,7 +13,7 @@ use rig_stage::{BusHandle, BusSettings, HaltFrames, RegisterMap, Stage, StageErr
 use rig_store::StoreError;
 
 use super::{
-    DeviceIdentity, Setting,
+    DeviceIdentity, Meters, Setting,
     devices::{Axes, GatedAnalyzer},
     gate::Gate,
 };
@@ -189,7 +189,13 @@ pub(super) async fn open_rig(
         device_of("linear stage", describe(&file.linear), linear.health()),
         device_of("rotary stage", describe(&file.rotary), rotary.health()),
     ]);
-    let setting = Setting { limits: file.limits, rig: source, scene: scene_source, devices };
+    let setting = Setting {
+        limits: file.limits,
+        rig: source,
+        scene: scene_source,
+        devices,
+        meters: Meters::default(),
+    };
     let is_homing_up = file.linear.is_homing_up;
     let patience = Duration::from_secs_f64(file.recovery_patience_s);
     let gate = Gate::new(file.limits, clock);

@@ -4,7 +4,11 @@
 mod requests;
 mod runs;
 
-use std::{path::PathBuf, sync::Arc, time::Duration};
+use std::{
+    path::PathBuf,
+    sync::Arc,
+    time::{Duration, Instant},
+};
 
 use rig_engine::{
     Admitted, Command, Effect, Engine, Event, Fault, Input, Operation, OperationId, RefusalAnswer,
@@ -103,7 +107,7 @@ impl Shell {
         let Opened { setting, analyzer, axes, gate, halt, .. } = opened;
         let Opened { simulation, black_boxes, known_samples, patience, .. } = opened;
         let pulse = Arc::new(Pulse::default());
-        let log = Log::open(store, name, clock, &pulse).map_err(data_error)?;
+        let log = Log::open(store, name, clock, &pulse, &setting.meters).map_err(data_error)?;
         let engine = Engine::with_patience(setting.limits, patience);
         let ports = black_boxes.clone().map(|(port, transcript)| PortFrames { port, transcript });
         let ports = Arc::new(ports) as Arc<[PortFrames]>;
@@ -157,6 +161,7 @@ impl Shell {
                 continue;
             }
             self.pulse.beat(Doing::Waiting);
+            let waits_from = Instant::now();
             // The order is fixed, so that a run replays: people first, then devices, then time.
             let wake = tokio::select! {
                 biased;
@@ -165,7 +170,10 @@ impl Shell {
                     Wake::Input(Input::Done(id, ended))
                 }),
                 () = until(self.clock, self.engine.deadline()) => Wake::Input(Input::Tick),
-                () = beat(self.is_virtual_time) => Wake::Beat,
+                () = beat(self.is_virtual_time) => {
+                    self.setting.meters.woke_late(waits_from.elapsed().saturating_sub(BEAT));
+                    Wake::Beat
+                }
             };
             self.pulse.beat(Doing::Deciding);
             // Before the report of a measurement that it may have spoilt.

@@ -6,7 +6,7 @@ use super::RequestRefusal;
 
 /// Space that must remain in addition to a run, bytes: for the session, the records of faults, and
 /// the working files of the database.
-const RESERVE_BYTES: u64 = 100 << 20;
+pub(crate) const RESERVE_BYTES: u64 = 100 << 20;
 
 /// Refuses a run for which the file system of the data directory has no room. Twice the expected
 /// size must be free: the expectation is not a limit. A file system that does not report its free

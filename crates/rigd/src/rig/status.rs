@@ -8,7 +8,7 @@ use rig_model::{RigLimits, RigTime};
 use rig_protocol::{Action, Plan, Prompt};
 use rig_store::RunId;
 
-use super::{History, LiveSweep, Pace, Remaining, Silence, pace, record};
+use super::{History, LiveSweep, Meters, Pace, Remaining, Silence, pace, record};
 use crate::describe;
 
 /// The published state of the rig.
@@ -163,4 +163,6 @@ pub(crate) struct Setting {
     pub(super) rig: rig_store::Source,
     pub(super) scene: Option<rig_store::Source>,
     pub(super) devices: Arc<[DeviceIdentity; 3]>,
+    /// Durations of the rig thread.
+    pub(crate) meters: Meters,
 }

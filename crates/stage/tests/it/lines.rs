@@ -6,7 +6,7 @@ use std::{
     time::Duration,
 };
 
-use rig_link::{Clock, Endpoint, Health, LineError, Port, Transport};
+use rig_link::{Clock, Durations, Endpoint, Health, LineError, Port, Transport};
 use rig_model::{LineSettings, Parity, StopBits};
 use rig_stage::{
     BusError, BusHandle, BusSettings, CheckRegisters, DeviceRefusal, Exception, Framing, LineFault,
@@ -324,7 +324,8 @@ async fn an_exchange_is_finished_when_nobody_waits_for_it() {
     let abandoned = timeout(ms(10), bus.read(1, 0x80, 2)).await;
     assert!(abandoned.is_err());
     assert_eq!(bus.read(1, 0x90, 2).await.unwrap(), truth(0x90, 2));
-    let health = Health { last_round_trip: None, ..bus.health(1).read() };
+    let health =
+        Health { last_round_trip: None, round_trips: Durations::default(), ..bus.health(1).read() };
     assert_eq!(health, Health { requests: 2, ..Health::default() });
     assert_eq!(bus.health(2).read(), Health::default());
 }

@@ -1,0 +1,326 @@
+//! `GET /metrics`: figures of the service for Prometheus, in the text form of `OpenMetrics`.
+//!
+//! They are made when they are asked for, from what the rig thread publishes and from the journal, so that
+//! the rig thread does nothing for them.
+
+use std::collections::BTreeMap;
+
+use axum::{
+    extract::State,
+    http::header,
+    response::{IntoResponse, Response},
+};
+use prometheus_client::{
+    collector::Collector,
+    encoding::{DescriptorEncoder, EncodeMetric, text::encode},
+    metrics::{MetricType, counter::ConstCounter, gauge::ConstGauge},
+    registry::Registry,
+};
+use rig_link::Durations;
+use rig_store::{Reader, Record, StoredRecord, SweepOutcome};
+
+use super::{Problem, Shared};
+use crate::rig::{Status, free_bytes};
+
+const OPEN_METRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+/// Records read at a time.
+const PAGE: u32 = 512;
+/// Pages read for one request; the next request goes on.
+const PAGES_MAX: usize = 40;
+/// Different reasons that are told apart. The sentences have no numbers, so that they are some twenty.
+const REASONS_MAX: usize = 64;
+
+/// What has happened since the daemon was started, from its journal.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Happened {
+    last_event: u64,
+    measured: u64,
+    refused: BTreeMap<String, u64>,
+    sweeps: BTreeMap<&'static str, u64>,
+    runs: BTreeMap<&'static str, u64>,
+    faults: u64,
+    stalls: u64,
+    /// The last resonance and its standard deviation, Hz.
+    resonance_hz: Option<(f64, f64)>,
+}
+
+impl Happened {
+    /// Reads what is new.
+    fn go_on(&mut self, reader: &Reader, first_event: u64) -> Result<(), Problem> {
+        if self.last_event == 0 {
+            self.last_event = first_event.saturating_sub(1);
+        }
+        for _ in 0..PAGES_MAX {
+            let page = reader.events_after(self.last_event, PAGE)?;
+            for stored in &page {
+                self.last_event = stored.event;
+                self.count(stored);
+            }
+            if page.len() < PAGE as usize {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    fn count(&mut self, stored: &StoredRecord) {
+        let is_wanted = matches!(
+            stored.kind.as_str(),
+            "touch_result" | "touch_refused" | "sweep" | "run_finished" | "fault" | "stalled"
+        );
+        let Some(Ok(record)) = is_wanted.then(|| stored.record()) else { return };
+        match record {
+            Record::TouchResult(_) => self.measured += 1,
+            Record::TouchRefused(touch) => self.refuse(class(&touch.reason)),
+            Record::Sweep(sweep) => match sweep.outcome {
+                SweepOutcome::Accepted { resonance_hz, sigma_hz, .. } => {
+                    *self.sweeps.entry("accepted").or_default() += 1;
+                    self.resonance_hz = Some((resonance_hz, sigma_hz));
+                }
+                SweepOutcome::Refused { .. } => *self.sweeps.entry("refused").or_default() += 1,
+            },
+            Record::RunFinished(finished) => {
+                *self.runs.entry(finished.status.name()).or_default() += 1;
+            }
+            Record::Fault(_) => self.faults += 1,
+            Record::Stalled(_) => self.stalls += 1,
+            _ => {}
+        }
+    }
+
+    fn refuse(&mut self, reason: String) {
+        let is_known = self.refused.contains_key(&reason) || self.refused.len() < REASONS_MAX;
+        let reason = if is_known { reason } else { "another".to_owned() };
+        *self.refused.entry(reason).or_default() += 1;
+    }
+}
+
+/// The words of a reason before its first number.
+fn class(reason: &str) -> String {
+    let end = reason.find(|letter: char| letter.is_ascii_digit() || ":;,(".contains(letter));
+    reason[..end.unwrap_or(reason.len())].trim().to_owned()
+}
+
+type Labels = Vec<(&'static str, String)>;
+
+#[derive(Debug)]
+enum Value {
+    Count(u64),
+    Gauge(f64),
+    Durations(Durations),
+}
+
+/// A figure, with one value for each of its labels.
+#[derive(Debug)]
+struct Figure {
+    name: &'static str,
+    help: &'static str,
+    values: Vec<(Labels, Value)>,
+}
+
+/// The figures of one request.
+#[derive(Debug, Default)]
+struct Figures(Vec<Figure>);
+
+impl Figures {
+    fn add(
+        &mut self,
+        name: &'static str,
+        help: &'static str,
+        values: impl IntoIterator<Item = (Labels, Value)>,
+    ) {
+        self.0.push(Figure { name, help, values: values.into_iter().collect() });
+    }
+
+    fn gauge(&mut self, name: &'static str, help: &'static str, value: f64) {
+        self.add(name, help, [(Vec::new(), Value::Gauge(value))]);
+    }
+
+    fn count(&mut self, name: &'static str, help: &'static str, value: u64) {
+        self.add(name, help, [(Vec::new(), Value::Count(value))]);
+    }
+
+    fn counts<'a>(
+        &mut self,
+        name: &'static str,
+        help: &'static str,
+        label: &'static str,
+        counts: impl IntoIterator<Item = (&'a str, u64)>,
+    ) {
+        let values = counts
+            .into_iter()
+            .map(|(of, count)| (vec![(label, of.to_owned())], Value::Count(count)));
+        self.add(name, help, values);
+    }
+}
+
+impl Collector for Figures {
+    fn encode(&self, mut encoder: DescriptorEncoder<'_>) -> Result<(), std::fmt::Error> {
+        for Figure { name, help, values } in &self.0 {
+            let Some((_, first)) = values.first() else { continue };
+            let kind = match first {
+                Value::Count(_) => MetricType::Counter,
+                Value::Gauge(_) => MetricType::Gauge,
+                Value::Durations(_) => MetricType::Histogram,
+            };
+            let mut metric = encoder.encode_descriptor(name, help, None, kind)?;
+            for (labels, value) in values {
+                if labels.is_empty() {
+                    match value {
+                        Value::Count(count) => ConstCounter::new(*count).encode(metric)?,
+                        Value::Gauge(value) => ConstGauge::new(*value).encode(metric)?,
+                        Value::Durations(durations) => write(&mut metric, durations)?,
+                    }
+                    break;
+                }
+                let mut one = metric.encode_family(labels)?;
+                match value {
+                    Value::Count(count) => ConstCounter::new(*count).encode(one)?,
+                    Value::Gauge(value) => ConstGauge::new(*value).encode(one)?,
+                    Value::Durations(durations) => write(&mut one, durations)?,
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn write(
+    metric: &mut prometheus_client::encoding::MetricEncoder<'_>,
+    durations: &Durations,
+) -> Result<(), std::fmt::Error> {
+    let bins: Vec<_> = durations.bins().collect();
+    let (sum_s, count) = (durations.sum().as_secs_f64(), durations.count());
+    metric.encode_histogram::<[(&str, &str); 0]>(sum_s, count, &bins, None)
+}
+
+/// The figures now.
+pub(super) async fn show(State(shared): State<Shared>) -> Result<Response, Problem> {
+    let status = shared.inner.rig.status().borrow().clone();
+    let mut happened = shared.inner.happened.lock().await;
+    let mut known = happened.clone();
+    let first_event = status.first_event;
+    let read = move |reader: &Reader| known.go_on(reader, first_event).map(|()| known);
+    *happened = shared.read(read).await?;
+    let mut figures = Figures::default();
+    of_the_rig(&shared, &status, &mut figures);
+    of_the_devices(&status, &mut figures);
+    of_the_journal(&happened, &mut figures);
+    drop(happened);
+    let mut registry = Registry::with_prefix("rigd");
+    registry.register_collector(Box::new(figures));
+    let mut text = String::new();
+    encode(&mut text, &registry).map_err(|_| Problem::internal("the figures cannot be written"))?;
+    Ok(([(header::CONTENT_TYPE, OPEN_METRICS)], text).into_response())
+}
+
+fn of_the_rig(shared: &Shared, status: &Status, figures: &mut Figures) {
+    let version = vec![("version", env!("CARGO_PKG_VERSION").to_owned())];
+    figures.add("build", "Always 1; the version is a label", [(version, Value::Gauge(1.0))]);
+    let state = vec![("state", status.snapshot.state.name().to_owned())];
+    figures.add("state", "Always 1; the state of the rig is a label", [(state, Value::Gauge(1.0))]);
+    let probe = vec![("probe", status.snapshot.clearance.name().to_owned())];
+    figures.add(
+        "probe",
+        "Always 1; what is known of the probe is a label",
+        [(probe, Value::Gauge(1.0))],
+    );
+    let is = |fact: bool| f64::from(u8::from(fact));
+    figures.gauge(
+        "latched",
+        "1 while the rig is latched after a fault",
+        is(status.snapshot.fault.is_some()),
+    );
+    figures.gauge(
+        "silent",
+        "1 while the rig loop gives no sign of life",
+        is(status.silence.is_some()),
+    );
+    figures.gauge(
+        "journal_failed",
+        "1 when the journal cannot be written",
+        is(status.journal_error.is_some()),
+    );
+    let is_asked = status.snapshot.prompt.is_some() || status.snapshot.refused.is_some();
+    figures.gauge("waiting_for_a_person", "1 while the rig waits for an answer", is(is_asked));
+    let run = status.run.as_ref().filter(|run| run.ending.is_none());
+    let (planned, done) = run.map_or((0, 0), |run| (run.touches_planned(), run.touches_done));
+    figures.gauge("run_touches_planned", "Touches of the run under way", planned as f64);
+    figures.gauge("run_touches_done", "Touches of the run under way that are done", done as f64);
+    if let Some(free_bytes) = free_bytes(&shared.inner.data) {
+        figures.gauge("disk_free_bytes", "Free space for the data directory", free_bytes as f64);
+    }
+    let open = super::events::STREAMS_MAX - shared.inner.streams.available_permits();
+    figures.gauge("event_streams", "Event streams that are open", open as f64);
+    let measured = status.setting.meters.read();
+    let one = |durations| [(Vec::new(), Value::Durations(durations))];
+    figures.add(
+        "journal_commit_seconds",
+        "Time until the disk has what was noted",
+        one(measured.commits),
+    );
+    figures.add(
+        "loop_late_seconds",
+        "By how much the rig loop woke after its time",
+        one(measured.late),
+    );
+}
+
+fn of_the_devices(status: &Status, figures: &mut Figures) {
+    let all = || {
+        status
+            .devices
+            .iter()
+            .map(|device| (vec![("device", device.role.to_owned())], device.health.read()))
+    };
+    let mut count = |name, help, of: fn(&rig_link::Health) -> u64| {
+        figures.add(name, help, all().map(|(labels, health)| (labels, Value::Count(of(&health)))));
+    };
+    count("device_requests", "Requests carried out or tried", |health| health.requests);
+    count("device_retries", "Attempts that were repeated", |health| health.retries);
+    count("device_late", "Answers that did not come in time", |health| health.late);
+    count("device_corrupt", "Answers that could not be read", |health| health.corrupt);
+    count("device_refusals", "Requests that the device refused", |health| health.refusals);
+    count("device_faults", "Requests that failed in spite of all attempts", |health| health.faults);
+    let round_trips = all().map(|(labels, health)| (labels, Value::Durations(health.round_trips)));
+    let help = "From sending a request to the end of its answer, on the rig's clock";
+    figures.add("device_round_trip_seconds", help, round_trips);
+}
+
+fn of_the_journal(happened: &Happened, figures: &mut Figures) {
+    figures.count("touches_measured", "Touches with a frequency shift", happened.measured);
+    let refused = happened.refused.iter().map(|(reason, count)| (reason.as_str(), *count));
+    figures.counts("touches_refused", "Touches without one, by reason", "reason", refused);
+    let sweeps = happened.sweeps.iter().map(|(outcome, count)| (*outcome, *count));
+    figures.counts("sweeps", "Sweeps by outcome", "outcome", sweeps);
+    let runs = happened.runs.iter().map(|(ending, count)| (*ending, *count));
+    figures.counts("runs_ended", "Runs and sessions by their ending", "ending", runs);
+    figures.count("faults", "Faults that latched the rig", happened.faults);
+    figures.count("hold_ups", "Times the program or the computer was held up", happened.stalls);
+    if let Some((resonance_hz, sigma_hz)) = happened.resonance_hz {
+        figures.gauge("resonance_hertz", "The last accepted resonance", resonance_hz);
+        figures.gauge("resonance_sigma_hertz", "Its standard deviation", sigma_hz);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reasons_with_other_numbers_are_the_same_reason() {
+        let reasons = [
+            ("no resonance between 120.0 Hz and 165.0 Hz", "no resonance between"),
+            ("stray: 12 readings", "stray"),
+            ("the resonance is nonlinear", "the resonance is nonlinear"),
+        ];
+        for (reason, expected) in reasons {
+            assert_eq!(class(reason), expected);
+        }
+        let mut happened = Happened::default();
+        for number in 0..200_u8 {
+            happened.refuse(format!("reason {}", char::from(number)));
+        }
+        assert_eq!(happened.refused.len(), REASONS_MAX + 1);
+    }
+}
