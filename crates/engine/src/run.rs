@@ -2,25 +2,21 @@
 
 use std::{collections::BTreeSet, time::Duration};
 
-use rig_model::{
-    Clearance, DriveLevel, RigLimits, RigTime, SweepMethod, SweepPoint, SweepRequest, Window,
-};
-use rig_protocol::{Action, NoLoadPolicy, Plan, Pose, Prompt, RefusalPolicy, Step, StepId};
-use rig_resonance::{Bench, FitOutcome, Prior, Reason, Refusal, Resonance};
+use rig_model::{Clearance, DriveLevel, RigLimits, RigTime, SweepPoint, Window};
+use rig_protocol::{Action, NoLoadPolicy, Plan, Prompt, RefusalPolicy, Step, StepId, Touch};
+use rig_resonance::{Bench, Resonance};
 
 use crate::{
-    Event, Fault, FinishedSweep, Operation, RefusalAnswer, RefusedTouch, RunPhase, RunStatus,
-    SweepPurpose, TouchOutcome, TouchResult,
+    Event, Fault, Operation, RefusalAnswer, RefusedTouch, RunPhase, RunStatus, TouchOutcome,
+    TouchResult,
     contact_sense::{Neighbours, check_free, check_reference},
+    heights::{Change, Heights, Prediction},
     listening::{Driven, Listening},
     machine::{MachineContext, MachineEvent, MachineStep},
+    no_load::NoLoad,
     refusal::widened,
-    sweep::{DRIFT, Sweep, SweepStep},
     touch::{TouchMachine, is_value},
 };
-
-/// Attempts at the no-load resonance before the run gives up.
-const NO_LOAD_ATTEMPTS: u32 = 2;
 
 /// The operator of what the policy of the protocol decides.
 const PROTOCOL: &str = "protocol";
@@ -49,6 +45,8 @@ pub(crate) struct Run {
     free_since: RigTime,
     has_refusals: bool,
     neighbours: Neighbours,
+    /// Heights of the surfaces so far, as soon as there is one.
+    heights: Option<Heights>,
     /// Touches that a person leaves out.
     skipped: BTreeSet<StepId>,
     /// Repeats of the touch under way, and the window of its sweep if it was widened.
@@ -84,6 +82,7 @@ impl Run {
             free_since: RigTime::ZERO,
             has_refusals,
             neighbours: Neighbours::default(),
+            heights: None,
             skipped: BTreeSet::new(),
             repeats: 0,
             window: None,
@@ -105,7 +104,7 @@ impl Run {
         match &self.machine {
             Machine::Between => RunPhase::Between,
             Machine::Prompting(_) => RunPhase::Prompt,
-            Machine::NoLoad(machine) if machine.sweep.is_none() => RunPhase::Rotation,
+            Machine::NoLoad(machine) if !machine.is_sweeping() => RunPhase::Rotation,
             Machine::NoLoad(_) => RunPhase::NoLoadSweep,
             Machine::Touch(machine) => machine.run_phase(),
             Machine::Deciding(_) => RunPhase::Prompt,
@@ -152,7 +151,12 @@ impl Run {
             Machine::Prompting(prompt) => {
                 let step = prompting(*prompt, event, &mut context);
                 if matches!(step, MachineStep::Done(())) {
+                    let change = match prompt {
+                        Prompt::PlaceSample { .. } => Change::Placed,
+                        Prompt::TurnSensor { .. } => Change::Turned,
+                    };
                     self.neighbours.changed();
+                    self.heights.iter_mut().for_each(|heights| heights.changed(change));
                 }
                 step
             }
@@ -299,8 +303,8 @@ impl Run {
             RefusalAnswer::Widen | RefusalAnswer::Repeat => {
                 self.repeats += 1;
                 let (step, touch, no_load) = (result.step, result.touch, &result.no_load);
-                let offset_mm = self.neighbours.offset_mm();
-                let machine = TouchMachine::new(step, touch, no_load, offset_mm, self.window);
+                let expected = self.expected_surface(&touch, around.limits);
+                let machine = TouchMachine::new(step, touch, no_load, expected, self.window);
                 self.machine = Machine::Touch(Box::new(machine));
                 let Surroundings { now, limits, clearance, notes } = around;
                 self.advance(*now, MachineEvent::Begin, limits, *clearance, notes)
@@ -330,9 +334,30 @@ impl Run {
     fn note_touch(&mut self, result: TouchResult, around: &mut Surroundings<'_>) {
         self.has_refusals |= result.is_refused();
         let pose = result.touch.pose;
-        let expected = around.limits.geometry.surface_at(pose.direction, pose.angle);
+        let geometry = &around.limits.geometry;
+        let expected = geometry.surface_at(pose.direction, pose.angle);
+        if let TouchOutcome::Measured { contact, .. }
+        | TouchOutcome::Refused { contact: Some(contact), .. } = &result.outcome
+        {
+            let above_mm = contact.surface.position.value() - expected.value();
+            let tolerance_mm = geometry.surface_tolerance_mm;
+            let heights = self.heights.get_or_insert_with(|| Heights::new(tolerance_mm));
+            heights.found(geometry, pose.direction.rotary_position(pose.angle), above_mm);
+        }
         self.neighbours.finished(&result, expected);
         around.notes.push(Event::TouchFinished(Box::new(result)));
+    }
+
+    /// What the touches before say of the surface of a touch: how much higher than expected this sample
+    /// was found, mm, and what all of them predict.
+    fn expected_surface(
+        &self,
+        touch: &Touch,
+        limits: &RigLimits,
+    ) -> (Option<f64>, Option<Prediction>) {
+        let tilt = touch.pose.direction.rotary_position(touch.pose.angle);
+        let predict = |heights: &Heights| heights.predict(&limits.geometry, tilt);
+        (self.neighbours.offset_mm(), self.heights.as_ref().and_then(predict))
     }
 
     /// Begins the next step, or pauses before it, or ends the run.
@@ -364,14 +389,12 @@ impl Run {
         }
         self.machine = match step.action {
             Action::Prompt(prompt) => Machine::Prompting(prompt),
-            Action::NoLoad(pose) => {
-                Machine::NoLoad(Box::new(NoLoad { pose, sweep: None, attempt: 0, surveyed: None }))
-            }
+            Action::NoLoad(pose) => Machine::NoLoad(Box::new(NoLoad::new(pose))),
             Action::Touch(touch) => match &self.no_load {
                 Some(no_load) => {
-                    let offset_mm = self.neighbours.offset_mm();
+                    let expected = self.expected_surface(&touch, limits);
                     let machine =
-                        TouchMachine::new(step.id.clone(), touch, no_load, offset_mm, None);
+                        TouchMachine::new(step.id.clone(), touch, no_load, expected, None);
                     Machine::Touch(Box::new(machine))
                 }
                 None => {
@@ -387,10 +410,9 @@ impl Run {
 /// When the probe of a touch that has just ended left the sample, at the latest: it cannot have come up
 /// faster than it may travel.
 fn left_at(result: &TouchResult, around: &Surroundings<'_>) -> RigTime {
-    let RigLimits { linear, geometry, motion, .. } = around.limits;
+    let RigLimits { linear, motion, .. } = around.limits;
     let pose = result.touch.pose;
-    let tolerance_mm = geometry.surface_tolerance_mm / pose.angle.radians().cos();
-    let highest = geometry.surface_at(pose.direction, pose.angle).offset(tolerance_mm);
+    let highest = around.limits.highest_surface(pose.direction, pose.angle);
     let way_mm = (linear.rest_target().position().value() - highest.value()).max(0.0);
     let up = Duration::from_secs_f64(way_mm / motion.travel_speed_mm_per_s);
     RigTime::ZERO + around.now.since(RigTime::ZERO).saturating_sub(up)
@@ -430,104 +452,5 @@ fn prompting(
             MachineStep::Done(())
         }
         (event, _) => MachineStep::Fault(event.out_of_order("a prompt")),
-    }
-}
-
-/// Whether this sweep is a survey after which the resonance is measured at half the level.
-fn is_to_be_checked(sweep: &FinishedSweep, context: &MachineContext<'_>) -> bool {
-    context.plan.level_check && context.bench.is_none() && sweep.fit.bench.is_some()
-}
-
-/// Rotates to the pose and measures the free sensor there.
-#[derive(Debug)]
-struct NoLoad {
-    pose: Pose,
-    sweep: Option<Sweep>,
-    /// Attempts begun so far.
-    attempt: u32,
-    /// The result of a survey whose resonance is being measured at half the level.
-    surveyed: Option<(Resonance, Option<Bench>)>,
-}
-
-impl NoLoad {
-    fn advance(
-        &mut self,
-        event: MachineEvent,
-        last: Option<&Resonance>,
-        context: &mut MachineContext<'_>,
-    ) -> MachineStep<(Resonance, Option<Bench>)> {
-        let step = match (event, &mut self.sweep) {
-            (MachineEvent::Begin, _) => return context.rotate_to(self.pose),
-            (MachineEvent::RotaryAt(_), _) => self.begin(last, context),
-            (MachineEvent::Readings(readings), Some(sweep)) => {
-                sweep.measured(context.now, &readings, context.notes)
-            }
-            (event, _) => return MachineStep::Fault(event.out_of_order("a no-load measurement")),
-        };
-        self.follow(step, context)
-    }
-
-    /// Begins a sweep; the first one starts near the last reference, if there is one.
-    fn begin(&mut self, last: Option<&Resonance>, context: &mut MachineContext<'_>) -> SweepStep {
-        self.attempt += 1;
-        let planned = context.plan.no_load_sweep;
-        let surveyed = self.surveyed.and_then(|(_, bench)| bench);
-        let bench = context.bench.or(surveyed);
-        let method = match context.plan.survey_s {
-            Some(seconds) if bench.is_none() => SweepMethod::Survey { seconds },
-            _ => planned.method,
-        };
-        let level = if surveyed.is_some() {
-            DriveLevel { volt: 0.5 * planned.level.volt }
-        } else {
-            planned.level
-        };
-        let request = &SweepRequest { method, level, ..planned };
-        let anywhere = Prior::anywhere(request.window, bench);
-        let prior = last.map_or(anywhere, |last| {
-            let (low_hz, high_hz) =
-                (last.resonance_hz * (1.0 - DRIFT), last.resonance_hz * (1.0 + DRIFT));
-            let min_hz = request.window.min_hz.max(low_hz);
-            let max_hz = request.window.max_hz.min(high_hz);
-            Prior::moved(last, Window { min_hz, max_hz }, bench)
-        });
-        let (sweep, step) =
-            Sweep::begin(context.now, SweepPurpose::NoLoad, request, Some(&prior), context.notes);
-        self.sweep = Some(sweep);
-        step
-    }
-
-    fn follow(
-        &mut self,
-        mut step: SweepStep,
-        context: &mut MachineContext<'_>,
-    ) -> MachineStep<(Resonance, Option<Bench>)> {
-        loop {
-            let refusal = match step {
-                SweepStep::Measure(operation) => return MachineStep::Do(operation),
-                SweepStep::Fault(fault) => return MachineStep::Fault(fault),
-                SweepStep::Finished(sweep) => match sweep.outcome {
-                    FitOutcome::Accepted(resonance) => match self.surveyed {
-                        None if is_to_be_checked(&sweep, context) => {
-                            self.surveyed = Some((resonance, sweep.fit.bench));
-                            self.attempt = 0;
-                            step = self.begin(Some(&resonance), context);
-                            continue;
-                        }
-                        Some((full, _)) if full.is_apart_from(&resonance) => {
-                            Refusal { reason: Reason::Nonlinear, estimate: Some(resonance) }
-                        }
-                        _ => return MachineStep::Done((resonance, sweep.fit.bench)),
-                    },
-                    FitOutcome::Refused(refusal) => refusal,
-                },
-            };
-            if self.attempt >= NO_LOAD_ATTEMPTS {
-                let reason = refusal.to_string();
-                return MachineStep::Fault(Fault::NoReference { attempts: self.attempt, reason });
-            }
-            // Without the prior, which may be wrong.
-            step = self.begin(None, context);
-        }
     }
 }

@@ -3,6 +3,10 @@
 //! The probe goes down in steps until the impedance differs from that of the free sensor. Then it
 //! goes back above the last clear place and comes down again in finer steps, always from above, so
 //! that the backlash of the stage is the same in every reading that counts.
+//!
+//! If the touches before say where the surface lies, the search begins close above it, with fine steps if it
+//! is known well. A contact already there is no surface: the probe goes up to where the search for an unknown
+//! surface begins, and that search follows.
 
 use rig_model::{Impedance, Mm, PointResult, Position, Reading};
 use rig_protocol::Approach;
@@ -12,6 +16,10 @@ use crate::Fault;
 /// Largest ratio of the steps of consecutive passes. Another pass costs the way up and down and the decay
 /// of the contact, as much as six steps; up to this ratio, the steps that it saves take less.
 const REFINEMENT: f64 = 20.0;
+
+/// A surface lies higher than this many standard deviations above where it is expected in 7 % of the
+/// searches; a contact in a longer step above costs another pass.
+const LIKELY_SIGMAS: f64 = 1.5;
 
 /// The next step of a search for the surface.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,6 +49,45 @@ pub struct Surface {
     pub sigma_mm: f64,
 }
 
+/// Where a search begins if the touches before say where the surface lies.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Near {
+    /// The first reading, above the surface.
+    pub(crate) start: Position<Mm>,
+    /// The surface as it is expected, and its standard deviation, mm.
+    pub(crate) surface: Position<Mm>,
+    pub(crate) sigma_mm: f64,
+    /// No surface lies above, whatever was learnt: the probe may travel this far.
+    pub(crate) highest: Position<Mm>,
+}
+
+impl Near {
+    /// Where the surface may well lie.
+    fn likely(&self) -> Position<Mm> {
+        self.surface.offset(LIKELY_SIGMAS * self.sigma_mm)
+    }
+
+    /// Whether fine steps through the likely places take less time than a coarse pass and a fine one.
+    fn is_known_well(&self, approach: &Approach) -> bool {
+        LIKELY_SIGMAS * self.sigma_mm <= 0.5 * REFINEMENT * approach.fine_step_mm
+    }
+
+    /// The step from a clear place: fine among the likely places, longer above them.
+    fn step_mm(&self, here: Position<Mm>, approach: &Approach) -> f64 {
+        let way_mm = here.value() - self.likely().value();
+        if way_mm < 2.0 * approach.fine_step_mm {
+            approach.fine_step_mm
+        } else {
+            way_mm.min(approach.coarse_step_mm)
+        }
+    }
+
+    /// Whether the probe is clear as far below the expected surface as the search began above it.
+    fn is_missed(&self, here: Position<Mm>) -> bool {
+        here.value() < 2.0 * self.surface.value() - self.start.value()
+    }
+}
+
 /// A search for the surface, without a clock and without devices.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Search {
@@ -53,6 +100,10 @@ pub struct Search {
     /// The position to go to after the backlash has been taken up.
     after_take_up: Option<Position<Mm>>,
     is_after_contact: bool,
+    /// Where the search began, if that is closer than for an unknown surface.
+    near: Option<Near>,
+    /// No contact has been felt yet.
+    is_first_pass: bool,
     commanded: Position<Mm>,
     here: Position<Mm>,
     trail: Vec<(Position<Mm>, Reading)>,
@@ -75,11 +126,32 @@ impl Search {
             last_clear: None,
             after_take_up: None,
             is_after_contact: false,
+            near: None,
+            is_first_pass: true,
             commanded: start,
             here: start,
             trail: Vec::new(),
         };
         (search, SearchStep::MoveTo(start))
+    }
+
+    /// The same close above a surface that is known from the touches before.
+    pub(crate) fn begin_near(
+        approach: Approach,
+        expected: Position<Mm>,
+        baseline: Impedance,
+        near: Near,
+    ) -> (Self, SearchStep) {
+        let (search, step) = Self::begin(approach, expected, baseline);
+        if near.start >= search.commanded {
+            return (search, step);
+        }
+        let first = if near.highest < search.commanded { near.highest } else { search.commanded };
+        let first = if near.start < first { first } else { near.start };
+        let after_take_up = (near.start < first).then_some(near.start);
+        let near = Some(near);
+        let search = Self { after_take_up, near, commanded: first, ..search };
+        (search, SearchStep::MoveTo(first))
     }
 
     /// The lowest position that the search may ask for.
@@ -127,6 +199,10 @@ impl Search {
         // further.
         let is_clear = change <= self.approach.contact_threshold;
         match (!is_clear, self.last_clear) {
+            (true, None) if self.near.take().is_some() => {
+                (self.step_mm, self.is_after_contact) = (self.approach.coarse_step_mm, true);
+                self.go(self.expected.offset(self.approach.start_above_mm))
+            }
             (true, None) => SearchStep::Fault(Fault::ContactTooEarly {
                 at: self.here,
                 expected: self.expected,
@@ -141,6 +217,13 @@ impl Search {
                         at: self.here,
                         expected: self.expected,
                     });
+                }
+                self.near = self.near.filter(|near| !near.is_missed(self.here));
+                let known = self.near.filter(|near| near.is_known_well(&self.approach));
+                if let Some(near) = known {
+                    self.step_mm = near.step_mm(self.here, &self.approach);
+                } else if self.is_first_pass {
+                    self.step_mm = self.approach.coarse_step_mm;
                 }
                 let next = self.here.offset(-self.step_mm);
                 self.go(if next < floor { floor } else { next })
@@ -157,6 +240,7 @@ impl Search {
             let sigma_mm = width_mm / 12.0_f64.sqrt();
             return SearchStep::Found(Surface { position, sigma_mm });
         }
+        (self.near, self.is_first_pass) = (None, false);
         self.step_mm = (self.step_mm / REFINEMENT).max(self.approach.fine_step_mm);
         self.after_take_up = Some(clear.offset(-self.step_mm));
         self.is_after_contact = true;
@@ -213,8 +297,28 @@ mod tests {
     /// Plays a search against a surface; the stage stops `backlash_mm` short when it comes down
     /// directly after going up.
     fn search(surface_mm: f64, backlash_mm: f64) -> (SearchStep, usize) {
-        let (mut search, mut step) =
-            Search::begin(APPROACH, Position::new(20.0), impedance(1000.0));
+        let begun = Search::begin(APPROACH, Position::new(20.0), impedance(1000.0));
+        play(begun, surface_mm, backlash_mm)
+    }
+
+    /// The same, begun this far above where the surface is expected from the touches before.
+    fn search_near(surface_mm: f64, way_mm: f64, expected_mm: f64) -> (SearchStep, usize) {
+        let near = near(expected_mm, way_mm);
+        let begun = Search::begin_near(APPROACH, Position::new(20.0), impedance(1000.0), near);
+        play(begun, surface_mm, 0.02)
+    }
+
+    fn near(expected_mm: f64, way_mm: f64) -> Near {
+        let surface = Position::new(expected_mm);
+        let sigma_mm = 0.25 * way_mm;
+        Near { start: surface.offset(way_mm), surface, sigma_mm, highest: Position::new(20.4) }
+    }
+
+    fn play(
+        (mut search, mut step): (Search, SearchStep),
+        surface_mm: f64,
+        backlash_mm: f64,
+    ) -> (SearchStep, usize) {
         let (mut there, mut slack) = (f64::MAX, 0.0);
         for _ in 0..200 {
             step = match step {
@@ -246,6 +350,39 @@ mod tests {
             assert!((found.sigma_mm - 0.005 / 12.0_f64.sqrt()).abs() < 1e-9);
             assert!(readings <= 32, "{surface}: {readings} readings");
         }
+    }
+
+    #[test]
+    fn a_search_close_above_the_surface_finds_it_wherever_it_is() {
+        for (way_mm, most) in [(0.05, 14), (0.3, 26)] {
+            for tenth_of_micron in (-5800..3900).step_by(37) {
+                let surface = 20.0 + f64::from(tenth_of_micron) * 1e-4;
+                for expected in [surface, 20.0] {
+                    let (end, readings) = search_near(surface, way_mm, expected);
+                    let SearchStep::Found(found) = end else { panic!("{surface}: {end:?}") };
+                    let error = found.position.value() - surface;
+                    assert!(error.abs() <= 0.0025 + 1e-9, "{surface}, {expected}: {error}");
+                    let most = if expected == surface { most } else { 60 };
+                    assert!(readings <= most, "{surface}, {expected}: {readings} readings");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_search_that_begins_in_contact_goes_up_at_once_and_begins_where_no_surface_can_be() {
+        let near = near(19.9, 0.05);
+        let (mut search, step) =
+            Search::begin_near(APPROACH, Position::new(20.0), impedance(1000.0), near);
+        assert_eq!(step, SearchStep::MoveTo(near.highest));
+        assert_eq!(search.arrived(near.highest), SearchStep::MoveTo(near.start));
+        assert_eq!(search.arrived(near.start), SearchStep::Read { is_after_contact: false });
+        let up = Position::new(20.4);
+        assert_eq!(search.read(reading(1500.0)), SearchStep::MoveTo(up));
+        assert_eq!(search.arrived(up), SearchStep::Read { is_after_contact: true });
+        // A contact there too is none of a surface.
+        let end = search.read(reading(1500.0));
+        assert!(matches!(end, SearchStep::Fault(Fault::ContactTooEarly { .. })), "{end:?}");
     }
 
     #[test]

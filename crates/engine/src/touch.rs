@@ -12,24 +12,31 @@
 //!
 //! Every failure ends in a [`Fault`]; the engine then stops, retracts and latches.
 
+mod check;
+mod sweep;
+
 use std::time::Duration;
 
-use rig_model::{
-    Clearance, Deg, Impedance, Mm, PointResult, Position, Reading, RigTime, SweepRequest, Window,
-};
+use rig_model::{Clearance, Deg, Impedance, Mm, PointResult, Position, Reading, RigTime, Window};
 use rig_protocol::{Approach, StepId, Touch};
-use rig_resonance::{Bench, FitOutcome, Prior, Resonance, flagged};
+use rig_resonance::{Resonance, flagged};
 
 use crate::{
-    Contact, ContactSenseFault, Event, Fault, Halfway, LoweringPurpose, RunPhase, SweepPurpose,
-    TouchOutcome, TouchRefusal, TouchResult,
-    contact_sense::{check_alive, check_free, check_shift, check_surface},
+    Contact, ContactSenseFault, Fault, Halfway, LoweringPurpose, RunPhase, TouchOutcome,
+    TouchRefusal, TouchResult,
+    contact_sense::{check_alive, check_free, check_surface},
+    heights::Prediction,
     listening::Decay,
     machine::{MachineContext, MachineEvent, MachineStep},
-    search::{Search, SearchStep, Surface},
-    slip::{SlipCheck, SlipStep},
-    sweep::{DRIFT, Sweep, SweepStep},
+    search::{Near, Search, SearchStep, Surface},
+    slip::SlipCheck,
+    sweep::Sweep,
 };
+
+/// A search begins this many standard deviations and fine steps above the surface that the touches before
+/// expect, so that it begins in contact in fewer than one touch in ten thousand.
+const START_SIGMAS: f64 = 4.0;
+const START_FINE_STEPS: f64 = 2.0;
 
 /// A refused sweep in contact is repeated this often before the touch is refused.
 const RETRIES: u32 = 1;
@@ -43,6 +50,8 @@ pub(crate) struct TouchMachine {
     rotary: Position<Deg>,
     /// How much higher than expected the touches before found the surface of this sample, mm.
     offset_mm: Option<f64>,
+    /// Where the touches before expect the surface, if there are any.
+    predicted: Option<Prediction>,
     /// The window of the sweep in contact, if it is another than that of the plan.
     window: Option<Window>,
     /// The impedance of the clear probe before the search.
@@ -90,7 +99,7 @@ impl TouchMachine {
         step: StepId,
         touch: Touch,
         no_load: &Resonance,
-        offset_mm: Option<f64>,
+        (offset_mm, predicted): (Option<f64>, Option<Prediction>),
         window: Option<Window>,
     ) -> Self {
         let rotary = touch.pose.direction.rotary_position(touch.pose.angle);
@@ -100,6 +109,7 @@ impl TouchMachine {
             no_load: *no_load,
             rotary,
             offset_mm,
+            predicted,
             window,
             baseline: None,
             halfway: None,
@@ -213,8 +223,11 @@ impl TouchMachine {
         let Some(baseline) = self.baseline else {
             return MachineStep::Fault(MachineEvent::Declared.out_of_order("a search"));
         };
-        let (search, step) =
-            Search::begin(self.approach(context), self.expected(context), baseline);
+        let (approach, expected) = (self.approach(context), self.expected(context));
+        let (search, step) = match self.near(&approach, expected, context) {
+            Some(near) => Search::begin_near(approach, expected, baseline, near),
+            None => Search::begin(approach, expected, baseline),
+        };
         self.phase = Phase::Searching(search);
         self.follow(step, context)
     }
@@ -294,6 +307,23 @@ impl TouchMachine {
         Approach { give_up_below_mm: approach.give_up_below_mm.min(deepest_mm), ..approach }
     }
 
+    /// Where the search begins, if the touches before say where the surface lies.
+    fn near(
+        &self,
+        approach: &Approach,
+        expected: Position<Mm>,
+        context: &MachineContext<'_>,
+    ) -> Option<Near> {
+        let Prediction { above_mm, sigma_mm } = self.predicted?;
+        let surface = expected.offset(above_mm);
+        let margin_mm = START_FINE_STEPS * approach.fine_step_mm;
+        let start = surface.offset(START_SIGMAS * sigma_mm + margin_mm);
+        let floor = Search::floor(approach, expected);
+        let highest =
+            context.limits.highest_surface(self.touch.pose.direction, self.touch.pose.angle);
+        (floor < start).then_some(Near { start, surface, sigma_mm, highest })
+    }
+
     /// The linear stage has been read back.
     fn arrived(&mut self, read_back: Position<Mm>, now: RigTime) {
         if self.linear.is_some_and(|before| before < read_back) {
@@ -358,73 +388,6 @@ impl TouchMachine {
         }
     }
 
-    fn sweep(
-        &mut self,
-        contact: Contact,
-        retries_left: u32,
-        context: &mut MachineContext<'_>,
-    ) -> MachineStep<TouchResult> {
-        let planned = context.plan.contact_sweep;
-        let request = &SweepRequest { window: self.window.unwrap_or(planned.window), ..planned };
-        // A refused sweep is repeated without the prior, which may be wrong.
-        let prior = if retries_left == RETRIES {
-            self.stiffened(request.window, context.bench)
-        } else {
-            Prior::anywhere(request.window, context.bench)
-        };
-        let (sweep, step) =
-            Sweep::begin(context.now, SweepPurpose::Touch, request, Some(&prior), context.notes);
-        self.phase = Phase::Sweeping { contact, sweep: Box::new(sweep), retries_left };
-        self.swept(step, context)
-    }
-
-    /// The prior of the sensor in contact: a contact adds stiffness, so the resonance can only
-    /// rise, apart from the drift since the reference.
-    fn stiffened(&self, window: Window, bench: Option<Bench>) -> Prior {
-        let free_hz = self.no_load.resonance_hz;
-        let min_hz = window.min_hz.max(free_hz * (1.0 - DRIFT)).min(window.max_hz);
-        Prior::moved(&self.no_load, Window { min_hz, ..window }, bench)
-    }
-
-    fn swept(
-        &mut self,
-        step: SweepStep,
-        context: &mut MachineContext<'_>,
-    ) -> MachineStep<TouchResult> {
-        let Phase::Sweeping { contact, retries_left, .. } = self.phase else {
-            return MachineStep::Fault(MachineEvent::Begin.out_of_order("a sweep in contact"));
-        };
-        match step {
-            SweepStep::Measure(operation) => MachineStep::Do(operation),
-            SweepStep::Fault(fault) => MachineStep::Fault(fault),
-            SweepStep::Finished(sweep) => {
-                let outcome = match sweep.outcome {
-                    FitOutcome::Accepted(loaded) => match check_shift(&self.no_load, &loaded) {
-                        Ok(()) if self.is_halfway_due(context) => {
-                            self.halfway = Some(Halfway { contact, loaded });
-                            return self.indent(contact.surface, context);
-                        }
-                        Ok(()) => return self.check_slip(contact, &loaded, context),
-                        Err(refusal) => TouchOutcome::Refused { contact: Some(contact), refusal },
-                    },
-                    FitOutcome::Refused(_) if retries_left > 0 => {
-                        return self.sweep(contact, retries_left - 1, context);
-                    }
-                    FitOutcome::Refused(refusal) => {
-                        let refusal = TouchRefusal::Sweep(Box::new(refusal));
-                        TouchOutcome::Refused { contact: Some(contact), refusal }
-                    }
-                };
-                self.retract(outcome, context)
-            }
-        }
-    }
-
-    /// Whether the smaller depth is still to be measured.
-    const fn is_halfway_due(&self, context: &MachineContext<'_>) -> bool {
-        context.plan.touch.halfway_mm.is_some() && self.halfway.is_none()
-    }
-
     /// Moves to the depth that is measured next.
     fn indent(
         &mut self,
@@ -437,86 +400,6 @@ impl TouchMachine {
         let depth_mm = halfway_mm.unwrap_or(settings.indentation_mm);
         let speed = context.limits.motion.contact_speed_mm_per_s;
         context.move_linear(surface.position.offset(-depth_mm), speed)
-    }
-
-    /// Looks for the surface again after an accepted sweep, if the protocol asks for it.
-    fn check_slip(
-        &mut self,
-        contact: Contact,
-        loaded: &Resonance,
-        context: &mut MachineContext<'_>,
-    ) -> MachineStep<TouchResult> {
-        let approach = context.plan.touch.approach;
-        let Some(baseline) = self.baseline.filter(|_| 0.0 < approach.slip_mm) else {
-            return self.retract(self.measured(contact, loaded), context);
-        };
-        let (check, step) = SlipCheck::begin(contact.surface, approach, baseline);
-        self.phase = Phase::Checking { check, contact, loaded: Box::new(*loaded) };
-        self.follow_check(step, context)
-    }
-
-    /// Takes an event of the check of the surface.
-    fn check(
-        &mut self,
-        event: &MachineEvent,
-        context: &mut MachineContext<'_>,
-    ) -> MachineStep<TouchResult> {
-        let step = match (&mut self.phase, event) {
-            (Phase::Checking { check, .. }, MachineEvent::LinearAt(read_back)) => {
-                let step = check.arrived(*read_back);
-                self.arrived(*read_back, context.now);
-                step
-            }
-            (Phase::Checking { check, .. }, MachineEvent::Readings(readings)) => {
-                check.driven().unwrap_or_else(|| {
-                    let read = |_, one: &Reading| check.read(*one, &self.no_load);
-                    readings.iter().fold(SlipStep::Flagged, read)
-                })
-            }
-            (_, event) => {
-                return MachineStep::Fault(event.out_of_order("a check of the surface"));
-            }
-        };
-        self.follow_check(step, context)
-    }
-
-    fn follow_check(
-        &mut self,
-        step: SlipStep,
-        context: &mut MachineContext<'_>,
-    ) -> MachineStep<TouchResult> {
-        let Phase::Checking { check, contact, loaded } = &self.phase else {
-            return MachineStep::Fault(MachineEvent::Begin.out_of_order("a check of the surface"));
-        };
-        let refusal = match step {
-            SlipStep::Drive => {
-                return MachineStep::Do(context.listening(&self.no_load).drive());
-            }
-            SlipStep::MoveTo(to) => {
-                return context.move_linear(to, self.speed_mm_per_s(to, context));
-            }
-            SlipStep::Read { is_after_contact } => {
-                let left = self.risen.filter(|_| is_after_contact);
-                let listening = context.listening(&self.no_load);
-                return MachineStep::Do(listening.contact(left, Decay::Whole));
-            }
-            SlipStep::Finished(Ok(())) => None,
-            SlipStep::Finished(Err(slip)) => Some(TouchRefusal::Slipped(slip)),
-            SlipStep::Flagged => {
-                let readings: Vec<Reading> = check.trail().iter().map(|(_, one)| *one).collect();
-                let Some(refusal) = flagged(&readings) else {
-                    return MachineStep::Fault(Fault::MissingReadings { given: 0, asked: 1 });
-                };
-                Some(TouchRefusal::Sweep(Box::new(refusal)))
-            }
-        };
-        let (contact, loaded) = (*contact, **loaded);
-        context.notes.push(Event::SurfaceChecked { trail: check.trail().to_vec() });
-        let outcome = match refusal {
-            None => self.measured(contact, &loaded),
-            Some(refusal) => TouchOutcome::Refused { contact: Some(contact), refusal },
-        };
-        self.retract(outcome, context)
     }
 
     const fn measured(&self, contact: Contact, loaded: &Resonance) -> TouchOutcome {

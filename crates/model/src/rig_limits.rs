@@ -133,6 +133,20 @@ pub struct RigLimits {
 }
 
 impl RigLimits {
+    /// The highest position at which the tip can touch the tilted sample: its height is uncertain along
+    /// its normal, and the rotary stage stands within twice its tolerance, once for the move and once for
+    /// the reading.
+    pub fn highest_surface(&self, direction: Direction, angle: ContactAngle) -> Position<Mm> {
+        let tilt = direction.rotary_position(angle);
+        let tolerance_deg = 2.0 * self.rotary.tolerance();
+        let ends = [-tolerance_deg, tolerance_deg].map(|by_deg| {
+            let tilt = tilt.offset(by_deg);
+            let tolerance_mm = self.geometry.surface_tolerance_mm / tilt.value().to_radians().cos();
+            self.geometry.surface_at_tilt(tilt).offset(tolerance_mm)
+        });
+        if ends[0] < ends[1] { ends[1] } else { ends[0] }
+    }
+
     /// The lowest position that any touch may need at this tilt: the deepest indentation into a
     /// surface that lies as low as it may.
     pub fn floor_at(&self, tilt: Position<Deg>) -> Position<Mm> {

@@ -51,7 +51,7 @@ pub(crate) enum Turn {
 }
 
 /// A descent that was declared.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Descent {
     /// The purpose: `approach`, `indent` or `by_hand`.
     pub(crate) what: String,
@@ -61,6 +61,9 @@ pub(crate) struct Descent {
     lowest_mm: Option<f64>,
     /// Every move, with the time of its record, µs.
     pub(crate) moves: Vec<(u64, f64)>,
+    /// The end of the second move, if it is longer than a step of a search, as the way to a surface that is
+    /// known from others may be. No reading comes before it. µs.
+    pub(crate) way_down_us: Option<u64>,
 }
 
 /// The axes.
@@ -81,6 +84,15 @@ pub(crate) struct Motion {
     pub(crate) moved_us: u64,
     /// Time of the last record that is written between two moves, µs.
     last_us: u64,
+    /// The lowest surface of the run so far, mm above where the rig file expects it.
+    pub(crate) lowest_surface_mm: Option<f64>,
+}
+
+impl Descent {
+    fn follow(&mut self, rig_us: u64, read_back: f64) {
+        self.lowest_mm = Some(self.lowest_mm.unwrap_or(f64::INFINITY).min(read_back));
+        self.moves.push((rig_us, read_back));
+    }
 }
 
 impl Motion {
@@ -97,12 +109,21 @@ impl Motion {
             is_waiting: false,
             moved_us: 0,
             last_us: 0,
+            lowest_surface_mm: None,
         }
     }
 
     /// A record that is written between two moves has been walked.
     pub(crate) const fn pass(&mut self, rig_us: u64) {
         self.last_us = rig_us;
+    }
+
+    /// A surface was found at this position, mm.
+    pub(crate) fn found_surface(&mut self, at_mm: f64, settings: Option<&Settings>) {
+        let Some((settings, tilt)) = settings.zip(self.rotary_deg) else { return };
+        let above_mm = at_mm - settings.rig.surface_mm(tilt);
+        self.lowest_surface_mm =
+            Some(self.lowest_surface_mm.map_or(above_mm, |lowest| lowest.min(above_mm)));
     }
 
     /// The axes may have moved without a record.
@@ -201,8 +222,7 @@ impl Motion {
             declared_depth(seq, what, floor_mm, tilt, settings, findings);
         }
         self.probe = Probe::Lowered;
-        self.descent =
-            Some(Descent { what: what.clone(), floor_mm, lowest_mm: None, moves: Vec::new() });
+        self.descent = Some(Descent { what: what.clone(), floor_mm, ..Descent::default() });
     }
 
     /// Nothing but a retract follows a fault, except for the end of the move that was under way, and
@@ -317,14 +337,21 @@ impl Motion {
         }
         if descent.what == "approach" {
             let step = settings.protocol.approach.coarse_step_mm;
+            let known = self.lowest_surface_mm.zip(self.rotary_deg);
+            let start_mm = known.map(|(above, tilt)| settings.rig.surface_mm(tilt) + above - step);
+            let is_way_down = descent.moves.len() == 1 && start_mm.is_some_and(|mm| mm <= target);
             if let Some(lowest) = descent.lowest_mm.filter(|low| target < low - step - ROUNDING) {
+                if is_way_down {
+                    descent.way_down_us = Some(rig_us);
+                    descent.follow(rig_us, read_back);
+                    return;
+                }
                 let what = "a step of the search, mm";
                 let found = lowest - target;
                 findings.within(Check::SearchStep, seq, what, step, found, Some(step.to_string()));
             }
         }
-        descent.lowest_mm = Some(descent.lowest_mm.unwrap_or(f64::INFINITY).min(read_back));
-        descent.moves.push((rig_us, read_back));
+        descent.follow(rig_us, read_back);
     }
 
     fn moved_rotary(

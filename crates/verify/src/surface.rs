@@ -169,6 +169,14 @@ pub(crate) fn check_trail(
     findings: &mut Findings,
 ) {
     let Some(descent) = descent else { return };
+    if let (Some(way_us), Some(first)) = (descent.way_down_us, trail.first()) {
+        let (way_s, begin_s) = (way_us as f64 / 1e6, first.reading.begin_s());
+        if begin_s < way_s - CLOCK_SLACK_S {
+            let what = "a move longer than a step of the search after a reading of it, s";
+            let expected = format!("the first reading after {way_s:.3}");
+            findings.add(Check::SearchStep, seq, what, expected, format!("{begin_s:.3}"));
+        }
+    }
     let mut last_s = f64::NEG_INFINITY;
     for (index, Tried { position_mm, reading }) in trail.iter().enumerate() {
         let place = index + 1;

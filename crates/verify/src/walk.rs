@@ -258,6 +258,7 @@ impl Walk {
             }
             Record::SurfaceFound(found) => {
                 labels.surface_found(seq, rig_us, &found, motion, settings, findings);
+                motion.found_surface(found.position_mm, settings);
             }
             Record::SurfaceNotFound(lost) => {
                 let search = ("approach", &*lost.step, &lost.pose, &*lost.trail);

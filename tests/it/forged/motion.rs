@@ -135,6 +135,17 @@ pub(super) const CASES: &[Case] = &[
             forged.records.remove(place);
         }
     }),
+    ("a search that begins below every surface found before", Check::SearchStep, |forged| {
+        let place = forged.nth("intent", 1, is_of("approach")) + 2;
+        for path in ["/target", "/read_back"] {
+            change(&mut forged.records[place].payload, path, |at| at - 0.6);
+        }
+    }),
+    ("a long way down after the first reading of a search", Check::SearchStep, |forged| {
+        let place = forged.nth("surface_found", 5, any);
+        let settle = "/trail/0/reading/settle_s";
+        change(&mut forged.records[place].payload, settle, |seconds| seconds - 0.3);
+    }),
     ("a move that is too fast", Check::Speed, |forged| {
         let place = step_of_search(forged);
         forged.records[place].rig_us = forged.records[place - 1].rig_us + 10_000;

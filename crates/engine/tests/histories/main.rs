@@ -54,8 +54,9 @@ fn a_vibration_decays_before_each_reading_and_time_that_has_passed_is_not_waited
     }
     // Of each touch, and of the clear probe after the last one.
     assert_eq!(tests, 4);
-    // The shortest settling of each reading; the baselines of the touches and at the end; the self-tests; and in each touch the beginning of the search and two ways out of
-    // the sample.
+    // The shortest settling of each reading; the baselines of the touches and at the end; the self-tests; and
+    // in each touch the beginning of the search and two ways out of the sample. The analyzer rounds its
+    // frequencies, which changes none of these.
     let readings = world.listened.len() as f64;
     let most_s = 0.1 * readings + (4.0 * 5.0 + 4.0 * 3.0 + 3.0 * 3.0 * 5.0) * time_constant_s;
     assert!(waited_s < most_s, "{waited_s} s of at most {most_s} s in {readings} readings");

@@ -511,7 +511,8 @@ impl World {
         let measured = self.frozen.unwrap_or(fresh);
         self.last_read = Some(measured);
         Reading {
-            frequency_hz: point.frequency_hz,
+            // An analyzer sets its frequency in whole hundredths.
+            frequency_hz: (100.0 * point.frequency_hz).round() / 100.0,
             measured,
             started: self.set_at,
             settle_s: point.settle_s,

@@ -1,0 +1,122 @@
+//! The no-load resonance: rotates to the pose, and measures the free sensor there.
+
+use rig_model::{DriveLevel, SweepMethod, SweepRequest, Window};
+use rig_protocol::Pose;
+use rig_resonance::{Bench, FitOutcome, Prior, Reason, Refusal, Resonance};
+
+use crate::{
+    Fault, FinishedSweep, SweepPurpose,
+    machine::{MachineContext, MachineEvent, MachineStep},
+    sweep::{DRIFT, Sweep, SweepStep},
+};
+
+/// Attempts at the no-load resonance before the run gives up.
+const NO_LOAD_ATTEMPTS: u32 = 2;
+
+/// Whether this sweep is a survey after which the resonance is measured at half the level.
+fn is_to_be_checked(sweep: &FinishedSweep, context: &MachineContext<'_>) -> bool {
+    context.plan.level_check && context.bench.is_none() && sweep.fit.bench.is_some()
+}
+
+/// Rotates to the pose and measures the free sensor there.
+#[derive(Debug)]
+pub(crate) struct NoLoad {
+    pose: Pose,
+    sweep: Option<Sweep>,
+    /// Attempts begun so far.
+    attempt: u32,
+    /// The result of a survey whose resonance is being measured at half the level.
+    surveyed: Option<(Resonance, Option<Bench>)>,
+}
+
+impl NoLoad {
+    pub(crate) const fn new(pose: Pose) -> Self {
+        Self { pose, sweep: None, attempt: 0, surveyed: None }
+    }
+
+    /// Whether the sweep has begun.
+    pub(crate) const fn is_sweeping(&self) -> bool {
+        self.sweep.is_some()
+    }
+
+    pub(crate) fn advance(
+        &mut self,
+        event: MachineEvent,
+        last: Option<&Resonance>,
+        context: &mut MachineContext<'_>,
+    ) -> MachineStep<(Resonance, Option<Bench>)> {
+        let step = match (event, &mut self.sweep) {
+            (MachineEvent::Begin, _) => return context.rotate_to(self.pose),
+            (MachineEvent::RotaryAt(_), _) => self.begin(last, context),
+            (MachineEvent::Readings(readings), Some(sweep)) => {
+                sweep.measured(context.now, &readings, context.notes)
+            }
+            (event, _) => return MachineStep::Fault(event.out_of_order("a no-load measurement")),
+        };
+        self.follow(step, context)
+    }
+
+    /// Begins a sweep; the first one starts near the last reference, if there is one.
+    fn begin(&mut self, last: Option<&Resonance>, context: &mut MachineContext<'_>) -> SweepStep {
+        self.attempt += 1;
+        let planned = context.plan.no_load_sweep;
+        let surveyed = self.surveyed.and_then(|(_, bench)| bench);
+        let bench = context.bench.or(surveyed);
+        let method = match context.plan.survey_s {
+            Some(seconds) if bench.is_none() => SweepMethod::Survey { seconds },
+            _ => planned.method,
+        };
+        let level = if surveyed.is_some() {
+            DriveLevel { volt: 0.5 * planned.level.volt }
+        } else {
+            planned.level
+        };
+        let request = &SweepRequest { method, level, ..planned };
+        let anywhere = Prior::anywhere(request.window, bench);
+        let prior = last.map_or(anywhere, |last| {
+            let (low_hz, high_hz) =
+                (last.resonance_hz * (1.0 - DRIFT), last.resonance_hz * (1.0 + DRIFT));
+            let min_hz = request.window.min_hz.max(low_hz);
+            let max_hz = request.window.max_hz.min(high_hz);
+            Prior::moved(last, Window { min_hz, max_hz }, bench)
+        });
+        let (sweep, step) =
+            Sweep::begin(context.now, SweepPurpose::NoLoad, request, Some(&prior), context.notes);
+        self.sweep = Some(sweep);
+        step
+    }
+
+    fn follow(
+        &mut self,
+        mut step: SweepStep,
+        context: &mut MachineContext<'_>,
+    ) -> MachineStep<(Resonance, Option<Bench>)> {
+        loop {
+            let refusal = match step {
+                SweepStep::Measure(operation) => return MachineStep::Do(operation),
+                SweepStep::Fault(fault) => return MachineStep::Fault(fault),
+                SweepStep::Finished(sweep) => match sweep.outcome {
+                    FitOutcome::Accepted(resonance) => match self.surveyed {
+                        None if is_to_be_checked(&sweep, context) => {
+                            self.surveyed = Some((resonance, sweep.fit.bench));
+                            self.attempt = 0;
+                            step = self.begin(Some(&resonance), context);
+                            continue;
+                        }
+                        Some((full, _)) if full.is_apart_from(&resonance) => {
+                            Refusal { reason: Reason::Nonlinear, estimate: Some(resonance) }
+                        }
+                        _ => return MachineStep::Done((resonance, sweep.fit.bench)),
+                    },
+                    FitOutcome::Refused(refusal) => refusal,
+                },
+            };
+            if self.attempt >= NO_LOAD_ATTEMPTS {
+                let reason = refusal.to_string();
+                return MachineStep::Fault(Fault::NoReference { attempts: self.attempt, reason });
+            }
+            // Without the prior, which may be wrong.
+            step = self.begin(None, context);
+        }
+    }
+}
