@@ -148,7 +148,7 @@ impl StopBench {
         let shared = Shared::new(handle, facts, None, directory, access, closing.clone());
         let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
         let address = listener.local_addr().expect("it is bound").to_string();
-        tokio::spawn(serve(listener, router(shared), closing.clone()));
+        tokio::spawn(serve(listener, None, router(shared), closing.clone()));
         let mut polling = JoinSet::new();
         for _ in 0..clients {
             let address = address.clone();

@@ -100,6 +100,8 @@ enum CliCommand {
     Show(runs::ShowArgs),
     /// Write the data of a run to stdout
     Export(export::ExportArgs),
+    /// Copy the journal to a new directory, also while a daemon writes it
+    Backup(runs::BackupArgs),
     /// Copy what verifies of a damaged journal to a new directory
     Salvage(runs::SalvageArgs),
     /// Write the report of a run again
@@ -162,6 +164,7 @@ pub fn main() -> ExitCode {
         CliCommand::Runs(args) => runs::list(&args),
         CliCommand::Show(args) => runs::show(&args),
         CliCommand::Export(args) => export::export(&args),
+        CliCommand::Backup(args) => runs::back_up(&args),
         CliCommand::Salvage(args) => runs::salvage(&args),
         CliCommand::Report(args) => runs::report(&args),
         CliCommand::Verify(args) => verify::verify(&args),

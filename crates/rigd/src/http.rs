@@ -35,6 +35,7 @@ mod server;
 mod session;
 mod sweeps;
 mod tag;
+pub mod tls;
 mod token_file;
 
 use std::{panic::AssertUnwindSafe, path::PathBuf, sync::Arc, time::Duration};

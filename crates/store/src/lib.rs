@@ -14,6 +14,7 @@
 //! be opened again with [`Store::reopen`]. What the list of runs says of a run is under digests of
 //! its own.
 
+mod backup;
 mod error;
 mod journal;
 mod lock;
@@ -25,6 +26,7 @@ mod sql;
 #[cfg(test)]
 mod tests;
 
+pub use backup::{BackedUpRun, back_up};
 pub use error::{SqliteError, StoreError};
 pub use journal::{Journal, Store};
 pub use memory::{DiskFailure, MemoryDisk};

@@ -16,7 +16,7 @@ use super::{args::DEFAULT_RIG, client::DaemonError};
 use crate::{
     doctor::advice,
     endpoint::EndpointError,
-    http::access::TokenError,
+    http::{access::TokenError, tls::TlsError},
     loaded_rig::FileError,
     rehearse::RehearseError,
     rig::{OpenError, RequestRefusal, ResumeRefusal},
@@ -80,6 +80,8 @@ pub(super) enum Failure {
     Token(#[from] TokenError),
     #[error(transparent)]
     Tokens(#[from] TokensError),
+    #[error(transparent)]
+    Tls(#[from] TlsError),
     #[error("{what}")]
     System { what: &'static str, source: io::Error },
     /// It has been explained already.
@@ -141,6 +143,7 @@ impl Failure {
             | Self::NoTimes { .. }
             | Self::NoToken { .. }
             | Self::Token(_)
+            | Self::Tls(_)
             | Self::Tokens(TokensError::Taken { .. } | TokensError::Unknown { .. })
             | Self::NoFile { .. }
             | Self::NoFolder { .. }

@@ -1,6 +1,9 @@
 //! `rigd runs`, `show`, `report`, `give-up`, `skip` and `salvage`: the runs of a data directory.
 
-use std::path::{Path, PathBuf};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
 use clap::Args;
 use rig_record::StoredRecord;
@@ -185,6 +188,42 @@ struct SalvagedView {
     /// The damaged parts.
     #[serde(skip_serializing_if = "Option::is_none")]
     flaw: Option<String>,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct BackupArgs {
+    /// New directory for the copy
+    to: PathBuf,
+    #[command(flatten)]
+    data: DataArgs,
+}
+
+/// The notes of people are the only other thing that cannot be made again from the journal.
+const NOTES: &str = "notes.json";
+
+/// Copies a journal that may be written meanwhile, and checks the copy.
+pub(super) fn back_up(args: &BackupArgs) -> Result<(), Failure> {
+    let data_error = |source| {
+        let data = match &source {
+            StoreError::NotEmpty => &args.to,
+            _ => &args.data.data,
+        };
+        Failure::Data { data: data.clone(), source }
+    };
+    let runs = rig_store::back_up(&args.data.data, &args.to).map_err(data_error)?;
+    let (notes, copy) = (args.data.data.join(NOTES), args.to.join(NOTES));
+    if notes.exists() {
+        fs::copy(&notes, &copy).map_err(|source| Failure::File { path: copy, source })?;
+    }
+    let records: u64 = runs.iter().map(|run| run.records).sum();
+    let sizes = format!("{} runs and sessions with {records} records", runs.len());
+    let broken: Vec<_> =
+        runs.iter().filter_map(|run| Some((&run.id, run.flaw.as_ref()?))).collect();
+    for (id, flaw) in &broken {
+        note(&format!("{id}: {flaw}"));
+    }
+    print(&format!("{sizes} copied to {}, and read there", args.to.display()))?;
+    if broken.is_empty() { Ok(()) } else { Err(Failure::NotSound) }
 }
 
 /// Copies what verifies of a damaged journal.

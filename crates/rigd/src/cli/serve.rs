@@ -1,18 +1,21 @@
 //! `rigd serve`: the daemon.
 
 use std::{
+    collections::BTreeSet,
     io,
-    net::{SocketAddr, ToSocketAddrs},
+    net::{Ipv4Addr, SocketAddr, ToSocketAddrs},
     path::PathBuf,
     time::Duration,
 };
 
+use axum::Router;
 use clap::Args;
 use rig_model::with_causes;
 use tokio::{
     net::{TcpListener, TcpSocket},
     runtime::Handle,
     sync::watch,
+    task::JoinHandle,
 };
 use tokio_util::sync::CancellationToken;
 
@@ -26,10 +29,11 @@ use super::{
     signals::Signals,
 };
 use crate::{
-    endpoint::Endpoint,
+    endpoint::{Announced, Endpoint},
     http::{
         self,
         access::{Access, HostName, Token},
+        tls::Tls,
     },
     protocol_file::LoadedProtocol,
     rig::Status,
@@ -52,6 +56,22 @@ pub(super) struct ServeArgs {
     /// File with the token that clients must send as `Authorization: Bearer`
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
+    #[command(flatten)]
+    tls: TlsArgs,
+}
+
+/// Whether clients must speak TLS.
+#[derive(Debug, Args)]
+struct TlsArgs {
+    /// Speak TLS, with a certificate that the daemon makes for itself in its data directory
+    #[arg(long, conflicts_with = "tls_certificate")]
+    tls: bool,
+    /// Speak TLS, with the certificate chain in this file (PEM), which is read again when it changes
+    #[arg(long, value_name = "FILE", requires = "tls_key")]
+    tls_certificate: Option<PathBuf>,
+    /// File with the key of the certificate (PEM)
+    #[arg(long, value_name = "FILE", requires = "tls_certificate")]
+    tls_key: Option<PathBuf>,
 }
 
 /// Journals are read on threads of their own. With more of them the disk would be no faster.
@@ -62,6 +82,7 @@ const READING_TIME: Duration = Duration::from_secs(1);
 pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
     let secret = Secret::new().map_err(|source| Failure::System { what: "secret", source })?;
     let access = access(args, &secret)?;
+    let tls = tls(args)?;
     let rig = args.bench.rig.load()?;
     let facts = rig.facts();
     let loaded =
@@ -76,12 +97,7 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
     let served = runtime.block_on(async {
         let mut signals = Signals::new()?;
         // The address is bound first: a daemon that cannot be reached must not move anything.
-        let failed = |source: io::Error| {
-            let advice = advice(source.kind());
-            Failure::Listen { address: args.listen, advice, source }
-        };
-        let listener = listen(args.listen).map_err(failed)?;
-        let address = listener.local_addr().map_err(failed)?;
+        let door = Door::open(args.listen, tls)?;
         let (handle, thread) = open(rig, data.clone(), &mut signals).await?;
         watch_over_http(Handle::current(), handle.clone())?;
         let closing = CancellationToken::new();
@@ -90,16 +106,12 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
             http::Shared::new(handle.clone(), facts, loaded, data, access, closing.clone());
         let telling = tokio::spawn(manager::feed(shared.clone()));
         let keeping = tokio::spawn(shared.clone().keep_uses());
-        let mut serving =
-            tokio::spawn(http::serve(listener, http::router(shared), closing.clone()));
-        let endpoint = Endpoint::of(address, args.token_file.as_deref(), Some(&secret));
-        let announced = endpoint.and_then(|endpoint| endpoint.announce(&args.bench.data.data));
-        if let Err(error) = &announced {
-            say(&format!("rigd: `rigd status` and the like will not find this daemon: {error}"));
-        }
+        let announced = door.announce(args, &secret);
+        let (name, router) = (door.name(), http::router(shared));
+        let mut serving = door.serve(router, &closing);
         let mut has_http_ended = false;
         if signals.count == 0 {
-            say(&format!("rigd: listening on {}", called(address)));
+            say(&format!("rigd: listening on {name}"));
             manager::ready();
             tokio::select! {
                 () = signals.next() => {}
@@ -129,6 +141,63 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
     });
     runtime.shutdown_timeout(READING_TIME);
     served
+}
+
+/// The ports on which the daemon answers.
+struct Door {
+    listener: TcpListener,
+    address: SocketAddr,
+    tls: Option<Tls>,
+    /// With TLS, for commands of this computer: their bytes stay on it.
+    local: Option<(TcpListener, SocketAddr)>,
+}
+
+impl Door {
+    fn open(wanted: SocketAddr, tls: Option<Tls>) -> Result<Self, Failure> {
+        let bound = |wanted: SocketAddr| {
+            let listener = listen(wanted)?;
+            let address = listener.local_addr()?;
+            Ok((listener, address))
+        };
+        let failed = |source: io::Error| {
+            let advice = advice(source.kind());
+            Failure::Listen { address: wanted, advice, source }
+        };
+        let (listener, address) = bound(wanted).map_err(failed)?;
+        let local = tls.as_ref().map(|_| bound((Ipv4Addr::LOCALHOST, 0).into())).transpose();
+        if tls.is_none() && !address.ip().to_canonical().is_loopback() {
+            say("rigd: without --tls, others on that network can read tokens and data on the way");
+        }
+        Ok(Self { listener, address, tls, local: local.map_err(failed)? })
+    }
+
+    /// Writes the file by which commands of this computer find the daemon.
+    fn announce(&self, args: &ServeArgs, secret: &Secret) -> Option<Announced> {
+        let address = self.local.as_ref().map_or(self.address, |(_, address)| *address);
+        let endpoint = Endpoint::of(address, args.token_file.as_deref(), Some(secret));
+        match endpoint.and_then(|endpoint| endpoint.announce(&args.bench.data.data)) {
+            Ok(announced) => Some(announced),
+            Err(error) => {
+                say(&format!(
+                    "rigd: `rigd status` and the like will not find this daemon: {error}"
+                ));
+                None
+            }
+        }
+    }
+
+    /// Its address for a person.
+    fn name(&self) -> String {
+        called(self.address, self.tls.is_some())
+    }
+
+    /// Answers until the daemon closes.
+    fn serve(self, router: Router, closing: &CancellationToken) -> JoinHandle<()> {
+        if let Some((local, _)) = self.local {
+            tokio::spawn(http::serve(local, None, router.clone(), closing.clone()));
+        }
+        tokio::spawn(http::serve(self.listener, self.tls, router, closing.clone()))
+    }
 }
 
 /// Writes the folder of each run when it has ended, until the rig is closed.
@@ -204,12 +273,32 @@ const fn advice(kind: io::ErrorKind) -> &'static str {
 }
 
 /// Address of the daemon for a browser on this computer.
-fn called(address: SocketAddr) -> String {
+fn called(address: SocketAddr, has_tls: bool) -> String {
+    let scheme = if has_tls { "https" } else { "http" };
     if address.ip().is_unspecified() {
-        format!("http://localhost:{}/, and on every address of this computer", address.port())
+        format!("{scheme}://localhost:{}/, and on every address of this computer", address.port())
     } else {
-        format!("http://{address}/")
+        format!("{scheme}://{address}/")
     }
+}
+
+/// The certificate, where clients must speak TLS.
+fn tls(args: &ServeArgs) -> Result<Option<Tls>, Failure> {
+    let files = args.tls.tls_certificate.as_ref().zip(args.tls.tls_key.as_ref());
+    if let Some((certificate, key)) = files {
+        return Ok(Some(Tls::open(certificate, key)?));
+    }
+    if !args.tls.tls {
+        return Ok(None);
+    }
+    let listening = args.listen.ip();
+    let address = (!listening.is_unspecified()).then(|| listening.to_string());
+    let allowed = args.allow_host.iter().map(ToString::to_string);
+    let known = ["localhost", "127.0.0.1", "::1"].map(str::to_owned);
+    let names: BTreeSet<_> = known.into_iter().chain(allowed).chain(address).collect();
+    let tls = Tls::own(&args.bench.data.data, names.into_iter().collect())?;
+    say(&format!("rigd: clients can trust {}", tls.certificate().display()));
+    Ok(Some(tls))
 }
 
 /// The access rules. Another computer needs a token.

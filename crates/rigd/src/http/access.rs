@@ -5,7 +5,7 @@
 //! `--token-file`, the secret that a daemon makes for commands on its own computer, or the cookie of a
 //! browser that had one of them.
 
-use std::{collections::BTreeSet, net::IpAddr, str::FromStr};
+use std::{collections::BTreeSet, fmt, net::IpAddr, str::FromStr};
 
 use axum::http::{HeaderMap, Method, header, uri::Authority};
 
@@ -216,6 +216,12 @@ impl HostName {
 
     fn of_address(address: IpAddr) -> Self {
         Self(address.to_canonical().to_string())
+    }
+}
+
+impl fmt::Display for HostName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
     }
 }
 

@@ -50,6 +50,7 @@ pub(super) struct Connection {
     pub(super) arrived_at: Option<IpAddr>,
     /// The address from which it came.
     pub(super) peer: Option<IpAddr>,
+    pub(super) is_tls: bool,
     /// Whether it is one of the few that are kept for a stop while all others are taken.
     pub(super) is_spare: bool,
 }
@@ -113,6 +114,7 @@ async fn admit(shared: &Shared, mut request: Request) -> Result<Request, Problem
     }
     let (method, path) = (request.method(), request.uri().path());
     let peer = connection.and_then(|connection| connection.peer);
+    let is_tls = connection.is_some_and(|connection| connection.is_tls);
     let is_stop = *method == Method::POST && path == "/api/v1/stop";
     let named = operator(headers, access);
     if !page::is_public(method, path, headers) {
@@ -137,7 +139,7 @@ async fn admit(shared: &Shared, mut request: Request) -> Result<Request, Problem
         request.extensions_mut().insert(client.name.clone());
         request.extensions_mut().insert(client);
     }
-    request.extensions_mut().insert(Called { host, is_tls: false, peer });
+    request.extensions_mut().insert(Called { host, is_tls, peer });
     if is_stop {
         return Ok(request);
     }

@@ -18,6 +18,7 @@ use tower::ServiceExt;
 use super::{
     guard::Connection,
     problem::{PROBLEM_JSON, Problem},
+    tls::Tls,
 };
 
 /// A page in a browser has up to six connections, a script one or two. Each costs some 100 kB.
@@ -47,7 +48,14 @@ const GRACE: Duration = Duration::from_secs(2);
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
 /// Serves until `closing`; after that, requests under way have `GRACE` to end.
-pub async fn serve(listener: TcpListener, router: Router, closing: CancellationToken) {
+///
+/// With `tls`, nothing is answered to a client that does not shake hands.
+pub async fn serve(
+    listener: TcpListener,
+    tls: Option<Tls>,
+    router: Router,
+    closing: CancellationToken,
+) {
     let ordinary = Arc::new(Semaphore::new(CONNECTIONS_MAX));
     let spares = Arc::new(Semaphore::new(SPARES_MAX));
     let mut connections = JoinSet::new();
@@ -74,15 +82,24 @@ pub async fn serve(listener: TcpListener, router: Router, closing: CancellationT
             } } => place,
             () = closing.cancelled() => break,
         };
-        let (router, closing) = (router.clone(), closing.clone());
+        let (router, closing, tls) = (router.clone(), closing.clone(), tls.clone());
         connections.spawn(async move {
             let connection = Connection {
                 arrived_at: arrived_at(&stream),
                 peer: Some(peer.ip().to_canonical()),
+                is_tls: tls.is_some(),
                 is_spare,
             };
             watch_over(&stream);
-            let conversation = converse(stream, router, connection, closing);
+            let conversation = async {
+                match tls {
+                    Some(tls) => match tls.accept(stream).await {
+                        Ok(stream) => converse(stream, router, connection, closing).await,
+                        Err(error) => tracing::debug!(%error, "no TLS with a client"),
+                    },
+                    None => converse(stream, router, connection, closing).await,
+                }
+            };
             if is_spare {
                 _ = timeout(SPARE_TIME, conversation).await;
             } else {
@@ -191,8 +208,10 @@ mod tests {
     fn begin(is_spare: bool) -> (DuplexStream, CancellationToken, JoinHandle<()>) {
         let (client, server) = duplex(1 << 10);
         let router = Router::new().route("/", get(async || "answer"));
-        let (closing, connection) =
-            (CancellationToken::new(), Connection { arrived_at: None, peer: None, is_spare });
+        let (closing, connection) = (
+            CancellationToken::new(),
+            Connection { arrived_at: None, peer: None, is_tls: false, is_spare },
+        );
         let conversation = tokio::spawn(converse(server, router, connection, closing.clone()));
         (client, closing, conversation)
     }

@@ -1,0 +1,221 @@
+//! TLS: a certificate from files, read again when they change, or one that the daemon makes for itself.
+
+use std::{
+    fmt,
+    fs::{self, File},
+    io::{self, Write},
+    os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt},
+    path::{Path, PathBuf},
+    sync::{Arc, Mutex, PoisonError},
+    time::Duration,
+};
+
+use rcgen::{CertificateParams, DnType, KeyPair};
+use tokio::{net::TcpStream, time::timeout};
+use tokio_rustls::{
+    TlsAcceptor,
+    rustls::{
+        self, ServerConfig,
+        crypto::{CryptoProvider, ring},
+        pki_types::{CertificateDer, PrivateKeyDer, pem, pem::PemObject},
+        server::{ClientHello, ResolvesServerCert},
+        sign::CertifiedKey,
+    },
+    server::TlsStream,
+};
+
+/// Files of the daemon's own certificate, in its data directory.
+const OWN_CERTIFICATE: &str = "tls-certificate.pem";
+const OWN_KEY: &str = "tls-key.pem";
+/// Permissions that the file of a key must not have: writing by the group, and any access by others.
+const MODE_FORBIDDEN: u32 = 0o037;
+/// A handshake takes two round trips and some milliseconds of a processor.
+const HANDSHAKE_TIME: Duration = Duration::from_secs(5);
+
+/// Why there is no TLS.
+#[derive(Debug, thiserror::Error)]
+pub enum TlsError {
+    /// A file cannot be read or written.
+    #[error("{}", path.display())]
+    File {
+        /// Path of the file.
+        path: PathBuf,
+        /// The error of the system.
+        source: io::Error,
+    },
+    /// A file is not PEM, or has no certificate or key.
+    #[error("{} has no certificate or no key in the form of PEM", path.display())]
+    Pem {
+        /// Path of the file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: pem::Error,
+    },
+    /// Other users could read or change the key.
+    #[error(
+        "{} has mode {mode:03o}: other users could read or change the key; run `chmod 600 {}`",
+        path.display(), path.display()
+    )]
+    Open {
+        /// Path of the file.
+        path: PathBuf,
+        /// Permission bits of the file.
+        mode: u32,
+    },
+    /// The certificate and the key cannot be used together.
+    #[error("{} and its key cannot be used together", path.display())]
+    Unusable {
+        /// Path of the certificate.
+        path: PathBuf,
+        /// The error of the library.
+        source: rustls::Error,
+    },
+    /// No certificate could be made.
+    #[error("a certificate of its own")]
+    Own(#[from] rcgen::Error),
+}
+
+/// The TLS of a listener.
+#[derive(Clone)]
+pub struct Tls {
+    acceptor: TlsAcceptor,
+    certificate: PathBuf,
+}
+
+impl fmt::Debug for Tls {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Tls").field("certificate", &self.certificate).finish_non_exhaustive()
+    }
+}
+
+impl Tls {
+    /// Uses a certificate chain and its key, in files of PEM. Files that change are read again.
+    ///
+    /// # Errors
+    /// [`TlsError`] names the file and its fault.
+    pub fn open(certificate: &Path, key: &Path) -> Result<Self, TlsError> {
+        let provider = Arc::new(ring::default_provider());
+        let files = Files { certificate: certificate.to_path_buf(), key: key.to_path_buf() };
+        let known = (files.stamp(), files.read(&provider)?);
+        let unusable = |source| TlsError::Unusable { path: certificate.to_path_buf(), source };
+        let mut config = ServerConfig::builder_with_provider(Arc::clone(&provider))
+            .with_safe_default_protocol_versions()
+            .map_err(unusable)?
+            .with_no_client_auth()
+            .with_cert_resolver(Arc::new(Renewed { files, provider, known: Mutex::new(known) }));
+        config.alpn_protocols = vec![b"http/1.1".to_vec()];
+        let acceptor = TlsAcceptor::from(Arc::new(config));
+        Ok(Self { acceptor, certificate: certificate.to_path_buf() })
+    }
+
+    /// Uses the daemon's own certificate in a data directory, and makes it if there is none, for these
+    /// names and addresses.
+    ///
+    /// # Errors
+    /// [`TlsError`] names the file and its fault.
+    pub fn own(data: &Path, names: Vec<String>) -> Result<Self, TlsError> {
+        let (certificate, key) = (data.join(OWN_CERTIFICATE), data.join(OWN_KEY));
+        if !certificate.exists() {
+            let pair = KeyPair::generate()?;
+            let mut params = CertificateParams::new(names)?;
+            params.distinguished_name.push(DnType::CommonName, "rigd");
+            let made = params.self_signed(&pair)?;
+            let failed = |path: &Path| {
+                let path = path.to_path_buf();
+                move |source| TlsError::File { path, source }
+            };
+            fs::create_dir_all(data).map_err(failed(data))?;
+            write(&key, &pair.serialize_pem(), 0o600).map_err(failed(&key))?;
+            write(&certificate, &made.pem(), 0o644).map_err(failed(&certificate))?;
+        }
+        Self::open(&certificate, &key)
+    }
+
+    /// File of the certificate.
+    pub fn certificate(&self) -> &Path {
+        &self.certificate
+    }
+
+    /// Shakes hands with a client.
+    pub(super) async fn accept(&self, stream: TcpStream) -> io::Result<TlsStream<TcpStream>> {
+        timeout(HANDSHAKE_TIME, self.acceptor.accept(stream)).await?
+    }
+}
+
+fn write(path: &Path, text: &str, mode: u32) -> io::Result<()> {
+    _ = fs::remove_file(path);
+    let mut file = File::options().create_new(true).write(true).mode(mode).open(path)?;
+    file.write_all(text.as_bytes())?;
+    file.sync_all()
+}
+
+/// Tells one state of the two files from another.
+type Stamp = [Option<(u64, i64, i64)>; 2];
+
+#[derive(Debug)]
+struct Files {
+    certificate: PathBuf,
+    key: PathBuf,
+}
+
+impl Files {
+    fn stamp(&self) -> Stamp {
+        [&self.certificate, &self.key].map(|path| {
+            let file = fs::metadata(path).ok()?;
+            Some((file.ino(), file.mtime(), file.mtime_nsec()))
+        })
+    }
+
+    fn read(&self, provider: &CryptoProvider) -> Result<Arc<CertifiedKey>, TlsError> {
+        let of = |path: &Path| {
+            let path = path.to_path_buf();
+            move |source| match source {
+                pem::Error::Io(source) => TlsError::File { path, source },
+                source => TlsError::Pem { path, source },
+            }
+        };
+        let key_file = |source| TlsError::File { path: self.key.clone(), source };
+        let mode = fs::metadata(&self.key).map_err(key_file)?.permissions().mode() & 0o777;
+        if mode & MODE_FORBIDDEN != 0 {
+            return Err(TlsError::Open { path: self.key.clone(), mode });
+        }
+        let chain: Vec<_> = CertificateDer::pem_file_iter(&self.certificate)
+            .and_then(Iterator::collect)
+            .map_err(of(&self.certificate))?;
+        let key = PrivateKeyDer::from_pem_file(&self.key).map_err(of(&self.key))?;
+        let unusable = |source| TlsError::Unusable { path: self.certificate.clone(), source };
+        if chain.is_empty() {
+            let source = pem::Error::NoItemsFound;
+            return Err(TlsError::Pem { path: self.certificate.clone(), source });
+        }
+        CertifiedKey::from_der(chain, key, provider).map(Arc::new).map_err(unusable)
+    }
+}
+
+/// The certificate, read again when its files have changed.
+#[derive(Debug)]
+struct Renewed {
+    files: Files,
+    provider: Arc<CryptoProvider>,
+    known: Mutex<(Stamp, Arc<CertifiedKey>)>,
+}
+
+impl ResolvesServerCert for Renewed {
+    fn resolve(&self, _hello: ClientHello<'_>) -> Option<Arc<CertifiedKey>> {
+        // Nothing that holds it panics.
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        let stamp = self.files.stamp();
+        if stamp != known.0 {
+            match self.files.read(&self.provider) {
+                Ok(renewed) => *known = (stamp, renewed),
+                // One of the two files may be written first: the other one changes the stamp again.
+                Err(error) => {
+                    let error = rig_model::with_causes(&error);
+                    tracing::warn!(error, "the old certificate is used on");
+                    known.0 = stamp;
+                }
+            }
+        }
+        Some(Arc::clone(&known.1))
+    }
+}
