@@ -24,7 +24,7 @@ const WRONG_SIGMAS: f64 = 5.0;
 
 type Draw = fn(&mut Random) -> Kind;
 
-const KINDS: [(&str, Draw); 22] = [
+const KINDS: [(&str, Draw); 23] = [
     ("nominal", |_| Kind::Nominal),
     ("sparse", |_| Kind::Sparse),
     ("edge-inside", |r| Kind::Place(r.sign() * r.between(0.8, 1.0))),
@@ -32,6 +32,7 @@ const KINDS: [(&str, Draw); 22] = [
     ("far-outside", |r| Kind::Place(r.sign() * r.between(1.2, 2.0))),
     ("no-resonance", |_| Kind::NoResonance),
     ("mode-near", |r| Kind::SecondMode(r.log_between(0.01, 0.5), r.sign() * r.between(0.5, 2.0))),
+    ("mode-half", |r| Kind::SecondMode(0.05, r.sign() * 0.5)),
     ("mode-far", |r| Kind::SecondMode(r.log_between(0.01, 0.5), r.sign() * r.between(2.0, 8.0))),
     ("drift", |r| Kind::Drift(r.sign() * r.log_between(0.01, 2.0))),
     ("drift-both-ways", |r| Kind::DriftBothWays(r.sign() * r.log_between(0.01, 2.0))),

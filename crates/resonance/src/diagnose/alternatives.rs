@@ -63,10 +63,11 @@ impl Cause {
     }
 
     /// Distance below the accepted gain at which a cause is as likely present as absent. Every analyzer and
-    /// cable has some phase error and some impedance in series.
+    /// cable has some phase error and some impedance in series. A second mode of a few per cent within a
+    /// linewidth resembles another circuit, so that it gains little and moves the resonance far.
     const fn even_below(&self) -> f64 {
         match self {
-            Self::AnalyzerPhase | Self::Stray => 12.0,
+            Self::AnalyzerPhase | Self::Stray | Self::SecondMode { is_near: true, .. } => 12.0,
             _ => 4.0,
         }
     }

@@ -35,6 +35,8 @@ const CAUSES: [(Cause, usize, usize); 6] = [
 /// Distance below the gain that a second mode or unsettled motion needs from which the full fit decides:
 /// a mode between two places gains more, and an unknown dwell more than a lag of one reading.
 const MARGIN: f64 = 6.0;
+/// Places of a second mode that resembles a change of the circuit, linewidths from the resonance.
+const BESIDE: [f64; 2] = [-0.5, 0.5];
 
 /// Buffers for the columns of the readings.
 #[derive(Debug, Clone, Default)]
@@ -136,8 +138,10 @@ impl Screen {
         let (low, high) = (low - beyond, high + beyond);
         let places = ((high - low) / width).ceil().clamp(8.0, MODES_MAX as f64);
         let mut best: [Option<Alternative>; 2] = [None; 2];
-        let mut frequency = low;
-        while frequency <= high {
+        let step = (high - low) / places;
+        let evenly = std::iter::successors(Some(low), |last| Some(last + step));
+        let beside = BESIDE.map(|off| resonance + off * width);
+        for frequency in evenly.take_while(|place| *place <= high).chain(beside) {
             let is_near = (frequency - resonance).abs() < NEAR * width;
             let mode = few_products(&self.modes, frequency, q);
             let mut fitted = [0.0; FEW];
@@ -152,7 +156,6 @@ impl Screen {
             {
                 *best = Some(found);
             }
-            frequency += (high - low) / places;
         }
         best.into_iter().all(is_absent).then_some(widest)
     }

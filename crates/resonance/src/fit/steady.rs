@@ -33,9 +33,9 @@ mod threshold {
     /// ⟨|r|⁴⟩/⟨|r|²⟩², which is 2 for an exponential distribution. This detects several outliers, which
     /// raise the mean and so mask each other.
     pub(super) const CLEAN_FOURTH: f64 = 4.0;
-    /// χ² of three patterns; one good sweep in four exceeds this. The threshold is low because a second
+    /// χ² of three patterns; one good sweep in three exceeds this. The threshold is low because a second
     /// mode one linewidth away hardly affects the patterns.
-    pub(super) const USUAL_PATTERNS: f64 = 4.0;
+    pub(super) const USUAL_PATTERNS: f64 = 3.0;
     /// Standard deviations of χ² per degree of freedom; one good sweep in forty exceeds this.
     pub(super) const USUAL_CHI_SQUARED_SIGMAS: f64 = 2.0;
     /// The same of clean readings; one good sweep in four thousand exceeds this.
