@@ -7,6 +7,8 @@ out=$(realpath -m "${1:-target/manual}")
 work=$(mktemp -d)
 trap 'rm -r "$work"' EXIT
 cp -r docs config "$work"
+# rig-study writes its pages as HTML too; the manual makes its own.
+rm -f "$work"/docs/studies/*.html
 {
   printf '\n# Decisions\n\n'
   for file in docs/decisions/*.md; do

@@ -164,7 +164,7 @@ async function inVirtualTime() {
   await devices.getByText("the known device answered, at 24.500 mm").waitFor();
   assert.equal(await devices.getByText(/: the known device answered/).count(), 3);
   await button(page, "up 1 mm").click();
-  await page.getByRole("group", { name: "Probe" }).getByText("31.000 mm").waitFor();
+  await page.getByRole("group", { name: "Probe" }).getByText("25.500 mm").waitFor();
   await button(page, "Retract to 24.5 mm").click();
   await page.getByRole("group", { name: "Probe" }).getByText("tip at 24.500 mm").waitFor();
   await button(page, "Measure").click();

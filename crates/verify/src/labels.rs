@@ -24,7 +24,7 @@ pub(crate) const CLOCK_SLACK_S: f64 = 0.05;
 /// A standstill is noticed at most this late, s.
 const BEAT_S: f64 = 0.15;
 /// At most one reading in this number is left out of a fit.
-pub(crate) const READINGS_PER_OUTLIER: usize = 10;
+pub(crate) const READINGS_PER_OUTLIER: usize = 6;
 
 /// A finished sweep.
 #[derive(Debug, Clone)]

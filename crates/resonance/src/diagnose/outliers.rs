@@ -11,8 +11,8 @@ use crate::{
     numeric::descent::Normal,
 };
 
-/// One reading in ten may be an outlier. With more, the rest is unreliable too.
-pub(crate) const READINGS_PER_OUTLIER: usize = 10;
+/// One reading in six may be an outlier. With more, the rest is unreliable too.
+pub(crate) const READINGS_PER_OUTLIER: usize = 6;
 /// Twice the log-likelihood that each excluded reading must gain over every other cause.
 pub(crate) const GAIN_PER_OUTLIER: f64 = 28.0;
 /// Rounds of reweighting; each brings the scale nearer to that of the good readings.

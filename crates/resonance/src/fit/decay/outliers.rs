@@ -20,10 +20,10 @@ use super::{
     start::Trials,
     stay::State,
 };
-use crate::{
-    circuit::trace::ModelEstimate, diagnose::outliers::READINGS_PER_OUTLIER,
-    fit::grid::CircuitPrior, noise::PooledVariance,
-};
+use crate::{circuit::trace::ModelEstimate, fit::grid::CircuitPrior, noise::PooledVariance};
+
+/// One reading in ten may be excluded; a plan has fewer readings than a grid.
+const READINGS_PER_OUTLIER: usize = 10;
 
 /// Number of readings that are left out by themselves in a round.
 const CANDIDATES: usize = 10;
