@@ -168,7 +168,7 @@ fn few_wrong_readings_hardly_ever_cost_the_sweep_and_never_the_truth() {
 #[test]
 fn the_share_of_wrong_readings() {
     let is_outliers = |reason: &Reason| matches!(reason, Reason::Outliers { .. });
-    check(&[(SENSOR, Kind::Nominal, PLAIN), (SENSOR, Kind::Outliers(0.25), Refused(is_outliers))]);
+    check(&[(SENSOR, Kind::Nominal, PLAIN), (SENSOR, Kind::Outliers(0.2), Refused(is_outliers))]);
 }
 
 #[test]

@@ -52,8 +52,9 @@ fn the_error_reaches_the_cramer_rao_bound_and_is_what_is_claimed() {
             let score = (scores / f64::from(trials)).sqrt();
             // 400 trials know a standard deviation to 3.5 %; three of that.
             assert!((0.89..1.11).contains(&ratio), "Q {q}, k² {k_eff_squared}, {noise}: {ratio}");
-            // A phase error that the readings do not exclude widens the standard deviation.
-            assert!((0.84..1.11).contains(&score), "Q {q}, k² {k_eff_squared}, {noise}: {score}");
+            // A phase error or a second mode that the readings do not exclude widens the standard
+            // deviation.
+            assert!((0.8..1.11).contains(&score), "Q {q}, k² {k_eff_squared}, {noise}: {score}");
         }
     }
     assert!(1000 * refused <= all, "{refused} of {all} good sweeps refused");
