@@ -79,15 +79,16 @@ async fn a_scene_in_which_a_sweep_did_not_end_is_measured() {
     let rig = TestRig::open_bench(&[], &[("seed = 2020", "seed = 98")]).await;
     let (run, ending) = rig.run(rig.protocol(&text("config/protocols/smoke.toml"))).await;
     assert_eq!(ending, RunStatus::Completed);
-    let mut sweeps = 0;
+    let (mut sweeps, mut refused) = (0, 0);
     for stored in rig.records(run) {
         if let Record::Sweep(sweep) = stored.record().unwrap() {
             sweeps += 1;
-            let is_accepted = matches!(sweep.outcome, SweepOutcome::Accepted { .. });
-            assert!(is_accepted && sweep.readings.len() < 100, "{sweep:?}");
+            refused += u32::from(!matches!(sweep.outcome, SweepOutcome::Accepted { .. }));
+            assert!(sweep.readings.len() < 100, "{sweep:?}");
         }
     }
-    assert!(sweeps > 30, "{sweeps}");
+    // A refused sweep is repeated: every touch of a completed run is measured.
+    assert!(sweeps > 30 && refused <= 1, "{sweeps} sweeps, {refused} of them refused");
     rig.close().await;
 }
 

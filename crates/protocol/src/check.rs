@@ -100,7 +100,7 @@ fn approach(protocol: &Protocol, faults: &mut Faults) {
 }
 
 fn blind_phase(blind: &BlindPhase, samples: usize, faults: &mut Faults) {
-    let BlindPhase { trials, classes, min_angle_deg, max_angle_deg } = blind;
+    let BlindPhase { trials, classes, min_angle_deg, max_angle_deg, order: _ } = blind;
     classes.check(faults, |&classes| {
         // No samples are the placeholder of a faulty list.
         (samples > 0 && classes as usize > samples)

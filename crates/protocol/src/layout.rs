@@ -5,7 +5,8 @@
 //! begins in that orientation. For one mounting of the sensor, directions follow the listed order
 //! with rising angles, and repeats follow each other. A random order shuffles the samples and the
 //! touches of one mounting: it costs travel but no prompt. The trials of the blind phase keep their
-//! random order.
+//! random order, or are made by mounting: the draws are the same, the samples come in random order, and the
+//! touches of one mounting by tilt.
 
 use rig_files::Faults;
 use rig_model::{Orientation, RigLimits, random::Stream};
@@ -13,7 +14,7 @@ use rig_model::{Orientation, RigLimits, random::Stream};
 use crate::{
     Action, Phase, Plan, Pose, Prompt, Protocol, Step, StepId, Touch, check,
     fault::ProtocolFault,
-    protocol::{BlindPhase, NoLoadPolicy, Order},
+    protocol::{BlindOrder, BlindPhase, NoLoadPolicy, Order},
 };
 
 /// The purpose of a stream of draws. Their streams are independent, so that a change in one part of
@@ -24,6 +25,8 @@ pub(crate) enum Draws {
     Order = 1,
     /// The trials of the blind phase.
     Blind = 2,
+    /// The order of the samples of blind touches by mounting.
+    Mountings = 3,
 }
 
 impl Draws {
@@ -54,7 +57,7 @@ impl Plan {
         if !faults.is_empty() {
             return Err(faults);
         }
-        let plan = Self {
+        let mut plan = Self {
             name: protocol.name.clone(),
             samples: protocol.samples.iter().map(|sample| sample.value.clone()).collect(),
             steps: Layout::of(protocol),
@@ -67,6 +70,9 @@ impl Plan {
             classes: protocol.blind.as_ref().map(|blind| blind.classes.value as usize),
             seed: protocol.seed,
         };
+        if protocol.blind.as_ref().is_some_and(|blind| blind.order == BlindOrder::ByMounting) {
+            plan = plan.by_mounting();
+        }
         if let Some(limit) = protocol.max_duration_h() {
             let expected = plan.summary(limits).duration_s / 3600.0;
             limit.check(&mut faults, |&limit| {
@@ -100,6 +106,23 @@ impl Plan {
         let from = done.len();
         let steps = done.into_iter().chain(layout.steps).collect();
         (Self { steps, ..self.clone() }, from)
+    }
+
+    /// The same touches, the blind ones by mounting: with the fewest changes by hand.
+    #[must_use]
+    pub fn by_mounting(&self) -> Self {
+        let touches = self.steps.iter().filter_map(|step| match step.action {
+            Action::Touch(touch) => Some((step.id.0.as_str(), touch)),
+            _ => None,
+        });
+        let (main, blind): (Vec<_>, Vec<_>) =
+            touches.partition(|(_, touch)| touch.phase == Phase::Main);
+        let mut layout = Layout::new(self.no_load);
+        for (id, touch) in main {
+            layout.touch(id, touch);
+        }
+        layout.mountings(blind, self.seed);
+        Self { steps: layout.steps, ..self.clone() }
     }
 
     /// A plan of one touch of this one, with the steps that it needs; `None` if there is no such touch.
@@ -187,6 +210,30 @@ impl Layout {
             let pose = Pose { direction, angle };
             let touch = Touch { phase: Phase::Blind, sample, pose, repeat: trial };
             self.touch(&format!("blind/{trial}"), touch);
+        }
+    }
+
+    /// Touches by mounting, the present one first.
+    fn mountings(&mut self, mut touches: Vec<(&str, Touch)>, seed: u64) {
+        let mut samples: Vec<usize> = touches.iter().map(|(_, touch)| touch.sample).collect();
+        samples.sort_unstable();
+        samples.dedup();
+        Draws::Mountings.stream(seed).shuffle(&mut samples);
+        samples.sort_by_key(|sample| self.sample != Some(*sample));
+        let tilt_deg =
+            |touch: &Touch| touch.pose.direction.rotary_position(touch.pose.angle).value();
+        touches.sort_by(|(_, one), (_, other)| tilt_deg(one).total_cmp(&tilt_deg(other)));
+        for sample in samples {
+            let of_sample = touches.iter().filter(|(_, touch)| touch.sample == sample).copied();
+            let is_present = |touch: &Touch, layout: &Self| {
+                layout.orientation == Some(touch.pose.direction.orientation())
+            };
+            // Each sample has two mountings at most; the first one is in the present orientation.
+            let (present, turned): (Vec<_>, Vec<_>) =
+                of_sample.partition(|(_, touch)| is_present(touch, self));
+            for (id, touch) in present.into_iter().chain(turned) {
+                self.touch(id, touch);
+            }
         }
     }
 

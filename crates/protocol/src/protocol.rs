@@ -50,6 +50,15 @@ pub(crate) enum Order {
     Random,
 }
 
+/// Order of the blind touches.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum BlindOrder {
+    /// As they are drawn.
+    Drawn,
+    /// Those of one mounting of sample and sensor together.
+    ByMounting,
+}
+
 /// When the no-load resonance is measured anew.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NoLoadPolicy {
@@ -106,6 +115,7 @@ pub(crate) struct ApproachKeys {
 #[derive(Debug, Clone)]
 pub(crate) struct BlindPhase {
     pub(crate) trials: Setting<u32>,
+    pub(crate) order: BlindOrder,
     pub(crate) classes: Setting<u32>,
     pub(crate) min_angle_deg: Setting<f64>,
     pub(crate) max_angle_deg: Setting<f64>,
@@ -274,6 +284,13 @@ fn approach(table: &mut Table<'_>) -> ApproachKeys {
 fn blind(table: &mut Table<'_>) -> BlindPhase {
     BlindPhase {
         trials: table.count("trials").range(1..=100_000).required(),
+        order: table
+            .choice(
+                "order",
+                [("drawn", BlindOrder::Drawn), ("by-mounting", BlindOrder::ByMounting)],
+            )
+            .or(BlindOrder::Drawn)
+            .value,
         classes: table.count("classes").at_least(1).required(),
         min_angle_deg: table.number("min_angle_deg").range(0.0..=MAX_ANGLE_DEG).or(0.0),
         max_angle_deg: table.number("max_angle_deg").range(0.0..=MAX_ANGLE_DEG).required(),

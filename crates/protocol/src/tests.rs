@@ -142,14 +142,17 @@ fn steps_come_in_an_order_that_a_person_understands() {
 #[test]
 fn a_random_order_costs_no_prompt_and_depends_on_the_seed_alone() {
     let random = |seed: &str| {
-        plan_of(&changed(&[("order = \"listed\"", "order = \"random\""), ("seed = 2020", seed)]))
+        let drawn = ("order = \"by-mounting\"", "order = \"drawn\"");
+        let random = ("order = \"listed\"", "order = \"random\"");
+        plan_of(&changed(&[drawn, random, ("seed = 2020", seed)]))
     };
     let (plan, again, other) = (random("seed = 7"), random("seed = 7"), random("seed = 8"));
     check_that_every_touch_is_prepared(&plan);
     assert_eq!(plan, again);
     assert_ne!(touches(&plan, Phase::Main), touches(&other, Phase::Main));
 
-    let listed = plan_of(&changed(&[("seed = 2020", "seed = 7")]));
+    let drawn = ("order = \"by-mounting\"", "order = \"drawn\"");
+    let listed = plan_of(&changed(&[drawn, ("seed = 2020", "seed = 7")]));
     let main_prompts = |plan: &Plan| {
         let main = plan.steps.iter().filter(|step| step.id.0.starts_with("main/"));
         main.filter(|step| matches!(step.action, Action::Prompt(_))).count()
@@ -160,7 +163,9 @@ fn a_random_order_costs_no_prompt_and_depends_on_the_seed_alone() {
 
 #[test]
 fn blind_trials_are_drawn_evenly_from_the_whole_range() {
-    let plan = plan_of(&changed(&[("trials = 50", "trials = 6000"), ("max_duration_h = 8", "")]));
+    let drawn = ("order = \"by-mounting\"", "order = \"drawn\"");
+    let many = [drawn, ("trials = 50", "trials = 6000"), ("max_duration_h = 8", "")];
+    let plan = plan_of(&changed(&many));
     check_that_every_touch_is_prepared(&plan);
     let blind = touches(&plan, Phase::Blind);
     let mut samples = [0_u32; 5];
@@ -184,6 +189,33 @@ fn blind_trials_are_drawn_evenly_from_the_whole_range() {
     assert!(counts.into_iter().all(is_even), "{counts:?}");
     let trials: Vec<_> = blind.iter().map(|touch| touch.repeat).collect();
     assert_eq!(trials, (1..=6000).collect::<Vec<_>>());
+}
+
+#[test]
+fn blind_touches_by_mounting_are_those_drawn_with_the_fewest_changes_by_hand() {
+    for seed in 0..20 {
+        let seed = format!("seed = {seed}");
+        let order = |order| {
+            let order = format!("order = {order:?}");
+            plan_of(&changed(&[("order = \"by-mounting\"", &order), ("seed = 2020", &seed)]))
+        };
+        let (drawn, together) = (order("drawn"), order("by-mounting"));
+        check_that_every_touch_is_prepared(&together);
+        assert_eq!(drawn.by_mounting(), together);
+        let blind = touches(&together, Phase::Blind);
+        let mut sorted = blind.clone();
+        sorted.sort_by_key(|touch| touch.repeat);
+        assert_eq!(sorted, touches(&drawn, Phase::Blind));
+        let mounting = |touch: &Touch| (touch.sample, touch.pose.direction.orientation());
+        let mut mountings: Vec<_> = blind.iter().map(mounting).collect();
+        mountings.dedup();
+        let changes = mountings
+            .windows(2)
+            .map(|pair| usize::from(pair[0].0 != pair[1].0) + usize::from(pair[0].1 != pair[1].1));
+        // Each of the four other samples is placed once, and the sensor is turned once for each sample.
+        assert!(changes.sum::<usize>() <= 9, "{mountings:?}");
+        assert!(prompts(&together).len() <= prompts(&drawn).len());
+    }
 }
 
 #[test]
@@ -236,7 +268,7 @@ fn the_sensor_is_not_turned_when_all_directions_need_it_to_stand_the_same_way() 
 #[test]
 fn a_summary_holds_the_extremes_that_the_touches_ask_for() {
     let summary = plan_of(THREE_DIRECTION).summary(&limits());
-    assert_eq!((summary.touches, summary.no_loads), (110, 54));
+    assert_eq!((summary.touches, summary.no_loads, summary.prompts), (110, 19, 20));
     assert_eq!(summary.rotary, Span::new(-45.0, 45.0));
     // The level surface at 20 mm, 0.8 mm to give up and 0.5 mm of indentation.
     assert!((summary.linear.min.value() - 18.7).abs() < 1e-9);

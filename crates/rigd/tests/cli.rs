@@ -145,7 +145,15 @@ fn check_lists_the_steps_and_moves_nothing() {
     let text = stdout(&output);
     assert!(text.contains("main/3/left/30/1"), "{text}");
     assert!(text.contains("can run on simulated bench"), "{text}");
-    assert!(text.contains("110 touches, 54 no-load references"), "{text}");
+    assert!(text.contains("110 touches, 19 no-load references, 20 prompts"), "{text}");
+    let folder = TempDir::new().unwrap();
+    let drawn = folder.path().join("drawn.toml");
+    let shipped =
+        fs::read_to_string(repository().join("config/protocols/three-direction.toml")).unwrap();
+    fs::write(&drawn, shipped.replace("order = \"by-mounting\"", "order = \"drawn\"")).unwrap();
+    let output = rigd(&["check", drawn.to_str().unwrap()]);
+    let text = stdout(&output);
+    assert!(text.contains("76 prompts") && text.contains("same touches with 20 prompts"), "{text}");
     let view = json(&rigd(&["check", "config/protocols/three-direction.toml", "--json"]));
     assert_eq!(view["is_runnable"], true);
     assert_eq!(view["touches"], 110);

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::{
     finding::{Check, Findings},
     record::{RunStarted, Touch},
-    settings::{Protocol, Rig, Scene},
+    settings::{Blind, Protocol, Rig, Scene},
 };
 
 /// Steps of the angles of blind touches, degrees.
@@ -48,7 +48,9 @@ pub(crate) fn check(
             }
         }
     }
+    let trials = protocol.blind.as_ref().map_or(0, |blind| blind.trials);
     let mut blind = 0;
+    let is_by_mounting = protocol.blind.as_ref().is_some_and(Blind::is_by_mounting);
     for touch in &started.touches {
         let Touch { step, phase, sample, pose, repeat } = touch;
         if phase == "main" {
@@ -67,7 +69,8 @@ pub(crate) fn check(
         });
         let is_known =
             protocol.samples.contains(sample) && protocol.directions.contains(&pose.direction);
-        if !(is_drawn && is_known && *step == format!("blind/{repeat}") && *repeat == blind) {
+        let is_in_order = if is_by_mounting { *repeat <= trials } else { *repeat == blind };
+        if !(is_drawn && is_known && *step == format!("blind/{repeat}") && is_in_order) {
             let what = "a blind touch is not one that the protocol can draw";
             add(what, format!("blind/{blind} within the section [blind]"), format!("{touch:?}"));
         }
@@ -76,10 +79,25 @@ pub(crate) fn check(
         let found = if missing > 0 { "none" } else { "one too many" };
         add("a touch of the protocol", format!("{step} once"), found.to_owned());
     }
-    let trials = protocol.blind.as_ref().map_or(0, |blind| blind.trials);
     if blind != trials {
         add("the number of blind touches differs", trials.to_string(), blind.to_string());
     }
+    let (mountings, apart) = mountings(&started.touches);
+    if is_by_mounting && apart != mountings {
+        let what = "blind touches that are to be made by mounting";
+        add(what, format!("{apart} mountings"), mountings.to_string());
+    }
+}
+
+/// The number of mountings of sample and sensor that the blind touches need in their order, and that of
+/// different ones among them.
+fn mountings(touches: &[Touch]) -> (usize, usize) {
+    let blind = touches.iter().filter(|touch| touch.phase != "main");
+    let mut all: Vec<(&str, bool)> =
+        blind.map(|touch| (touch.sample.as_str(), touch.pose.direction == "left")).collect();
+    all.dedup();
+    let apart: BTreeSet<_> = all.iter().collect();
+    (all.len(), apart.len())
 }
 
 fn main_step(sample: &str, direction: &str, angle_deg: f64, repeat: u32) -> String {

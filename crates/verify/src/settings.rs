@@ -151,9 +151,17 @@ impl SweepKeys {
 #[derive(Debug, Clone, Deserialize)]
 pub(crate) struct Blind {
     pub(crate) trials: u32,
+    order: Option<String>,
     #[serde(default)]
     pub(crate) min_angle_deg: f64,
     pub(crate) max_angle_deg: f64,
+}
+
+impl Blind {
+    /// Whether the touches of one mounting are made together.
+    pub(crate) fn is_by_mounting(&self) -> bool {
+        self.order.as_deref() == Some("by-mounting")
+    }
 }
 
 #[derive(Debug, Clone, Default, Deserialize)]

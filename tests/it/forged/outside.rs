@@ -174,6 +174,10 @@ pub(super) const CASES: &[Case] = &[
         payload["position_mm"] = (0.5 * (clear + contact)).into();
         payload["sigma_mm"] = ((clear - contact) / 12.0_f64.sqrt()).into();
     }),
+    ("blind touches that are not made by mounting", Check::Plan, |forged| {
+        let (from, to) = ("trials = 6\n", "trials = 6\norder = \"by-mounting\"\n");
+        source(forged, "/protocol/toml", from, to);
+    }),
     ("a longer settling in the protocol", Check::Request, |forged| {
         source(forged, "/protocol/toml", "settle_s = 0.1\n", "settle_s = 4.0\n");
     }),
