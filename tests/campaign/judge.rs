@@ -39,11 +39,10 @@ const CANCELLED_MM: f64 = 0.025;
 /// A sample that is placed again on an uneven bench has another stiffness and slope: 3 % and 1°.
 const PLACED_AGAIN_REL: f64 = 0.06;
 
-/// The outcomes of a run.
+/// The outcomes of a run. The checker looks at its digests.
 pub(crate) fn touches(reader: &Reader, run: RunId) -> Result<Touches, StoreError> {
     let mut touches = Touches::new();
-    let is_outcome = |kind: &str| ["touch_result", "touch_refused"].contains(&kind);
-    for stored in reader.records(run)?.iter().filter(|stored| is_outcome(&stored.kind)) {
+    for stored in reader.unchecked(run, &["touch_result", "touch_refused"])? {
         match stored.record()? {
             Record::TouchResult(touch) => {
                 let depth_mm = touch.surface_sigma_mm.hypot(STAGE_MM);

@@ -1,8 +1,10 @@
 //! The sensor and its impedance, clear and in contact.
 
+use std::cell::Cell;
+
 use rig_contact::{
     Choice, Circuit, Contact, ContactLaw, Depth, Direction, Friction, Models, Pose, Refusal,
-    SensorDesign, SensorError, Tier, Tissue, TissueError,
+    Requirements, SensorDesign, SensorError, Tier, Tissue, TissueError,
 };
 use rig_model::Orientation;
 
@@ -98,7 +100,7 @@ impl SensorModel {
         let deepest_mm = deepest_mm.min(limit_mm);
         // A scene that the reference does not take in whole is left to it, as far as it does.
         let choice = tissue(&scene, stiffest_mpa).ok().and_then(|stiffest| {
-            let asked = rig_contact::Requirements {
+            let asked = Requirements {
                 sensor,
                 stiffest,
                 deepest: depth(&scene, deepest_mm),
@@ -107,7 +109,7 @@ impl SensorModel {
                 tilt_max_rad: TILT_MAX_DEG.to_radians(),
                 needs_impedance: true,
             };
-            Tier::cheapest_for(&asked, scene.tolerance_hz).ok()
+            cheapest_for(&asked, scene.tolerance_hz)
         });
         let choice = choice.unwrap_or(reference);
         tracing::info!(%choice, "the model of the sensor");
@@ -210,6 +212,28 @@ impl SensorModel {
     }
 }
 
+thread_local! {
+    /// The last choice on this thread with what it was made for. A campaign sets up the same sensor for
+    /// each of its runs, and a choice takes as long as a quarter of a run.
+    static CHOSEN: Cell<Option<(Requirements, f64, Choice)>> = const { Cell::new(None) };
+}
+
+/// The cheapest model for these contacts within a tolerance, Hz, if the reference takes all of them.
+fn cheapest_for(asked: &Requirements, tolerance_hz: f64) -> Option<Choice> {
+    match CHOSEN.get() {
+        Some((for_asked, within_hz, choice))
+            if (&for_asked, within_hz) == (asked, tolerance_hz) =>
+        {
+            Some(choice)
+        }
+        _ => {
+            let choice = Tier::cheapest_for(asked, tolerance_hz).ok()?;
+            CHOSEN.set(Some((*asked, tolerance_hz, choice)));
+            Some(choice)
+        }
+    }
+}
+
 fn tissue(scene: &SensorScene, stiffness_mpa: f64) -> Result<Tissue, TissueError> {
     Tissue::new(stiffness_mpa, scene.poisson, scene.tissue_loss)
 }
@@ -269,6 +293,24 @@ mod tests {
         assert!(front_hz - back_hz > 5.0, "{front_hz} {back_hz}");
         let crash_hz = circuit(false, 20.0, 45.0).series_resonance_hz;
         assert!(crash_hz.is_finite() && crash_hz > front_hz, "{crash_hz}");
+    }
+
+    /// A choice is taken over for the same contacts and tolerance only.
+    #[test]
+    fn each_tolerance_has_the_model_that_it_would_have_alone() {
+        let scene = matched().sensor;
+        let chosen = |tolerance_hz| {
+            SensorModel::new(SensorScene { tolerance_hz, ..scene }, 0.649, 0.5).unwrap().choice
+        };
+        let alone = |tolerance_hz| {
+            std::thread::spawn(move || {
+                SensorModel::new(SensorScene { tolerance_hz, ..scene }, 0.649, 0.5).unwrap().choice
+            })
+        };
+        for tolerance_hz in [20.0, 20.0, 0.5, 1e-6, 20.0] {
+            assert_eq!(chosen(tolerance_hz), alone(tolerance_hz).join().unwrap());
+        }
+        assert_ne!(chosen(20.0).tier, chosen(1e-6).tier);
     }
 
     /// The cube root of what is left of the friction, between that of a contact that sticks and of one
