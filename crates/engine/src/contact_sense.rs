@@ -10,7 +10,7 @@ use rig_resonance::{Circuit, Refusal, Resonance};
 use crate::{Fault, TouchOutcome, TouchResult, slip::Slip, sweep::DRIFT};
 
 /// The free resonance may have moved by this part since its last measurement: twice the drift that a
-/// sweep expects, and less than the softest sample moves it.
+/// sweep expects, and less than the softest sample moves it at the depth of a touch.
 const FREE_MOVE: f64 = 2.0 * DRIFT;
 
 /// Resonances within that range with which the impedance is compared.

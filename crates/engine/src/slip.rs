@@ -67,6 +67,8 @@ pub enum Slip {
 pub(crate) struct SlipCheck {
     surface: Surface,
     approach: Approach,
+    /// Depth of the touch, mm.
+    depth_mm: f64,
     /// The impedance of the clear probe, before the search or in the check.
     baseline: Impedance,
     /// Whether the baseline was read anew.
@@ -83,7 +85,8 @@ enum Place {
     In,
     /// Out of the sample, to take up the backlash.
     Out,
-    /// The same place, to read the baseline anew.
+    /// As far out of the sample as the touch was deep in it, to read the baseline anew. A probe whose drive
+    /// has lost steps downwards may touch at [`Place::Out`], so lightly that it seems to have drifted.
     Anew,
     Above,
     Below,
@@ -93,16 +96,20 @@ impl SlipCheck {
     pub(crate) fn begin(
         surface: Surface,
         approach: Approach,
+        depth_mm: f64,
         baseline: Impedance,
     ) -> (Self, SlipStep) {
         let here = surface.position;
         let (place, trail, is_fresh) = (Place::In, Vec::new(), false);
-        (Self { surface, approach, baseline, is_fresh, place, here, trail }, SlipStep::Drive)
+        (
+            Self { surface, approach, depth_mm, baseline, is_fresh, place, here, trail },
+            SlipStep::Drive,
+        )
     }
 
     /// The sensor is driven at the no-load resonance; `None` if that was done before.
     pub(crate) fn driven(&mut self) -> Option<SlipStep> {
-        (self.place == Place::In).then(|| self.up_to(Place::Out))
+        (self.place == Place::In).then(|| self.up_to(Place::Out, 0.0))
     }
 
     /// The positions with their readings.
@@ -135,7 +142,7 @@ impl SlipCheck {
                 self.down_to(Place::Above, self.approach.slip_mm)
             }
             Place::Above if is_clear => self.down_to(Place::Below, -self.approach.slip_mm),
-            Place::Above if !self.is_fresh => self.up_to(Place::Anew),
+            Place::Above if !self.is_fresh => self.up_to(Place::Anew, self.depth_mm),
             Place::In | Place::Out | Place::Anew | Place::Above => {
                 SlipStep::Finished(Err(Slip::Higher { at, by_mm }))
             }
@@ -144,9 +151,9 @@ impl SlipCheck {
         }
     }
 
-    fn up_to(&mut self, place: Place) -> SlipStep {
+    fn up_to(&mut self, place: Place, further_mm: f64) -> SlipStep {
         self.place = place;
-        let above_mm = self.approach.slip_mm + self.approach.coarse_step_mm;
+        let above_mm = self.approach.slip_mm + self.approach.coarse_step_mm + further_mm;
         SlipStep::MoveTo(self.surface.position.offset(above_mm))
     }
 

@@ -72,7 +72,7 @@ pub(crate) fn check_again(
     let trail = &valid.collect::<Vec<Tried>>()[..];
     let slip_mm = protocol.slip_mm().unwrap_or(f64::NAN);
     // Where the probe seemed to touch above the surface, its impedance when clear was read anew.
-    let anew_mm = slip_mm + protocol.approach.coarse_step_mm;
+    let anew_mm = slip_mm + protocol.approach.coarse_step_mm + protocol.touch.indentation_mm;
     let (asked, clear): (&[f64], _) = match trail {
         [_, anew, ..] if trail.len() > 2 => (&[slip_mm, anew_mm, slip_mm, -slip_mm], parts(anew)),
         [_, anew] if anew.position_mm > surface_mm => (&[slip_mm, anew_mm], None),

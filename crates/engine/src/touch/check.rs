@@ -1,6 +1,7 @@
 //! The check of the surface after the sweep of a touch.
 
 use rig_model::Reading;
+use rig_protocol::TouchSettings;
 use rig_resonance::{Resonance, flagged};
 
 use super::{Phase, TouchMachine};
@@ -19,11 +20,11 @@ impl TouchMachine {
         loaded: &Resonance,
         context: &mut MachineContext<'_>,
     ) -> MachineStep<TouchResult> {
-        let approach = context.plan.touch.approach;
+        let TouchSettings { approach, indentation_mm, .. } = context.plan.touch;
         let Some(baseline) = self.baseline.filter(|_| 0.0 < approach.slip_mm) else {
             return self.retract(self.measured(contact, loaded), context);
         };
-        let (check, step) = SlipCheck::begin(contact.surface, approach, baseline);
+        let (check, step) = SlipCheck::begin(contact.surface, approach, indentation_mm, baseline);
         self.phase = Phase::Checking { check, contact, loaded: Box::new(*loaded) };
         self.follow_check(step, context)
     }
