@@ -51,6 +51,9 @@ pub(crate) struct Journal {
     pub(crate) entries: Vec<Entry>,
     /// Addresses of touches that have an amendment, and so an outcome elsewhere.
     pub(crate) elsewhere: Vec<String>,
+    /// Records of sweeps, and the largest number of a sweep of the amendments of the run, or of the run and
+    /// its other amendments, before each: all of them are numbered together.
+    pub(crate) numbered: BTreeMap<u64, u64>,
     /// The settings of the run that an amendment amends.
     pub(crate) amended: Option<Box<RunStarted>>,
     /// The last record of a session, µs, in each epoch of the run. The end of a killed one is written later.
@@ -172,6 +175,7 @@ pub(crate) fn read(connection: &Connection, run: &str) -> Result<Journal, Journa
         stretches: stretches(connection, run.key)?,
         seal: seal(connection, run.key)?,
         elsewhere: amended_steps(connection, &run.id)?,
+        numbered: numbered(connection, &run)?,
         links,
         entries: Vec::new(),
         amended: None,
@@ -341,6 +345,30 @@ fn amended_steps(connection: &Connection, run: &str) -> Result<Vec<String>, rusq
         }
     }
     Ok(steps)
+}
+
+/// The largest number of a sweep in what belongs together with a run or an amendment, before each of its
+/// own sweeps.
+fn numbered(connection: &Connection, run: &Listed) -> Result<BTreeMap<u64, u64>, rusqlite::Error> {
+    let of_row = |row: &rusqlite::Row<'_>| {
+        let number = row.get::<_, Option<i64>>(1)?.unwrap_or_default();
+        Ok((row.get::<_, i64>(0)?.cast_unsigned(), number.cast_unsigned()))
+    };
+    let amends = if run.kind == "amendment" { &run.name } else { &run.id };
+    // An amendment that was cut off has no outcome, and its numbers are given again.
+    connection
+        .prepare_cached(
+            "WITH others AS (
+                 SELECT key FROM runs WHERE key <> ?1 AND
+                     (id = ?2 OR kind = 'amendment' AND name = ?2 AND status <> 'running')),
+             sweeps AS (
+                 SELECT id, json_extract(payload, '$.number') AS number FROM records
+                 WHERE run IN (SELECT key FROM others) AND kind = 'sweep' AND json_valid(payload))
+             SELECT seq, (SELECT max(number) FROM sweeps WHERE sweeps.id < records.id) FROM records
+             WHERE run = ?1 AND kind = 'sweep' AND EXISTS (SELECT 1 FROM others)",
+        )?
+        .query_map(params![run.key, amends], of_row)?
+        .collect()
 }
 
 /// The settings of another run.

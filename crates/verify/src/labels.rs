@@ -9,6 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
     finding::{Check, Findings},
+    journal::Journal,
     motion::{Descent, Motion, Probe, Turn},
     record::{
         Action, FitSettings, Flag, Outcome, Pose, Prompt, PromptAnswered, PromptAsked, Reading,
@@ -90,6 +91,8 @@ pub(crate) struct Labels {
     /// The last touch with a result, until it is contradicted.
     last: Option<TouchResult>,
     elsewhere: BTreeSet<String>,
+    /// The largest number of a sweep in another record of the same touches, before each sweep.
+    numbered: BTreeMap<u64, u64>,
     /// When the computer was held up, s on the rig's clock.
     standstills: Vec<(f64, f64)>,
     /// Why the last touch is said to be contradicted, and the last fault.
@@ -101,9 +104,11 @@ pub(crate) struct Labels {
 }
 
 impl Labels {
-    /// The touches `elsewhere` have an outcome in an amendment.
-    pub(crate) fn new(elsewhere: &[String]) -> Self {
-        Self { elsewhere: elsewhere.iter().cloned().collect(), ..Self::default() }
+    /// Touches may have an outcome in an amendment, whose sweeps are numbered together with those of the
+    /// run.
+    pub(crate) fn new(journal: &Journal) -> Self {
+        let elsewhere = journal.elsewhere.iter().cloned().collect();
+        Self { elsewhere, numbered: journal.numbered.clone(), ..Self::default() }
     }
 
     pub(crate) fn begin(&mut self, steps: u32, planned: Vec<Touch>) {
@@ -370,7 +375,8 @@ impl Labels {
         settings: Option<&Settings>,
         findings: &mut Findings,
     ) {
-        let next = self.sweeps + 1;
+        let others = self.numbered.get(&seq).copied().unwrap_or_default();
+        let next = self.sweeps.max(others) + 1;
         let is_manual = sweep.purpose == "manual";
         // A manual sweep has its number from its begin, also when it never ends.
         if if is_manual { sweep.number < next } else { sweep.number != next } {

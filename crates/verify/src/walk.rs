@@ -30,7 +30,7 @@ pub(crate) fn check(journal: &Journal) -> Verdict {
         chain: Chain::new(),
         settings: None,
         motion: Motion::new(),
-        labels: Labels::new(&journal.elsewhere),
+        labels: Labels::new(journal),
         accepted: Vec::new(),
         refused: Vec::new(),
         session: None,

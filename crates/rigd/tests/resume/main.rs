@@ -6,7 +6,7 @@ mod kills;
 mod skips;
 mod support;
 
-use std::{collections::BTreeMap, fs, time::Duration};
+use std::{collections::BTreeMap, fs, path::Path, time::Duration};
 
 use rig_engine::{Command as RigCommand, RigState, RunStatus};
 use rig_store::{Clearance, Reader, Record, StoredRecord};
@@ -243,6 +243,34 @@ fn a_run_that_is_given_up_does_not_go_on() {
     assert!(refused.status.code() == Some(1) && said.contains("sealed"), "{said}");
 }
 
+/// Every run, session and amendment is sound.
+fn assert_sound(data: &Path) {
+    for run in Reader::open(data).unwrap().runs().unwrap() {
+        let verdict = rig_verify::verify(data, &run.id.to_string()).unwrap();
+        assert!(verdict.is_sound, "{run}: {:#?}", verdict.findings);
+    }
+}
+
+#[test]
+fn the_sweeps_of_a_run_and_of_its_amendments_are_numbered_together() {
+    let folder = TempDir::new().unwrap();
+    let (rig, protocol) = (write_rig(folder.path()), write_protocol(folder.path()));
+    let (rig, protocol) = (rig.to_str().unwrap(), protocol.to_str().unwrap());
+    assert!(rigd(folder.path(), &["run", protocol, "--rig", rig]).status.success());
+    let data = folder.path().join("data");
+    let crash = crashed(&data, 60);
+    fs::copy(crash.path().join("rigd.db"), data.join("rigd.db")).unwrap();
+    for command in [
+        &["redo", "latest", "main/1/front/30/1", "--why", "it slipped", "--rig", rig][..],
+        &["run", "--resume", "latest", "--rig", rig],
+        &["redo", "latest", "main/1/front/30/1", "--why", "once more", "--rig", rig],
+    ] {
+        let done = rigd(folder.path(), command);
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    }
+    assert_sound(&data);
+}
+
 #[test]
 fn a_touch_is_measured_again_or_left_out_and_the_old_outcome_is_kept() {
     let folder = TempDir::new().unwrap();
@@ -282,6 +310,7 @@ fn a_touch_is_measured_again_or_left_out_and_the_old_outcome_is_kept() {
     assert_eq!(chain(), records);
     let report = fs::read_to_string(skipped["report"].as_str().unwrap()).unwrap();
     assert!(report.contains("skip by Ada: cracked"));
+    assert_sound(&folder.path().join("data"));
 }
 
 #[test]
