@@ -1,6 +1,9 @@
 //! The benches of the fault campaign: makes of devices, scene and protocol of a few touches.
 
-use std::path::PathBuf;
+use std::{
+    fmt::{self, Display},
+    path::PathBuf,
+};
 
 use rand_core::Rng;
 use rand_pcg::Pcg64;
@@ -146,8 +149,9 @@ impl Bench {
             scene: Some(LoadedScene { scene: scene.clone(), source: scene_text.clone() }),
         };
         let protocol = protocol(level_v, draw);
-        // A tissue that stays indented needs a protocol without the check.
-        let has_slip_check = draw.happens(0.9);
+        // A tissue that stays indented needs a protocol without the check. There the contact sense stands
+        // alone.
+        let has_slip_check = draw.happens(0.75);
         let slip = if has_slip_check { "" } else { "slip_mm = 0\n" };
         let protocol = changed(&protocol, &[("cycles = 10\n", &format!("cycles = 10\n{slip}"))]);
         let protocol = LoadedProtocol::check("campaign", &protocol, &loaded.facts())
@@ -179,6 +183,14 @@ impl Bench {
             source: self.rig_text.clone(),
             scene: Some(scene),
         }
+    }
+}
+
+/// The texts of its three files.
+impl Display for Bench {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let texts = [&self.rig_text, &self.scene_text, &self.protocol.source];
+        texts.iter().try_for_each(|source| f.write_str(&source.toml))
     }
 }
 

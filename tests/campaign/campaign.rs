@@ -42,12 +42,16 @@ pub(crate) struct Ended {
     planned: usize,
 }
 
+/// The number of the bench and the faults that a seed draws.
+pub(crate) fn drawn(seed: u64) -> (u64, Vec<Trouble>) {
+    let draw = &mut Draw::new(seed, 0xfa17);
+    (draw.below(BENCHES), faults::draw(draw))
+}
+
 impl Campaign {
     /// Plays a seed.
     pub(crate) fn play(&self, seed: u64, has_records: bool) -> Ended {
-        let draw = &mut Draw::new(seed, 0xfa17);
-        let number = draw.below(BENCHES);
-        let troubles = faults::draw(draw);
+        let (number, troubles) = drawn(seed);
         let known = {
             let mut all = self.known.lock().unwrap_or_else(PoisonError::into_inner);
             Arc::clone(all.entry(number).or_default())

@@ -73,6 +73,33 @@ fn a_second_alarm_with_another_code_on_the_way_out_leaves_no_probe_in_the_sample
     outcome(&played);
 }
 
+/// Seed 4183 of the second menu, with the softest sample: where the impedance of the clear probe was read
+/// anew, the probe still touched, and by so little that it seemed to have drifted.
+#[test]
+fn steps_lost_downwards_are_not_taken_for_drift() {
+    let bench = Bench::new(685);
+    assert!(bench.has_slip_check);
+    let undisturbed = life::play(&bench, &[], false);
+    assert!(matches!(outcome(&undisturbed), Outcome::Measured { .. }));
+    let played = life::play(&bench, &[device(DOWNWARDS, RunPhase::Dwell, 0.0)], false);
+    assert!(matches!(outcome(&played), Outcome::Refused(_)), "{:?}", played.touches);
+}
+
+/// Seed 3628 of the second menu: the person took the sample away from under a probe that could not be
+/// lifted.
+#[test]
+fn a_blocked_stage_is_freed_before_the_probe_is_lifted_by_hand() {
+    let troubles = [
+        device("emergency stop: takes the power off the drives", RunPhase::Dwell, 0.4),
+        device("emergency stop: blocks the drives", RunPhase::Sweep, 0.0),
+    ];
+    let bench = Bench::new(46);
+    assert!(bench.forgets_position);
+    let played = life::play(&bench, &troubles, false);
+    assert_eq!(played.lifts, 1);
+    outcome(&played);
+}
+
 /// The journal of a session said that a descent by hand began where the probe was before the last run.
 #[test]
 fn a_move_by_hand_after_a_run_begins_where_the_run_has_left_the_probe() {

@@ -9,12 +9,18 @@ use std::{
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::campaign::Counts;
+use crate::{
+    bench::Bench,
+    campaign::{Counts, drawn},
+    faults::MENU,
+};
 
-/// The pieces, in the order of their seeds. No seed is in two of them.
-#[derive(Debug, Default, Serialize, Deserialize)]
+/// The pieces of one menu, in the order of their seeds. No seed is in two of them.
+#[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Ledger {
+    /// What the seeds draw, as [`menu`] says it.
+    pub(crate) menu: String,
     pub(crate) pieces: Vec<Piece>,
 }
 
@@ -48,6 +54,11 @@ pub(crate) enum LedgerError {
     #[error("{} is not a ledger of this campaign", path.display())]
     Format { path: PathBuf, source: serde_json::Error },
     #[error(
+        "{} is of the menu {known}, and this program plays the menu {present}: move it away, and its pieces \
+         are begun anew", path.display()
+    )]
+    Menu { path: PathBuf, known: String, present: String },
+    #[error(
         "seeds {} to {} are in part those of the piece {} to {}; play all of them again, or others",
         asked.start, asked.end - 1, known.start, known.end - 1
     )]
@@ -70,26 +81,51 @@ pub(crate) fn program() -> Result<String, LedgerError> {
     };
     let path = std::env::current_exe().map_err(error(Path::new("this program")))?;
     let bytes = fs::read(&path).map_err(error(&path))?;
+    Ok(head_of(bytes))
+}
+
+/// The first digits of a SHA-256.
+fn head_of(bytes: impl AsRef<[u8]>) -> String {
     let digest = Sha256::digest(bytes);
     let head = digest.iter().take(8).fold(0, |head, byte| head << 8 | u64::from(*byte));
-    Ok(format!("{head:016x}"))
+    format!("{head:016x}")
+}
+
+/// Seeds and benches that stand for all others in the digest of a menu.
+const SPECIMENS: u64 = 32;
+
+/// The first digits of a digest of what seeds draw: with another menu, a seed plays something else.
+pub(crate) fn menu() -> String {
+    let drawn = (0..SPECIMENS).map(|number| format!("{:?}{}", drawn(number), Bench::new(number)));
+    head_of(format!("{MENU:?}{}", drawn.collect::<String>()))
 }
 
 impl Ledger {
-    /// The ledger beside a page; an empty one if there is none.
+    /// A ledger without pieces.
+    pub(crate) const fn new(menu: String) -> Self {
+        Self { menu, pieces: Vec::new() }
+    }
+
+    /// The ledger beside a page; a new one of the present menu if there is none.
     pub(crate) fn read(page: &Path) -> Result<Self, LedgerError> {
         let path = beside(page);
         match fs::read_to_string(&path) {
             Ok(text) => {
                 serde_json::from_str(&text).map_err(|source| LedgerError::Format { path, source })
             }
-            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Self::default()),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Self::new(menu())),
             Err(source) => Err(LedgerError::File { path, source }),
         }
     }
 
-    /// Whether these seeds can be added: a known piece is replaced as a whole or not at all.
-    pub(crate) fn admits(&self, asked: &Range<u64>) -> Result<(), LedgerError> {
+    /// Whether these seeds can be added to the ledger of this page: a known piece is replaced as a whole or
+    /// not at all, and seeds of another menu are others.
+    pub(crate) fn admits(&self, page: &Path, asked: &Range<u64>) -> Result<(), LedgerError> {
+        let present = menu();
+        if self.menu != present && !asked.is_empty() {
+            let (path, known) = (beside(page), self.menu.clone());
+            return Err(LedgerError::Menu { path, known, present });
+        }
         for piece in &self.pieces {
             let known = piece.range();
             let is_apart = known.end <= asked.start || asked.end <= known.start;
@@ -140,17 +176,20 @@ mod tests {
 
     #[test]
     fn a_seed_is_counted_once_and_a_piece_is_replaced_as_a_whole() {
-        let mut ledger = Ledger::default();
+        let (mut ledger, page) = (Ledger::new(menu()), Path::new("campaign.md"));
         for piece in [piece(101, 100, 7), piece(1, 100, 5)] {
-            ledger.admits(&piece.range()).unwrap();
+            ledger.admits(page, &piece.range()).unwrap();
             ledger.add(piece);
         }
         let counts = ledger.counts();
         assert_eq!((counts.runs, counts.touches, counts.failed_seeds), (200, 12, vec![1, 101]));
         for part in [50..150, 1..100, 200..300] {
-            assert!(ledger.admits(&part).is_err(), "{part:?}");
+            assert!(ledger.admits(page, &part).is_err(), "{part:?}");
         }
-        ledger.admits(&(1..201)).unwrap();
+        ledger.admits(page, &(1..201)).unwrap();
+        let other = Ledger::new("0".repeat(16));
+        assert!(matches!(other.admits(page, &(300..301)), Err(LedgerError::Menu { .. })));
+        other.admits(page, &(300..300)).unwrap();
         ledger.add(piece(1, 200, 11));
         assert_eq!((ledger.pieces.len(), ledger.counts().touches), (1, 11));
     }
@@ -160,7 +199,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let page = folder.path().join("campaign.md");
         assert!(Ledger::read(&page).unwrap().pieces.is_empty());
-        let mut ledger = Ledger::default();
+        let mut ledger = Ledger::new(menu());
         let mut piece = piece(1, 100, 5);
         piece.counts.table.add(3, crate::counts::PHASES[2]);
         ledger.add(piece);

@@ -132,7 +132,7 @@ fn faulted(arguments: &Arguments) -> ExitCode {
     let end = arguments.first_seed.saturating_add(arguments.seeds);
     let ledger = arguments.page.as_deref().map(|page| {
         let ledger = Ledger::read(page)?;
-        ledger.admits(&(arguments.first_seed..end))?;
+        ledger.admits(page, &(arguments.first_seed..end))?;
         Ok::<_, LedgerError>((page, ledger))
     });
     let ledger = match ledger.transpose() {

@@ -23,7 +23,8 @@ impl Display for Page<'_> {
              docs/studies/campaign.md` plays N seeds, adds them as a piece to the ledger beside this page, \
              `campaign.json`, and writes the page of all pieces anew; with `--seeds 0` it only writes the \
              page. No seed is in two pieces. The same seeds give the same counts and the same digest with \
-             the same program. `--first-seed K --seeds 1 --records` plays one of them and prints its \
+             the same program. The digest of the menu says what seeds draw; seeds of another menu are others, \
+             and have a ledger of their own. `--first-seed K --seeds 1 --records` plays one of them and prints its \
              records.\n\n\
              Each seed draws a bench (five analyzers, three makes of drives, serial lines and networks, \
              one of five samples), a protocol of one touch or two, and one to four faults, each in a \
@@ -44,10 +45,12 @@ impl Display for Page<'_> {
              | runs in which lost steps alone, without a command, took the probe deeper than the sample bears | {sunk} |\n\
              | runs that failed | {failed} |\n\
              | runs with a shift that is wrong in a known way | {unnoticed} |\n\
-             | digest of all runs | {:016x} |\n",
+             | digest of all runs | {:016x} |\n\
+             | digest of the menu | {} |\n",
             counts.table.total(),
             measured - unnoticed,
             counts.digest,
+            self.0.menu,
         )?;
         writeln!(
             f,

@@ -17,6 +17,8 @@ const TECHNICIAN: &str = "technician";
 /// A person takes this long for what has to be done.
 const PROMPT: Duration = Duration::from_secs(5);
 const LATE: Duration = Duration::from_secs(3600);
+/// To lift a probe by hand.
+const LIFT: Duration = Duration::from_secs(10);
 const RESUME: Duration = Duration::from_secs(20);
 
 /// What a person at the bench waits for.
@@ -229,7 +231,13 @@ impl Life<'_> {
         if self.is_in_contact() {
             self.played.lifts += 1;
             technician.lift_probe();
-            sleep(Duration::from_secs(10)).await;
+            sleep(LIFT).await;
+        }
+        if self.is_in_contact() {
+            // A blocked stage is freed first.
+            self.mend();
+            technician.lift_probe();
+            sleep(LIFT).await;
         }
         technician.take_sample_away();
     }

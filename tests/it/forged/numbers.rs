@@ -101,6 +101,10 @@ pub(super) const CASES: &[Case] = &[
     ("another standard deviation of a shift", Check::Shift, |forged| {
         change(result(forged, 4), "/shift_sigma_hz", |hz| 0.9 * hz);
     }),
+    ("a touch without a shift", Check::Shift, |forged| {
+        let shift = get(result(forged, 4), "/shift_hz");
+        loaded(forged, 4, |hz| hz, |_| shift / 5.0);
+    }),
     ("a resonance that is not that of the sweep", Check::Copy, |forged| {
         change(result(forged, 4), "/resonance_hz", |hz| hz + 1.0);
         change(result(forged, 4), "/shift_hz", |hz| hz + 1.0);

@@ -224,6 +224,11 @@ impl Labels {
         let sigma = result.sigma_hz.hypot(result.no_load_sigma_hz);
         let what = "the standard deviation of the shift, Hz";
         findings.agree(Check::Shift, seq, what, (sigma, result.shift_sigma_hz), COPY);
+        let least = NO_SHIFT_SIGMAS * sigma;
+        if shift <= least {
+            let what = "the shift of a result: no contact was felt, Hz";
+            findings.add(Check::Shift, seq, what, format!("more than {least}"), shift);
+        }
         self.last = Some(result.clone());
     }
 
