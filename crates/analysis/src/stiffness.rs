@@ -239,6 +239,16 @@ impl Compensation {
         Some(self.models.predict(tier, &tissue, &contact).ok()?.shift_hz)
     }
 
+    /// The logarithm of the depth at rest over the depth set, both along the normal; `None` outside of the
+    /// model.
+    pub(crate) fn log_sunk(&self, touch: &PosedTouch, young_mpa: f64) -> Option<f64> {
+        let Self { law, friction, kind, .. } = *self;
+        let contact = Contact { pose: touch.pose, depth: touch.depth, law, friction };
+        let tissue = Tissue::new(young_mpa, kind.poisson, kind.loss).ok()?;
+        let load = self.models.sensor().load(&tissue, &contact).ok()?;
+        Some((load.depth_mm / touch.normal_depth_mm()).ln())
+    }
+
     /// The tangential over the normal contact stiffness.
     pub(crate) fn tangential_ratio(&self) -> f64 {
         match self.friction {

@@ -38,9 +38,9 @@ const AFTER_CONTACT_TIME_CONSTANTS: f64 = 2.0;
 /// beyond the turn of the sample.
 const CLEAR_TIME_CONSTANTS: f64 = 1.0;
 
-/// Duration of an adaptive sweep in time constants: it waits for about six at each of its few
-/// decisive points, and the integrated cycles hardly count.
-const ADAPTIVE_TIME_CONSTANTS: f64 = 30.0;
+/// Duration of an adaptive sweep in time constants, which nine of ten do not exceed: a model of the ring
+/// takes the place of waiting. 222 sweeps in contact took 3.6 in the mean, and 5.9 at the 90th percentile.
+const ADAPTIVE_TIME_CONSTANTS: f64 = 6.0;
 
 /// Each pass of the search for the surface is finer than the one before it by at most this factor.
 const REFINEMENT: f64 = 20.0;
@@ -87,7 +87,7 @@ impl Plan {
     /// search    readings · (settle + cycles/f + 0.04 s) + way at contact speed
     /// readings  start above/coarse step + 1, and for each finer pass half of its steps; a pass has at
     ///           most 20, and begins with 2 τ
-    /// sweep     uniform: points · (settle + cycles/f); adaptive: 30 τ
+    /// sweep     uniform: points · (settle + cycles/f); adaptive: 6 τ
     /// ```
     ///
     /// with f in the middle of the window and τ = Q/(π f) for a Q of 60.

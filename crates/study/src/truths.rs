@@ -10,7 +10,11 @@ mod summary;
 mod trial;
 mod truth;
 
-use std::{io::Write, path::PathBuf};
+use std::{
+    fs,
+    io::Write,
+    path::{Path, PathBuf},
+};
 
 use rayon::prelude::*;
 use rig_analysis::model::ModelSource;
@@ -32,11 +36,40 @@ pub(crate) struct Args {
     /// Folder for `truths.md` and, in `truths/`, the table and the charts.
     #[arg(long, default_value = "target/study")]
     out: PathBuf,
+    /// Compute three truths again and compare them with the table in the folder.
+    #[arg(long)]
+    check: bool,
+}
+
+/// The truths that `--check` computes: one that is matched, one that is noticed, one of two depths.
+const CHECKED: [&str; 3] = ["nothing", "slip beyond 8.5°", "stiffer with depth"];
+
+/// The runs do not give what the page says.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: no row is \"{row}\", which the runs give now: write the page again", path.display())]
+struct Differs {
+    path: PathBuf,
+    row: String,
 }
 
 pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
     let folder = Folder::at(&args.out)?;
-    document::page(args, &try_all(args), &budget::try_all(args)).write(&folder, "truths", out)
+    if args.check {
+        return check(args, &folder.path("truths").join(document::TABLE), out);
+    }
+    let truths = try_all(args, |_| true);
+    document::page(args, &truths, &budget::try_all(args)).write(&folder, "truths", out)
+}
+
+fn check(args: &Args, path: &Path, out: &mut impl Write) -> Result<(), StudyError> {
+    let file = |source| StudyError::File { path: path.to_owned(), source };
+    let written = fs::read_to_string(path).map_err(file)?;
+    let found = document::csv(&try_all(args, |truth| CHECKED.contains(&truth.name)));
+    let rows = || found.lines();
+    if let Some(row) = rows().find(|row| !written.lines().any(|line| line == *row)) {
+        return Err(StudyError::refused(Differs { path: path.to_owned(), row: row.to_owned() }));
+    }
+    Ok(writeln!(out, "{}: {} rows are what the runs give", path.display(), rows().count() - 1)?)
 }
 
 /// The runs of one truth.
@@ -52,9 +85,10 @@ struct TruthRuns {
     at_most: [f64; 3],
 }
 
-/// The summaries of every truth, in order.
-fn try_all(args: &Args) -> Vec<TruthRuns> {
-    let truths = Truth::all();
+/// The summaries of the truths that are asked for, in order.
+fn try_all(args: &Args, is_asked: impl Fn(&Truth) -> bool) -> Vec<TruthRuns> {
+    let truths: Vec<_> =
+        Truth::all().into_iter().zip(0..).filter(|(one, _)| is_asked(one)).collect();
     let bar = progress::bar(truths.len() * args.runs as usize, "runs");
     let of_truth = |(truth, number): (Truth, u64)| {
         let (bench, quiet) = (truth.bench(), truth.without_nuisances().bench());
@@ -78,7 +112,7 @@ fn try_all(args: &Args) -> Vec<TruthRuns> {
             [0, 1, 2].map(|index| Summary::of(found.iter().map(|of_run| &of_run[index])));
         TruthRuns { truth, described, learnt, halfway, at_most }
     };
-    let all = truths.into_iter().zip(0..).map(of_truth).collect();
+    let all = truths.into_iter().map(of_truth).collect();
     bar.finish_and_clear();
     all
 }

@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 use rig_contact::inverse::OneTouch;
 
 use super::{
-    LearntTerm, MainTouches, ModelSource, RunModel, Term, Terms, judge,
+    LAW_EXPONENT_SIGMA, LearntTerm, MainTouches, ModelSource, RunModel, Term, Terms, judge,
     linear::{self, Matrix},
 };
 use crate::stiffness::{Compensation, Halfway, PosedTouch};
@@ -106,13 +106,22 @@ pub(super) fn model(
         value: term.of(&fit.terms),
         sigma: fit.covariance[index][index].sqrt(),
     };
+    let mut covariance = fit.covariance.clone();
+    if fit.terms.deflects {
+        for row in &mut covariance {
+            row.push(0.0);
+        }
+        let mut of_law = vec![0.0; covariance.len() + 1];
+        of_law[covariance.len()] = LAW_EXPONENT_SIGMA.powi(2);
+        covariance.push(of_law);
+    }
     let compensation = if is_described { None } else { described.with(&fit.terms) };
     RunModel {
         compensation: compensation.unwrap_or_else(|| described.clone()),
         terms: fit.terms,
         described: start,
         learnt: fit.learnt.iter().enumerate().map(learnt).collect(),
-        covariance: fit.covariance,
+        covariance,
         sides,
         check,
     }

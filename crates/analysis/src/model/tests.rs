@@ -189,3 +189,23 @@ fn a_gradient_is_the_change_of_the_stiffness_with_the_term() {
     assert!((found.gradient[0] / by_ratio - 1.0).abs() < 1e-3, "{found:?} {by_ratio}");
     assert!((found.gradient[1] / by_arm - 1.0).abs() < 1e-2, "{found:?} {by_arm}");
 }
+
+/// Under a depth that the stage holds, another law makes stiff samples stiffer against soft ones; one depth
+/// does not show it, and the uncertainty of the model covers it. A held indentation has no such part.
+#[test]
+fn a_depth_that_the_stage_holds_allows_for_another_law() {
+    let part = |truth: &Truth| {
+        let touches = truth.touches(&ANGLES_DEG);
+        let model = model(&touches, ModelSource::Learnt);
+        let gradient = |touch: &PosedTouch| model.of_touch(touch).unwrap().gradient;
+        assert!(model.covariance().iter().all(|row| row.len() == model.covariance().len()));
+        (gradient(&touches[0]), gradient(&touches[48]), model.learnt().len())
+    };
+    let (soft, stiff, learnt) =
+        part(&Truth { depth: Depth::Stage { along_probe_mm: 0.5 }, ..MATCHED });
+    assert_eq!((soft.len(), stiff.len()), (learnt + 1, learnt + 1));
+    let less_deep = soft[learnt] - stiff[learnt];
+    assert!((0.4..0.7).contains(&less_deep), "{soft:?} {stiff:?}");
+    let (soft, _, learnt) = part(&MATCHED);
+    assert_eq!(soft.len(), learnt);
+}

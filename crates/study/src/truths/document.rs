@@ -8,6 +8,9 @@ use crate::{
     page::{Page, Table},
 };
 
+/// The file of the table in the folder of the page.
+pub(super) const TABLE: &str = "truths.csv";
+
 /// The page on the runs of all truths.
 pub(super) fn page(args: &Args, all: &[TruthRuns], parts: &[PartRuns]) -> Page {
     let title = "Truths that the model was not made for".to_owned();
@@ -42,7 +45,7 @@ pub(super) fn page(args: &Args, all: &[TruthRuns], parts: &[PartRuns]) -> Page {
     page.table(before_and_after(all));
     page.chart("coverage.svg", chart(all, "Coverage of the 95 % intervals", Summary::coverage));
     page.chart("noticed.svg", chart(all, "Runs whose model does not hold", Summary::noticed));
-    page.data("truths.csv", csv(all));
+    page.data(TABLE, csv(all));
     page.heading("What is noticed");
     page.text(
         "The pattern is the cause whose further term removes most of χ², with the share of the runs that \
@@ -262,7 +265,8 @@ const COLUMNS: [&str; 13] = [
     "held_by_stage_percent",
 ];
 
-fn csv(all: &[TruthRuns]) -> String {
+/// The table beside the page.
+pub(super) fn csv(all: &[TruthRuns]) -> String {
     let mut table = Csv::new(&COLUMNS);
     for TruthRuns { truth, described, learnt, halfway, .. } in all {
         for (model, summary) in

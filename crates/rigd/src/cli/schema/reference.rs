@@ -148,9 +148,11 @@ fn split_default(about: &str) -> (String, Option<String>) {
     let Some(at) = about.find(END) else { return (about.to_owned(), None) };
     let (before, rest) = (&about[..at], about[at + END.len()..].trim_start_matches('.'));
     let begins = |mark: &str| before.rfind(mark).map(|place| place + mark.len());
+    // A bracket that is closed again belongs to the value.
+    let bracket = || begins("(").filter(|start| !before[*start..].contains(')'));
     let start = match before.strip_suffix('"') {
         Some(word) => word.rfind('"'),
-        None => [begins(". "), begins("(")].into_iter().flatten().max(),
+        None => begins(". ").max(bracket()),
     };
     let start = start.unwrap_or(0);
     let value = before[start..].split_once("_deg is ").map_or(&before[start..], |(_, value)| value);
@@ -208,4 +210,21 @@ fn shown(limit: &Value) -> String {
 /// Text in a cell of a table.
 fn escaped(text: &str) -> String {
     text.replace('|', "\\|").replace('<', "&lt;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_is_the_value_in_its_sentence_or_bracket() {
+        #[track_caller]
+        fn check(about: &str, rest: &str, default: &str) {
+            assert_eq!(split_default(about), (rest.to_owned(), Some(default.to_owned())));
+        }
+        check("A ratio. 2(1 - nu)/(2 - nu) if left out.", "A ratio.", "2(1 - nu)/(2 - nu)");
+        check("Pace. \"virtual\" if left out.", "Pace.", "\"virtual\"");
+        let about = "Parity (\"none\" here) and stop bits (1 if left out, or 2)";
+        check(about, about, "1");
+    }
 }
