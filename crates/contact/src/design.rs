@@ -41,6 +41,8 @@ pub struct SensorDesign {
     pub probe_radius_mm: f64,
     /// Length of the probe from the middle plane of the bimorph to the centre of the ball, mm.
     pub arm_mm: f64,
+    /// Offset of that centre from the axis of the probe: along the bimorph, and across it, mm.
+    pub probe_offset_mm: [f64; 2],
     /// Mass of the probe and its fixture, g.
     pub tip_mass_g: f64,
     /// Radius of gyration of that mass about the end of the bimorph, in pitch and in roll, mm.
@@ -74,6 +76,7 @@ impl SensorDesign {
             core_thickness_mm: 0.2,
             probe_radius_mm: 0.5,
             arm_mm: 8.0,
+            probe_offset_mm: [0.0; 2],
             tip_mass_g: 0.418,
             tip_gyration_mm: 3.6,
             piezo: PiezoMaterial {

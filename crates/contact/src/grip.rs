@@ -63,7 +63,8 @@ pub(crate) fn needed_friction(
 /// The motion of the point of contact for a force on it.
 fn compliance(section: &Section, n: Vector, force: Vector) -> Vector {
     let (l, r) = (section.length_m, section.radius_m);
-    let point = [-r * n[0], -r * n[1], -section.arm_m - r * n[2]];
+    let [x, y] = section.offset_m;
+    let point = [x - r * n[0], y - r * n[1], -section.arm_m - r * n[2]];
     let moment = cross(point, force);
     let bent = |force: f64, moment: f64, rigidity: f64| {
         let end = (force * l / 3.0 + moment / 2.0) * l * l / rigidity;

@@ -36,8 +36,11 @@ impl Rest {
     pub(crate) fn of(section: &Section, pose: &Pose, force_n: f64) -> Self {
         let n = pose.normal();
         let (l, h) = (section.length_m, section.arm_m);
-        let slope = (0.5 * n[2] * l + n[0] * h) * l / section.bending_n_m2;
-        let twist = n[1] * h * l / section.torsion_n_m2;
+        // The moments of a newton about the end of the bimorph.
+        let [along, across] = section.offset_m;
+        let (pitch, roll) = (n[0] * h + n[2] * along, n[1] * h + n[2] * across);
+        let slope = (0.5 * n[2] * l + pitch) * l / section.bending_n_m2;
+        let twist = roll * l / section.torsion_n_m2;
         let turn_rad = force_n * slope.hypot(twist);
         let held = force_n * (TURN_MAX_RAD / turn_rad.max(TURN_MAX_RAD));
         let force = n.map(|along| held * along);
@@ -48,15 +51,16 @@ impl Rest {
         let wp = -6.0 * l * stiffness + force[0] * pull_wp;
         let pp = 4.0 * l * l * stiffness + force[0] * pull_pp - force[2] * h;
         let determinant = ww * pp - wp * wp;
-        let (w, p) = (n[2], n[0] * h);
+        let (w, p) = (n[2], pitch);
         // For each newton.
         let (deflection, slope) =
             ((pp * w - wp * p) / determinant, (ww * p - wp * w) / determinant);
-        let twist = n[1] * h / (section.torsion_n_m2 / l - force[2] * h);
+        let twist = roll / (section.torsion_n_m2 / l - force[2] * h);
         let shortening = pulled(section, (deflection, slope), (deflection, slope));
         let raised = h * (slope * slope + twist * twist);
         let compliance_m_per_n = n[2] * deflection
-            + h * (n[0] * slope + n[1] * twist)
+            + pitch * slope
+            + roll * twist
             + n[1] * n[1] * l.powi(3) / (3.0 * section.lateral_n_m2)
             + 0.5 * held * (n[2] * raised - n[0] * shortening);
         Self {
@@ -82,14 +86,15 @@ impl Rest {
 
     /// The motion of the point of contact along x, y and z for each motion (w, φ, v, ψ, θ) of the end.
     ///
-    /// The point lies at (h φ₀ − R a, h θ₀ − R b, −h − R c) from the end of the bimorph, with the
-    /// normal (a, b, c). A deflection of a bent beam moves its end along the beam too.
+    /// The point lies at (x + h φ₀ − R a, y + h θ₀ − R b, −h − R c) from the end of the bimorph, with the
+    /// normal (a, b, c) and the offset (x, y) of the ball. A deflection of a bent beam moves its end along the beam too.
     pub(crate) fn point(&self, section: &Section, pose: &Pose) -> [[f64; 5]; 3] {
         let [nx, ny, nz] = pose.normal();
         let (r, h) = (section.radius_m, section.arm_m);
         let at_rest = (self.deflection, self.slope);
         let shorter = |motion: InPlane| pulled(section, at_rest, motion);
-        let (along, aside) = (h * self.slope - r * nx, h * self.twist - r * ny);
+        let [x, y] = section.offset_m;
+        let (along, aside) = (x + h * self.slope - r * nx, y + h * self.twist - r * ny);
         let reach = h + r * nz;
         [
             [-shorter((1.0, 0.0)), reach - shorter((0.0, 1.0)), 0.0, -aside, 0.0],

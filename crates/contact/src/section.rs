@@ -19,6 +19,7 @@ pub(crate) struct Section {
     pub(crate) tip_inertia_kg_m2: f64,
     pub(crate) radius_m: f64,
     pub(crate) arm_m: f64,
+    pub(crate) offset_m: [f64; 2],
     pub(crate) beam_loss: f64,
     /// Capacitance of the two layers in parallel, with the beam held still.
     pub(crate) capacitance_f: f64,
@@ -59,6 +60,7 @@ impl Section {
             tip_inertia_kg_m2: tip_mass * (design.tip_gyration_mm * mm).powi(2),
             radius_m: design.probe_radius_mm * mm,
             arm_m: design.arm_mm * mm,
+            offset_m: design.probe_offset_mm.map(|offset| offset * mm),
             beam_loss: design.beam_loss,
             capacitance_f: 2.0 * piezo.permittivity_nf_per_m * 1e-9 * width * length / layer,
             dielectric_loss: design.dielectric_loss,

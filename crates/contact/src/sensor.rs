@@ -79,8 +79,10 @@ impl Sensor {
                 return Err(SensorError::NotPositive { what, found });
             }
         }
+        let [along_mm, across_mm] = design.probe_offset_mm;
         let bounded = [
             ("arm_mm", design.arm_mm, ARM_MAX_REL * design.length_mm),
+            ("probe_offset_mm", along_mm.hypot(across_mm), design.length_mm),
             ("tip_mass_g", design.tip_mass_g, TIP_MASS_MAX_G),
             ("tip_gyration_mm", design.tip_gyration_mm, ARM_MAX_REL * design.length_mm),
             ("beam_loss", design.beam_loss, LOSS_MAX),

@@ -98,6 +98,7 @@ impl DesignKeys {
                 number("probe_radius_mm", 0.01..=50.0, reference.probe_radius_mm)
             }),
             arm_mm: number("arm_mm", 0.0..=1000.0, reference.arm_mm),
+            probe_offset_mm: reference.probe_offset_mm,
             tip_mass_g: number("tip_mass_g", 0.0..=1000.0, reference.tip_mass_g),
             tip_gyration_mm: number("tip_gyration_mm", 0.0..=1000.0, reference.tip_gyration_mm),
             piezo,

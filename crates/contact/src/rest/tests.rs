@@ -81,3 +81,28 @@ fn up_to_the_limit_the_turned_sensor_is_right_to_a_percent() {
     let refusal = models.predict(Tier::E1, &tissue, &Contact::new(Pose::UPRIGHT, SUNK));
     assert!(matches!(refusal, Err(Refusal::Turned { .. })), "{refusal:?}");
 }
+
+/// A soft contact hardly changes the mode, so that its shift is as the square of the motion of its point. How
+/// far the end of the beam turns for its deflection is seen from what the arm adds by friction.
+#[test]
+fn a_ball_beside_the_axis_moves_with_the_turn_of_the_end() {
+    let shift_hz = |probe_offset_mm: [f64; 2], tangential_ratio: f64| {
+        let design = SensorDesign { probe_offset_mm, ..*lossless().sensor().design() };
+        let models = Models::new(&Sensor::new(design).unwrap(), ContactLaw::Sneddon);
+        let friction = crate::Friction::Elastic { tangential_ratio };
+        let contact = Contact { friction, ..Contact::new(Pose::UPRIGHT, SUNK) };
+        let tissue = Tissue::new(1e-4, 0.5, 0.0).unwrap();
+        models.predict(Tier::Reference, &tissue, &contact).unwrap().shift_hz
+    };
+    let upright_hz = shift_hz([0.0; 2], 0.0);
+    let turn_per_mm = (shift_hz([0.0; 2], 1.0) / upright_hz - 1.0).sqrt() / 8.5;
+    assert!((0.03..0.05).contains(&turn_per_mm), "{turn_per_mm}");
+    let beside = |offset_mm: [f64; 2]| shift_hz(offset_mm, 0.0) / upright_hz;
+    for offset_mm in [-0.3, 0.3] {
+        let expected = (1.0 + offset_mm * turn_per_mm).powi(2);
+        assert!((beside([offset_mm, 0.0]) / expected - 1.0).abs() < 3e-4, "{offset_mm} mm");
+    }
+    let (left, right) = (beside([0.0, 0.3]), beside([0.0, -0.3]));
+    // The twist only gives way a little.
+    assert!((0.999..1.0).contains(&left) && (left - right).abs() < 1e-9, "{left} {right}");
+}

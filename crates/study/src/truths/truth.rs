@@ -36,6 +36,8 @@ pub(super) struct Truth {
     pub(super) is_within: bool,
     arm_rel: f64,
     radius_rel: f64,
+    /// Offset of the ball from the probe's axis, along the bimorph and across it, mm.
+    offset_mm: [f64; 2],
     /// Error of every angle, degrees.
     angle_deg: f64,
     loss: f64,
@@ -66,6 +68,7 @@ impl Truth {
         is_within: true,
         arm_rel: 1.0,
         radius_rel: 1.0,
+        offset_mm: [0.0; 2],
         angle_deg: 0.0,
         loss: 0.1,
         poisson: 0.5,
@@ -117,6 +120,8 @@ impl Truth {
             Self { name: "frictionless", friction: Friction::Frictionless, ..one },
             Self { name: "radius +10 %", radius_rel: 1.1, ..one },
             Self { name: "flat of 0.2 radii on the ball", flat_rel: 0.2, ..one },
+            Self { name: "ball 0.3 mm off along the bimorph", offset_mm: [0.3, 0.0], ..one },
+            Self { name: "ball 0.3 mm off across the bimorph", offset_mm: [0.0, 0.3], ..one },
             Self { name: "samples tilted by 2°", tilt_deg: 2.0, ..one },
             Self { name: "sensor turned by 10°", turned_deg: 10.0, ..one },
             Self {
@@ -146,6 +151,7 @@ impl Truth {
         let design = SensorDesign {
             arm_mm: self.arm_rel * reference.arm_mm,
             probe_radius_mm: self.radius_rel * reference.probe_radius_mm,
+            probe_offset_mm: self.offset_mm,
             ..reference
         };
         let sensor = Sensor::new(design).expect("it differs little from the reference");
