@@ -59,7 +59,7 @@ fn harmless_sweeps_are_answered_and_hopeless_ones_are_detected() {
         (Axis::WindowOffset, Path::Fit, 0.95, 1.05),
         (Axis::DriftBothWays, Path::Fit, 0.01, 2.0),
         (Axis::SecondMode, Path::Fit, 0.2, 10.0),
-        (Axis::Outliers, Path::Fit, 0.0, 30.0),
+        (Axis::Outliers, Path::Fit, 0.0, 50.0),
         (Axis::DriveLevelStep, Path::Fit, 0.0, 0.5),
         (Axis::Settling, Path::Fit, 10.0, 0.5),
         (Axis::CapacitanceDrift, Path::Fit, 0.01, 5.0),
