@@ -16,7 +16,7 @@ pub(super) fn page(args: &Args, all: &[TruthRuns], parts: &[PartRuns]) -> Page {
     let title = "Truths that the model was not made for".to_owned();
     let mut page = Page { title, parts: Vec::new() };
     page.text(format!(
-        "This page is written by `cargo run --release -p rig-study -- truths --out docs/studies`, in two \
+        "This page is written by `cargo run --release -p rig-study -- truths --out docs/studies`, in five \
          minutes on two cores, with {} runs of each truth and seed {}. The same seed gives the same bytes on \
          any number of cores.",
         args.runs, args.seed
