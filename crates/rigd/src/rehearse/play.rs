@@ -6,7 +6,7 @@ use rig_engine::{Command, RefusalAnswer, RigState, RunStatus};
 use rig_model::{Clearance, Orientation, RigTime};
 use rig_protocol::{Action as Act, Prompt};
 use rig_sim::{PortId, SimHandle, control};
-use rig_store::{Action, MemoryDisk, Reader, Record, RunId, StoredRecord};
+use rig_store::{Action, MemoryDisk, Reader, Record, RunId, StoreError, StoredRecord};
 use tokio::time::{Instant, sleep};
 
 use super::{RehearseError, Shift, bench::simulated, menu::Trouble};
@@ -116,6 +116,13 @@ impl<'a> Play<'a> {
 
     /// One life of rigd.
     async fn live(&mut self, began: &mut Instant) -> Result<End, RehearseError> {
+        // A disk that failed before the run was written has left none: the person begins it anew.
+        if let Some(run) = self.run {
+            match Reader::open_in_memory(&self.disk)?.records(run) {
+                Err(StoreError::NoSuchRun { .. }) => self.run = None,
+                found => drop(found?),
+            }
+        }
         let rig = simulated(self.rig, &self.protocol.plan);
         let (handle, rig) = rig::open_in_memory(rig, &self.disk, self.bench.clone()).await?;
         self.bench = handle.simulation().cloned();
@@ -147,6 +154,7 @@ impl<'a> Play<'a> {
                 self.see(&fault, status.snapshot.clearance);
                 self.played.struck.get_or_insert(status.now);
                 self.disk.mend();
+                self.trouble = None;
                 return Ok(End::Restarted);
             }
             match status.snapshot.state {
