@@ -63,9 +63,9 @@ impl Daemon {
         }
         let (folder, closing) = (data.path().to_owned(), CancellationToken::new());
         let shared = Shared::new(handle.clone(), facts, Some(smoke), folder, access, closing);
-        let mut status = handle.status();
-        status.wait_for(|status| status.snapshot.state == RigState::Idle).await.unwrap();
-        Self { router: router(shared), handle, data }
+        let daemon = Self { router: router(shared), handle, data };
+        daemon.reaches(RigState::Idle).await;
+        daemon
     }
 
     async fn send(

@@ -1,6 +1,7 @@
 //! Tokens of persons and programs, the lease, and browsers.
 
 use axum::{body::to_bytes, http::StatusCode};
+use rig_engine::RigState;
 use rig_store::{Reader, Record};
 use rigd::tokens::{self, Role};
 use serde_json::Value;
@@ -12,6 +13,11 @@ impl Daemon {
     fn token(&self, name: &str, role: Role) -> String {
         let secret = tokens::make(self.data.path(), &name.parse().unwrap(), role).unwrap();
         format!("Bearer {}", secret.reveal())
+    }
+
+    pub(super) async fn reaches(&self, state: RigState) {
+        let mut status = self.handle.status();
+        status.wait_for(|status| status.snapshot.state == state).await.unwrap();
     }
 
     async fn status(&self, method: &str, path: &str, headers: &[(&str, &str)]) -> StatusCode {
@@ -45,11 +51,14 @@ async fn a_role_allows_what_it_says_and_a_stop_is_allowed_to_everybody() {
     assert_eq!(json.0, StatusCode::FORBIDDEN);
     assert!(json.1["detail"].as_str().unwrap().contains("operate; yours has view"), "{}", json.1);
     let bob = daemon.token("bob", Role::Operate);
+    daemon.reaches(RigState::Latched).await;
     let begun = daemon.json("POST", "/api/v1/acknowledge", &bob, "").await;
     assert_eq!(begun.0, StatusCode::OK, "{}", begun.1);
     tokens::revoke(daemon.data.path(), &"ada".parse().unwrap()).unwrap();
     let expected = (StatusCode::UNAUTHORIZED, "unauthorized");
     daemon.refused("POST", "/api/v1/stop", &[("authorization", &*ada)], "", expected).await;
+    // From then on everything is on disk.
+    daemon.handle.close().await;
     let events = Reader::open(daemon.data.path()).unwrap().events_after(0, 1000).unwrap();
     let who = |wanted: &str| {
         events.iter().find_map(|stored| match stored.record().unwrap() {
@@ -85,6 +94,8 @@ async fn one_operates_while_others_watch_and_a_take_over_is_on_record() {
     assert_eq!(daemon.json("POST", "/api/v1/stop", &ada, "").await.0, StatusCode::OK);
     assert_eq!(lease("DELETE", &chief, "").await.0, StatusCode::NO_CONTENT);
     assert_eq!(lease("POST", &ada, "{}").await.1["is_yours"], true);
+    // From then on everything is on disk.
+    daemon.handle.close().await;
     let events = Reader::open(daemon.data.path()).unwrap().events_after(0, 1000).unwrap();
     let said = |wanted: (&str, &str)| {
         events.iter().any(|stored| match stored.record().unwrap() {
