@@ -35,6 +35,6 @@ async fn the_expected_duration_of_a_run_is_learned_from_the_runs_before() {
     // Of a range of four fifths, one in seven may be missed.
     assert!(within >= 6, "{within} of 7: {widths:?}");
     // The plan alone knows neither this bench nor its people.
-    assert!(widths[0] > 1.0 && widths[1..].iter().all(|width| *width < 0.4), "{widths:?}");
+    assert!(widths[0] > 1.0 && widths[1..].iter().all(|width| *width < 0.6), "{widths:?}");
     rig.close().await;
 }

@@ -14,8 +14,8 @@ const RUNS_MAX: usize = 20;
 /// With fewer steps of a kind, the plan is the better estimate.
 const LEAST_STEPS: usize = 5;
 
-/// The range holds the middle four fifths of what happened before: its ends, in tenths.
-const ENDS: [usize; 2] = [1, 9];
+/// The range holds the middle four fifths of what happened before: its ends.
+const ENDS: [f64; 2] = [0.1, 0.9];
 
 /// Two runs of one protocol on one bench differ by about this, relative, beyond what the differences of
 /// their touches explain: another sample, another temperature.
@@ -114,33 +114,45 @@ impl History {
     /// Time within which nine of ten prompts were answered, s; `None` without enough of them.
     pub(super) fn answer_s(&self) -> Option<f64> {
         let last = self.answers_s.len().checked_sub(1).filter(|last| LEAST_STEPS <= last + 1)?;
-        Some(self.answers_s[(last * ENDS[1] + 5) / 10])
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an index")]
+        let place = (last as f64 * ENDS[1]).round() as usize;
+        Some(self.answers_s[place])
     }
 
     /// The least and the most of the real duration over the expected one, for this number of steps in
     /// a row; `None` without enough of them.
     ///
     /// The quantiles are those of as many steps in a row of the earlier runs, so that the range of a sum
-    /// is narrower than that of one step, unless slow steps come together.
+    /// is narrower than that of one step, unless slow steps come together. Each run counts once, however
+    /// many steps it has, because the steps of a run are alike.
     pub(super) fn ratios(&self, kind: StepKind, steps: usize) -> Option<[f64; 2]> {
         let runs = self.runs.get(&kind)?;
         if runs.iter().map(Vec::len).sum::<usize>() < LEAST_STEPS {
             return None;
         }
-        let in_a_row = |run: &Vec<Taken>| -> Vec<f64> {
+        let in_a_row = |run: &Vec<Taken>| -> Vec<(f64, f64)> {
             let count = steps.clamp(1, run.len());
-            let sum = |steps: &[Taken]| {
+            let share = 1.0 / (run.len() - count + 1) as f64;
+            let ratio = |steps: &[Taken]| {
                 let sums =
                     steps.iter().fold((0.0, 0.0), |sum, step| (sum.0 + step.0, sum.1 + step.1));
-                sums.1 / sums.0
+                (sums.1 / sums.0, share)
             };
-            run.windows(count).map(sum).collect()
+            run.windows(count).map(ratio).collect()
         };
-        let mut all: Vec<f64> = runs.iter().flat_map(in_a_row).collect();
-        all.sort_by(f64::total_cmp);
+        let mut all: Vec<(f64, f64)> = runs.iter().flat_map(in_a_row).collect();
+        all.sort_by(|a, b| a.0.total_cmp(&b.0));
         let margin = BETWEEN_RUNS / (runs.len() as f64).sqrt();
-        let last = all.len().checked_sub(1)?;
-        let [low, high] = ENDS.map(|tenths| all[(last * tenths + 5) / 10]);
+        let end = |part: f64| {
+            let mut left = part * runs.len() as f64;
+            let mut places = all.iter();
+            let place = places.find(|(_, share)| {
+                left -= share;
+                left <= 0.0
+            });
+            place.or(all.last()).map(|(ratio, _)| *ratio)
+        };
+        let [low, high] = [end(ENDS[0])?, end(ENDS[1])?];
         Some([low * (1.0 - margin), high * (1.0 + margin)])
     }
 }
