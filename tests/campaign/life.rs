@@ -279,12 +279,14 @@ impl Life<'_> {
         }
     }
 
-    /// Without a journal the probe is not lowered. The move under way when it fails may be seen afterwards.
+    /// Without a journal the probe is not lowered below its clear position. The move under way when it
+    /// fails may be seen afterwards.
     fn look_at_unrecorded(&mut self) {
         let Some(simulation) = &self.simulation else { return };
         let target = simulation.with(|_, rig| rig.world().stage(AxisId::Linear).target());
         let (before, count) = self.unrecorded.unwrap_or((target, 0));
-        let count = count + u32::from(target < before);
+        let is_lower = target < before && target < self.bench.rest().value();
+        let count = count + u32::from(is_lower);
         self.unrecorded = Some((target, count));
         if count > 1 {
             self.fail("lowered the probe after the journal had failed");

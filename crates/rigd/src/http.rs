@@ -21,6 +21,7 @@ mod live;
 mod metrics;
 mod moves;
 mod notes;
+mod object;
 pub mod openapi;
 mod page;
 mod plan;

@@ -7,6 +7,11 @@ export function fixed(value: number, decimals: number): string {
   return value < 0 && Number(text) !== 0 ? MINUS + text : text;
 }
 
+/** A setting: without decimals if it has none. */
+export function setting(value: number): string {
+  return fixed(value, Number.isInteger(value) ? 0 : 1);
+}
+
 /** Decimals that show an uncertainty with one digit, or two when the first is 1. */
 export function decimalsOf(sigma: number): number {
   if (!(sigma > 0)) return 2;
@@ -55,7 +60,7 @@ export function day(text: string): string {
 
 /** Blind angles are random and have many digits. */
 export function degrees(angle: number): string {
-  return `${Number.isInteger(angle) ? fixed(angle, 0) : fixed(angle, 1)}°`;
+  return `${setting(angle)}°`;
 }
 
 /** How a run ended, in a word for people. */

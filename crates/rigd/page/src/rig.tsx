@@ -1,6 +1,6 @@
 // The rig: who its devices are, moves by hand, a single sweep, and what happened.
 import { useEffect, useState } from "preact/hooks";
-import { clock, fixed } from "./format.ts";
+import { clock, fixed, setting } from "./format.ts";
 import { Bench } from "./drawings.tsx";
 import { FrameList, SweepCard, wallMs } from "./now.tsx";
 import { AskButton, Said } from "./shell.tsx";
@@ -26,7 +26,7 @@ export function RigPage({ view }: { view: View }) {
         </div>
         <div class="row">
           <p class="soft">One press, one move, then the read-back. {off ? <strong>Off: {off}.</strong> : "A move beyond a limit is refused."}</p>
-          <AskButton icon="up" disabled={off !== undefined} why={off} send={() => post("moves", { type: "application/json", text: JSON.stringify({ axis: "linear", to: rig.limits.linear_mm.rest }) })}>Retract to {fixed(rig.limits.linear_mm.rest, 0)} mm</AskButton>
+          <AskButton icon="up" disabled={off !== undefined} why={off} send={() => post("moves", { type: "application/json", text: JSON.stringify({ axis: "linear", to: rig.limits.linear_mm.rest }) })}>Retract to {setting(rig.limits.linear_mm.rest)} mm</AskButton>
         </div>
       </section>
       <section class="card events" aria-label="What happened">
@@ -104,7 +104,7 @@ function Console({ rig }: { rig: Rig }) {
   );
 }
 
-const limitsOf = ({ min, max, rest }: AxisLimits, unit: string) => `soft limits ${fixed(min, 0)} to ${fixed(max, 0)} ${unit}, rests at ${fixed(rest, 0)} ${unit}`;
+const limitsOf = ({ min, max, rest }: AxisLimits, unit: string) => `soft limits ${setting(min)} to ${setting(max)} ${unit}, rests at ${setting(rest)} ${unit}`;
 
 interface AxisProps { title: string; axis: "linear" | "rotary"; unit: string; decimals: number; steps: number[]; at: number | undefined; limits: AxisLimits; more: string; less: string; off: string | undefined }
 

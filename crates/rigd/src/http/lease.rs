@@ -19,7 +19,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tokio::time::Instant;
 
-use super::{Problem, Shared, access::Client, progress::unix_ms};
+use super::{Problem, Shared, access::Client, object::Object, progress::unix_ms};
 use crate::{operator::Operator, rig_view::LeaseHolder, tokens::Role};
 
 /// The lease ends this long after the last command of its holder.
@@ -146,9 +146,9 @@ pub(super) async fn show(
 pub(super) async fn take(
     State(shared): State<Shared>,
     Extension(client): Extension<Client>,
-    form: Result<Json<LeaseForm>, JsonRejection>,
+    form: Result<Json<Object<LeaseForm>>, JsonRejection>,
 ) -> Result<Json<LeaseView>, Problem> {
-    let Json(LeaseForm { take_over }) = form?;
+    let Json(Object(LeaseForm { take_over })) = form?;
     let (lease, is_running) = (&shared.inner.lease, shared.is_running());
     if let Some(holder) = lease.holder(is_running).filter(|holder| !holder.is(&client)) {
         if !take_over {

@@ -15,7 +15,7 @@ use axum::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Problem, Shared};
+use super::{Problem, Shared, object::Object};
 
 const FILE: &str = "notes.json";
 /// Longer texts belong into a document of their own, characters.
@@ -45,7 +45,7 @@ pub(super) async fn write(
     body: Bytes,
 ) -> Result<StatusCode, Problem> {
     let id = shared.run(&id).await?;
-    let note: Note =
+    let Object(note): Object<Note> =
         serde_json::from_slice(&body).map_err(|error| Problem::bad_request(error.to_string()))?;
     if note.note.chars().count() > LENGTH_MAX {
         return Err(Problem::bad_request(format!("a note has at most {LENGTH_MAX} characters")));

@@ -12,7 +12,7 @@ use axum::{
 use schemars::JsonSchema;
 use serde::{Deserialize, de::DeserializeOwned};
 
-use super::{Problem, Shared, runs::begun};
+use super::{Problem, Shared, object::Object, runs::begun};
 use crate::{operator::Operator, rig::TouchOrder};
 
 /// The confirmations of a client.
@@ -92,5 +92,6 @@ fn form<T: Default + DeserializeOwned>(body: &Bytes) -> Result<T, Problem> {
     if body.is_empty() {
         return Ok(T::default());
     }
-    serde_json::from_slice(body).map_err(|error| Problem::bad_request(error.to_string()))
+    let read = serde_json::from_slice(body).map(|Object(form)| form);
+    read.map_err(|error| Problem::bad_request(error.to_string()))
 }
