@@ -189,7 +189,7 @@ async function afterARefusal() {
   await state(page, "Ready");
   const smoke = readFileSync(join(config, "protocols/smoke.toml"), "utf8").split("[blind]")[0]
     .replace('samples = ["1", "5"]', 'samples = ["5"]').replace('["front", "back", "left"]', '["front"]')
-    .replace("max_hz = 260", "max_hz = 205").replace("indentation_mm = 0.5", 'indentation_mm = 0.5\non_refusal = "ask"');
+    .replace("max_hz = 260", "max_hz = 200").replace("indentation_mm = 0.5", 'indentation_mm = 0.5\non_refusal = "ask"');
   const answer = await fetch(`${base}/api/v1/runs`, { method: "POST", headers: { "Content-Type": "application/toml" }, body: smoke });
   assert.equal(answer.status, 202, await answer.text());
   for (const prompt of [/^Put sample 5/, /^Turn the sensor/]) {
