@@ -38,7 +38,7 @@ const UPWARDS: &str = "linear drive: loses 0.3 mm upwards";
 const DOWNWARDS: &str = "linear drive: loses 0.3 mm downwards";
 
 /// Seed 32965 of the first menu. Each loss alone is noticed. Both together leave a sound record of a softer
-/// sample: nothing that the rig reads differs but the resonance, which nothing else foretells.
+/// sample: nothing that the rig reads differs but the resonance, which nothing else predicts.
 #[test]
 fn steps_that_are_lost_and_gained_again_are_beyond_notice_and_each_loss_alone_is_not() {
     let bench = Bench::new(39);

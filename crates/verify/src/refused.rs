@@ -2,7 +2,7 @@
 //!
 //! A reason says what the readings do not show: no resonance, one outside of the window, or readings far
 //! from the rest. A sweep that determines a resonance of its own contradicts it. Other reasons say that the
-//! readings show something besides a resonance, which this checker does not model.
+//! readings show something other than a resonance, which this checker does not model.
 
 use crate::{
     finding::{Check, Findings},

@@ -77,7 +77,7 @@ impl Guesses {
                 account.wrong > 0
             });
             if accounts.len() >= ADDRESSES_MAX {
-                // So many are an attack from many places. All share one account until some are forgotten.
+                // This many come from an attack. All further ones share one account until some are forgotten.
                 let crowd = network(Ipv6Addr::UNSPECIFIED.into());
                 let account = accounts.entry(crowd).or_insert(Account::new(now));
                 account.forget(now);

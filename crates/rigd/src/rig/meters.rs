@@ -1,4 +1,4 @@
-//! What the rig thread measures about itself, for whoever watches over the service.
+//! What the rig thread measures about itself, for the monitoring of the service.
 
 use std::{
     sync::{Arc, Mutex, MutexGuard, PoisonError},
