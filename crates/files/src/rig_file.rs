@@ -118,6 +118,14 @@ impl PortFile {
     pub const fn is_serial(&self) -> bool {
         matches!(self, Self::Serial { .. })
     }
+
+    /// Format of the characters on a serial port; `None` for a network connection.
+    pub const fn line(&self) -> Option<LineSettings> {
+        match self {
+            Self::Serial { line, .. } => Some(*line),
+            Self::Tcp { .. } => None,
+        }
+    }
 }
 
 /// The drive of an axis.

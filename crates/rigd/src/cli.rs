@@ -20,6 +20,7 @@ mod moves;
 mod outcome;
 mod ports;
 mod prompt;
+#[cfg(feature = "simulator")]
 mod rehearse;
 mod run;
 mod runs;
@@ -68,6 +69,7 @@ enum CliCommand {
     GiveUp(runs::GiveUpArgs),
     /// Say whether a protocol can run on a rig, without moving anything
     Check(check::CheckArgs),
+    #[cfg(feature = "simulator")]
     /// Try the faults of a bench on a protocol, in simulation
     Rehearse(rehearse::RehearseArgs),
     /// Serve the rig over HTTP, with a protocol loaded
@@ -139,15 +141,19 @@ enum CliCommand {
 /// Runs the program.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    // The warnings of a rehearsal are about faults that it has made.
-    let is_rehearsal = matches!(cli.command, CliCommand::Rehearse(_));
-    start_log(if is_rehearsal { LevelFilter::OFF } else { LevelFilter::WARN });
+    start_log(match cli.command {
+        // The warnings of a rehearsal are about faults that it has made.
+        #[cfg(feature = "simulator")]
+        CliCommand::Rehearse(_) => LevelFilter::OFF,
+        _ => LevelFilter::WARN,
+    });
     let result = match cli.command {
         CliCommand::Run(args) => run::run(&args),
         CliCommand::Redo(args) => run::redo(&args),
         CliCommand::Skip(args) => runs::skip(&args),
         CliCommand::GiveUp(args) => runs::give_up(&args),
         CliCommand::Check(args) => check::check(&args),
+        #[cfg(feature = "simulator")]
         CliCommand::Rehearse(args) => rehearse::rehearse_protocol(&args),
         CliCommand::Serve(args) => serve::serve(&args),
         CliCommand::Status(args) => daemon::status(&args),

@@ -15,10 +15,12 @@ mod local_time;
 pub mod operator;
 mod predict;
 pub mod protocol_file;
+#[cfg(feature = "simulator")]
 pub mod rehearse;
 pub mod rig;
 mod rig_view;
 pub mod run_files;
+pub mod simulation;
 mod sweep_form;
 mod sweeps;
 pub mod tokens;

@@ -7,11 +7,10 @@ use rig_files::{
     rig_file::{Connection, Pace, RigFile, Simulation},
 };
 use rig_model::RigLimits;
-use rig_sim::world::Scene;
 use rig_store::Source;
 
-pub use crate::files::FileError;
 use crate::files::read;
+pub use crate::{files::FileError, simulation::LoadedScene};
 
 /// A rig file with its scene.
 #[derive(Debug)]
@@ -24,15 +23,6 @@ pub struct LoadedRig {
     pub source: Source,
     /// The scene of a simulated rig.
     pub scene: Option<LoadedScene>,
-}
-
-/// The scene of a simulated rig.
-#[derive(Debug)]
-pub struct LoadedScene {
-    /// Contents of the simulated bench.
-    pub scene: Scene,
-    /// Its text, for the journal.
-    pub source: Source,
 }
 
 /// The facts about a rig that a protocol is checked against.
@@ -77,7 +67,7 @@ impl LoadedRig {
     /// The facts that a protocol is checked against.
     pub fn facts(&self) -> RigFacts {
         let names = |loaded: &LoadedScene| {
-            loaded.scene.samples.iter().map(|sample| sample.name.clone()).collect()
+            loaded.known_samples().into_iter().map(|(name, _)| name).collect()
         };
         RigFacts {
             name: self.file.name.clone(),
@@ -92,8 +82,7 @@ impl LoadedRig {
     /// the rig file on a real one.
     pub fn known_samples(&self) -> Vec<(String, f64)> {
         if let Some(loaded) = &self.scene {
-            let samples = loaded.scene.samples.iter();
-            return samples.map(|sample| (sample.name.clone(), sample.stiffness_mpa)).collect();
+            return loaded.known_samples();
         }
         let samples = self.file.samples.iter();
         samples.map(|sample| (sample.name.clone(), sample.stiffness_mpa)).collect()
@@ -107,20 +96,6 @@ impl LoadedRig {
     /// Whether time passes as fast as the simulation computes.
     pub const fn is_virtual_time(&self) -> bool {
         matches!(&self.file.connection, Connection::Simulated(Simulation { pace, .. }) if matches!(pace, Pace::Virtual))
-    }
-}
-
-impl LoadedScene {
-    /// Reads a scene file.
-    ///
-    /// # Errors
-    /// [`FileError`], with every fault of the file.
-    pub fn load(path: &Path) -> Result<Self, FileError> {
-        let (name, toml) = read(path, FileKind::Scene)?;
-        let scene = rig_sim::scene::read(&name, &toml).map_err(FileError::Faults)?;
-        // The journal has no path, so that a run gives the same bytes wherever its files are.
-        let source = Source { name: scene.name.clone(), toml };
-        Ok(Self { scene, source })
     }
 }
 

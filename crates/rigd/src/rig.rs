@@ -43,7 +43,6 @@ use std::{
 use rig_engine::{Command, CommandRefusal};
 use rig_link::Clock;
 use rig_model::{RigTime, SweepRequest, with_causes};
-use rig_sim::SimHandle;
 use rig_store::{MemoryDisk, RunId, StoreError};
 use tokio::sync::{mpsc, oneshot, watch};
 
@@ -70,7 +69,7 @@ pub use status::{DeviceIdentity, RunView, Status};
 pub(crate) use status::{PortFrames, Setting};
 pub use way_out::{WayOut, make_safe};
 
-use crate::{loaded_rig::LoadedRig, protocol_file::LoadedProtocol};
+use crate::{loaded_rig::LoadedRig, protocol_file::LoadedProtocol, simulation::SimHandle};
 
 /// Commands wait here while the rig thread is busy for a moment. One person and one program
 /// together never have as many outstanding.

@@ -18,7 +18,6 @@ use crate::{
     endpoint::EndpointError,
     http::{access::TokenError, tls::TlsError},
     loaded_rig::FileError,
-    rehearse::RehearseError,
     rig::{OpenError, RequestRefusal, ResumeRefusal},
     run_files::RunFilesError,
     sweep_form::SweepFaults,
@@ -47,7 +46,8 @@ pub(super) enum Failure {
     #[error(transparent)]
     Open(#[from] OpenError),
     #[error(transparent)]
-    Rehearse(#[from] RehearseError),
+    #[cfg(feature = "simulator")]
+    Rehearse(#[from] crate::rehearse::RehearseError),
     #[error("data directory {}", data.display())]
     Data { data: PathBuf, source: StoreError },
     #[error(transparent)]
@@ -175,11 +175,12 @@ impl Failure {
             Self::TouchesRefused => 6,
             Self::NotSound => 7,
             Self::Interrupted => 130,
+            #[cfg(feature = "simulator")]
+            Self::Rehearse(_) => 1,
             Self::RunFiles(_)
             | Self::Tokens(_)
             | Self::Daemon(_)
             | Self::Open(_)
-            | Self::Rehearse(_)
             | Self::Data { .. }
             | Self::Store(_)
             | Self::Export(_)

@@ -35,6 +35,7 @@ enum FileKind {
     Protocol,
     /// The devices, axes, limits and sensor of a bench
     Rig,
+    #[cfg(feature = "simulator")]
     /// Sensor, samples and nuisances of a simulated bench
     Scene,
 }
@@ -59,6 +60,7 @@ struct NewProtocolArgs {
 
 const PROTOCOL: &str = include_str!("../../../../config/protocols/three-direction.toml");
 const RIG: &str = include_str!("../../../../config/rigs/simulated.toml");
+#[cfg(feature = "simulator")]
 const SCENE: &str = include_str!("../../../../config/scenes/paper.toml");
 
 /// Prints the JSON Schema of a kind of file.
@@ -66,6 +68,7 @@ pub(super) fn schema(args: &SchemaArgs) -> Result<(), Failure> {
     let (schema, manual) = match args.kind {
         FileKind::Protocol => (Protocol::schema(), PROTOCOL),
         FileKind::Rig => (RigFile::schema(), RIG),
+        #[cfg(feature = "simulator")]
         FileKind::Scene => (rig_sim::scene::schema(), SCENE),
     };
     let comments = comments(manual);

@@ -3,12 +3,9 @@
 use std::{path::PathBuf, sync::Arc, time::Duration};
 
 use rig_analyzer::{Analyzer, AnalyzerError, Dialect, TransportSettings};
-use rig_engine::Event;
-use rig_files::rig_file::{AnalyzerFile, AxisFile, Connection, PortFile, RigFile, SimulatedPerson};
-use rig_link::{Clock, Endpoint, Port, Transcript, Transport};
-use rig_model::{Deg, LineSettings, Mm, Unit};
-use rig_protocol::Prompt;
-use rig_sim::{AxisWiring, LineTransport, PortId, SimHandle, SimRig, Technician, Wiring};
+use rig_files::rig_file::{AnalyzerFile, AxisFile, Connection, PortFile, RigFile};
+use rig_link::{Clock, Endpoint, Port, Transcript};
+use rig_model::{Deg, Mm, Unit};
 use rig_stage::{BusHandle, BusSettings, HaltFrames, RegisterMap, Stage, StageError};
 use rig_store::StoreError;
 
@@ -17,7 +14,10 @@ use super::{
     devices::{Axes, GatedAnalyzer},
     gate::Gate,
 };
-use crate::loaded_rig::{LoadedRig, LoadedScene};
+use crate::{
+    loaded_rig::{LoadedRig, LoadedScene},
+    simulation::{SceneError, SimHandle, Simulation},
+};
 
 /// Why a rig cannot be opened.
 #[derive(Debug, thiserror::Error)]
@@ -41,7 +41,7 @@ pub enum OpenError {
     },
     /// The scene cannot be set up.
     #[error("scene")]
-    Scene(#[from] rig_sim::world::SceneError),
+    Scene(#[from] SceneError),
     /// A port cannot be opened.
     #[error("{role}")]
     Port {
@@ -117,50 +117,6 @@ impl Halt {
     }
 }
 
-/// The simulation behind a simulated rig.
-pub(super) struct Simulation {
-    person: Technician,
-    /// Whether that person also says that it is done.
-    is_answering: bool,
-    rig: SimHandle,
-}
-
-impl Simulation {
-    pub(super) fn handle(&self) -> SimHandle {
-        self.rig.clone()
-    }
-
-    /// Whether the simulated person is asked what is below the probe, and sees nothing there.
-    pub(super) fn sees_nothing_below(&self) -> bool {
-        self.is_answering && self.rig.with(|now, rig| rig.world().truth(now).sample.is_none())
-    }
-
-    /// Whether the simulated person answers what an event asks.
-    pub(super) const fn answers(&self, event: &Event) -> bool {
-        self.is_answering && matches!(event, Event::PromptAsked(_) | Event::RefusalAsked { .. })
-    }
-
-    /// Carries out the prompts of a run: when they are asked, or else when somebody has answered.
-    pub(super) fn follow(&self, event: &Event, samples: &[String]) {
-        let ((Event::PromptAsked(prompt), true) | (Event::PromptAnswered { prompt, .. }, false)) =
-            (event, self.is_answering)
-        else {
-            return;
-        };
-        match *prompt {
-            Prompt::PlaceSample { sample } => {
-                // The plan was checked against the samples of the scene.
-                if let Some(name) = samples.get(sample)
-                    && let Err(error) = self.person.place_sample(name)
-                {
-                    tracing::error!(%error, "the simulated rig has no such sample");
-                }
-            }
-            Prompt::TurnSensor { orientation } => self.person.turn_sensor(orientation),
-        }
-    }
-}
-
 /// Opens the ports of a rig, simulated or real, and has every device identify itself.
 /// A simulated one is at `bench`, or at a new one.
 pub(super) async fn open_rig(
@@ -170,7 +126,7 @@ pub(super) async fn open_rig(
 ) -> Result<Opened, OpenError> {
     let known_samples = rig.known_samples();
     let LoadedRig { file, source, scene, .. } = rig;
-    let scene_source = scene.as_ref().map(|scene| scene.source.clone());
+    let scene_source = scene.as_ref().map(|scene| scene.source().clone());
     let Ports { analyzer, bus, simulation } = Ports::open(&file, scene, bench, clock).await?;
     let analyzer_port = analyzer.map_err(|source| OpenError::Port { role: "analyzer", source })?;
     let bus_port = bus.map_err(|source| OpenError::Port { role: "bus", source })?;
@@ -241,12 +197,7 @@ impl Ports {
         clock: Clock,
     ) -> Result<Self, OpenError> {
         if let Some(scene) = scene {
-            let seed = scene.scene.seed;
-            let rig = match bench {
-                Some(bench) => bench,
-                None => SimRig::start(scene.scene, &wiring(file), seed)?.handle(),
-            };
-            return Ok(Self::simulated(file, rig, clock).await);
+            return Ok(Self::simulated(file, Simulation::start(file, scene, bench)?, clock).await);
         }
         Ok(Self {
             analyzer: open_port(&file.analyzer.port, clock).await,
@@ -255,33 +206,13 @@ impl Ports {
         })
     }
 
-    async fn simulated(file: &RigFile, rig: SimHandle, clock: Clock) -> Self {
-        let analyzer = plug_in(&rig, file, PortId::Analyzer, clock).await;
-        let bus = plug_in(&rig, file, PortId::Bus, clock).await;
-        let is_answering = !matches!(
-            &file.connection,
-            Connection::Simulated(simulation) if simulation.person == SimulatedPerson::Waits
-        );
-        let simulation = Some(Simulation { person: rig.technician(), is_answering, rig });
-        Self { analyzer, bus, simulation }
+    async fn simulated(file: &RigFile, simulation: Simulation, clock: Clock) -> Self {
+        Self {
+            analyzer: Port::open(simulation.analyzer(file), clock).await,
+            bus: Port::open(simulation.bus(file), clock).await,
+            simulation: Some(simulation),
+        }
     }
-}
-
-/// A port of a simulated rig.
-pub(super) async fn plug_in(
-    handle: &SimHandle,
-    file: &RigFile,
-    port: PortId,
-    clock: Clock,
-) -> Result<Port, rig_link::OpenError> {
-    let (name, described) = match port {
-        PortId::Analyzer => ("simulated analyzer", &file.analyzer.port),
-        PortId::Bus => ("simulated bus", &file.bus),
-    };
-    let handle = handle.clone();
-    let plug = Box::new(move || handle.plug(port).map(|pipe| Box::new(pipe) as Box<dyn Transport>));
-    let endpoint = Endpoint::Memory { name: name.into(), line: line(described), plug };
-    Port::open(endpoint, clock).await
 }
 
 /// An analyzer as the rig file describes it. A simulated one ends its messages as is usual.
@@ -307,42 +238,11 @@ pub(super) fn describe<U>(file: &AxisFile<U>) -> String {
     format!("{} at unit {}", file.make, file.unit_id)
 }
 
-/// Simulated devices are of the makes that the rig file names.
-fn wiring(file: &RigFile) -> Wiring {
-    Wiring {
-        analyzer: file.analyzer.make,
-        linear: axis_wiring(&file.linear),
-        rotary: axis_wiring(&file.rotary),
-        transport: match line(&file.bus) {
-            Some(line) => LineTransport::Serial { baud: line.baud },
-            None => LineTransport::Tcp,
-        },
-    }
-}
-
-fn axis_wiring<U: Unit>(file: &AxisFile<U>) -> AxisWiring {
-    AxisWiring {
-        make: file.make,
-        unit_id: file.unit_id,
-        units_per_step: file.scale.per_count,
-        zero: file.scale.zero.value(),
-        steps_per_revolution: file.scale.counts_per_revolution,
-    }
-}
-
 /// Modbus RTU on a serial line, Modbus TCP on the network.
 pub(super) const fn bus_settings(port: &PortFile) -> BusSettings {
     match port {
         PortFile::Serial { .. } => BusSettings::rtu(),
         PortFile::Tcp { .. } => BusSettings::tcp(),
-    }
-}
-
-/// Format of the characters on a serial port; `None` for a network connection.
-const fn line(port: &PortFile) -> Option<LineSettings> {
-    match port {
-        PortFile::Serial { line, .. } => Some(*line),
-        PortFile::Tcp { .. } => None,
     }
 }
 

@@ -2,12 +2,14 @@
 
 use std::path::PathBuf;
 
-use rig_sim::SimHandle;
 use rig_store::{MemoryDisk, Store};
 use tokio::sync::{mpsc, watch};
 
-use super::{OpenError, Request, Status, open::Simulation, shell::Shell};
-use crate::loaded_rig::LoadedRig;
+use super::{OpenError, Request, Status, shell::Shell};
+use crate::{
+    loaded_rig::LoadedRig,
+    simulation::{SimHandle, Simulation},
+};
 
 /// A rig on the runtime of its caller. To drop it is to kill it: nothing more is sent or written.
 pub struct RigLoop {

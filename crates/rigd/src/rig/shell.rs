@@ -16,7 +16,6 @@ use rig_engine::{
 };
 use rig_link::{Clock, Transcript};
 use rig_model::{Mm, Position, RigTime};
-use rig_sim::SimHandle;
 use rig_store::{ClockJumped, Record, Store};
 use rustix::time::{ClockId, clock_gettime};
 use tokio::sync::{mpsc, oneshot, watch};
@@ -26,7 +25,7 @@ use super::{
     gate::Gate,
     heartbeat::{BEAT, Heartbeat, Noticed},
     log::{Log, unwritable},
-    open::{Opened, Simulation, open_rig},
+    open::{Opened, open_rig},
     owners::Owners,
     pulse::{Doing, Pulse},
     record, until,
@@ -35,6 +34,7 @@ use super::{
 use crate::{
     interruption::{InterruptedRig, LeftProbe},
     loaded_rig::LoadedRig,
+    simulation::{SimHandle, Simulation},
 };
 
 /// In virtual time, where an operation takes microseconds, events reach watchers and the disk this

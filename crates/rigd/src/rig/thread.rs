@@ -9,19 +9,20 @@ use std::{
 use futures_util::FutureExt;
 use rig_engine::{Fault, RigState};
 use rig_model::{Clearance, panic_message, with_causes};
-use rig_sim::SimHandle;
 use rig_store::Store;
 use tokio::sync::{mpsc, watch};
 
 use super::{
     OpenError, Request, Status,
-    open::Simulation,
     pulse::{self, Pulse},
     shell::Shell,
     view::publish_way_out,
     way_out::{Kept, WayOut},
 };
-use crate::loaded_rig::LoadedRig;
+use crate::{
+    loaded_rig::LoadedRig,
+    simulation::{SimHandle, Simulation},
+};
 
 type Opened = (watch::Receiver<Status>, Option<SimHandle>, Weak<Pulse>);
 type Opening = Result<Opened, OpenError>;
@@ -54,13 +55,14 @@ pub(super) fn run(
         match shell {
             Ok((mut shell, status)) => {
                 // The caller may have closed its end. The closed inbox then closes the rig.
-                let simulation = shell.simulation().map(Simulation::handle);
+                let simulation = shell.simulation().cloned();
+                let handle = simulation.as_ref().map(Simulation::handle);
                 let (pulse, watched) = (shell.pulse(), shell.watched());
                 if let Err(source) = pulse::watch_over(&pulse, watched.clone(), is_virtual_time) {
                     _ = opened.send(Err(OpenError::Thread { source }));
                     return;
                 }
-                _ = opened.send(Ok((status, simulation.clone(), Arc::downgrade(&pulse))));
+                _ = opened.send(Ok((status, handle, Arc::downgrade(&pulse))));
                 // It ends with the shell.
                 drop(pulse);
                 let served = AssertUnwindSafe(shell.serve(&mut inbox)).catch_unwind().await;

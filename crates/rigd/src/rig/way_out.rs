@@ -18,7 +18,6 @@ use rig_engine::{Effect, Engine, Event, Fault, Input, Operation, Report, RigStat
 use rig_files::rig_file::{Connection, RigFile};
 use rig_link::{Clock, Port};
 use rig_model::{Clearance, Mm, Position, with_causes};
-use rig_sim::{PortId, SimHandle};
 use rig_stage::BusHandle;
 use rig_store::{Ending, Journal, Record, RunFinished, RunId, RunKind, Store, StoreError};
 
@@ -26,12 +25,12 @@ use super::{
     OpenError,
     devices::Axes,
     gate::Gate,
-    open::{HALT_WITHIN, Ports, bus_settings, device, open_port, plug_in, stage},
+    open::{HALT_WITHIN, Ports, bus_settings, device, open_port, stage},
     record::Recorder,
     slot::Slot,
     until,
 };
-use crate::loaded_rig::LoadedRig;
+use crate::{loaded_rig::LoadedRig, simulation::Simulation};
 
 /// Longest wait for a port that another program holds: one that is ending releases it at once.
 const HELD_FOR: Duration = Duration::from_secs(2);
@@ -94,7 +93,7 @@ pub fn make_safe(rig: LoadedRig, data: Option<&Path>, by: &str) -> Result<WayOut
 pub(super) struct Kept {
     pub(super) file: RigFile,
     pub(super) data: PathBuf,
-    pub(super) simulation: Option<SimHandle>,
+    pub(super) simulation: Option<Simulation>,
 }
 
 impl Kept {
@@ -103,7 +102,7 @@ impl Kept {
         let Self { file, data, simulation } = self;
         let clock = Clock::start();
         let port = match simulation {
-            Some(handle) => plug_in(&handle, &file, PortId::Bus, clock).await,
+            Some(bench) => Port::open(bench.bus(&file), clock).await,
             None => wait_for_port(&file, clock).await,
         };
         let port = port.map_err(|source| OpenError::Port { role: "bus", source })?;

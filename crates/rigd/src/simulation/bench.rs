@@ -1,0 +1,154 @@
+//! A bench of `rig-sim`.
+
+use std::path::Path;
+
+use rig_engine::Event;
+use rig_files::{
+    FileKind,
+    rig_file::{AxisFile, Connection, PortFile, RigFile, SimulatedPerson},
+};
+use rig_link::{Endpoint, Transport};
+use rig_model::Unit;
+use rig_protocol::Prompt;
+use rig_sim::{AxisWiring, LineTransport, PortId, SimRig, Wiring, world::Scene};
+pub use rig_sim::{SimHandle, world::SceneError};
+use rig_store::Source;
+
+use crate::files::{FileError, read};
+
+/// The scene of a simulated rig.
+#[derive(Debug)]
+pub struct LoadedScene {
+    /// Contents of the simulated bench.
+    pub scene: Scene,
+    /// Its text, for the journal.
+    pub source: Source,
+}
+
+impl LoadedScene {
+    /// Reads a scene file.
+    ///
+    /// # Errors
+    /// [`FileError`], with every fault of the file.
+    pub fn load(path: &Path) -> Result<Self, FileError> {
+        let (name, toml) = read(path, FileKind::Scene)?;
+        let scene = rig_sim::scene::read(&name, &toml).map_err(FileError::Faults)?;
+        // The journal has no path, so that a run gives the same bytes wherever its files are.
+        let source = Source { name: scene.name.clone(), toml };
+        Ok(Self { scene, source })
+    }
+
+    /// Its text, for the journal.
+    pub(crate) const fn source(&self) -> &Source {
+        &self.source
+    }
+
+    /// Names and stiffness, MPa, of its samples.
+    pub(crate) fn known_samples(&self) -> Vec<(String, f64)> {
+        let samples = self.scene.samples.iter();
+        samples.map(|sample| (sample.name.clone(), sample.stiffness_mpa)).collect()
+    }
+}
+
+/// The bench of a simulated rig, with its person.
+#[derive(Debug, Clone)]
+pub(crate) struct Simulation {
+    rig: SimHandle,
+    /// Whether the simulated person also says that it is done.
+    is_answering: bool,
+}
+
+impl Simulation {
+    /// The bench of a scene, or one that was open before.
+    pub(crate) fn start(
+        file: &RigFile,
+        LoadedScene { scene, .. }: LoadedScene,
+        bench: Option<SimHandle>,
+    ) -> Result<Self, SceneError> {
+        let seed = scene.seed;
+        let rig = match bench {
+            Some(bench) => bench,
+            None => SimRig::start(scene, &wiring(file), seed)?.handle(),
+        };
+        let is_answering = !matches!(
+            &file.connection,
+            Connection::Simulated(simulation) if simulation.person == SimulatedPerson::Waits
+        );
+        Ok(Self { rig, is_answering })
+    }
+
+    pub(crate) fn handle(&self) -> SimHandle {
+        self.rig.clone()
+    }
+
+    /// The port of the analyzer.
+    pub(crate) fn analyzer(&self, file: &RigFile) -> Endpoint {
+        self.endpoint(PortId::Analyzer, "simulated analyzer", &file.analyzer.port)
+    }
+
+    /// The port of the drives.
+    pub(crate) fn bus(&self, file: &RigFile) -> Endpoint {
+        self.endpoint(PortId::Bus, "simulated bus", &file.bus)
+    }
+
+    fn endpoint(&self, port: PortId, name: &str, described: &PortFile) -> Endpoint {
+        let rig = self.rig.clone();
+        let plug =
+            Box::new(move || rig.plug(port).map(|pipe| Box::new(pipe) as Box<dyn Transport>));
+        Endpoint::Memory { name: name.into(), line: described.line(), plug }
+    }
+
+    /// Whether the simulated person is asked what is below the probe, and sees nothing there.
+    pub(crate) fn sees_nothing_below(&self) -> bool {
+        self.is_answering && self.rig.with(|now, rig| rig.world().truth(now).sample.is_none())
+    }
+
+    /// Whether the simulated person answers what an event asks.
+    pub(crate) const fn answers(&self, event: &Event) -> bool {
+        self.is_answering && matches!(event, Event::PromptAsked(_) | Event::RefusalAsked { .. })
+    }
+
+    /// Carries out the prompts of a run: when they are asked, or else when somebody has answered.
+    pub(crate) fn follow(&self, event: &Event, samples: &[String]) {
+        let ((Event::PromptAsked(prompt), true) | (Event::PromptAnswered { prompt, .. }, false)) =
+            (event, self.is_answering)
+        else {
+            return;
+        };
+        let person = self.rig.technician();
+        match *prompt {
+            Prompt::PlaceSample { sample } => {
+                // The plan was checked against the samples of the scene.
+                if let Some(name) = samples.get(sample)
+                    && let Err(error) = person.place_sample(name)
+                {
+                    tracing::error!(%error, "the simulated rig has no such sample");
+                }
+            }
+            Prompt::TurnSensor { orientation } => person.turn_sensor(orientation),
+        }
+    }
+}
+
+/// Simulated devices are of the makes that the rig file names.
+fn wiring(file: &RigFile) -> Wiring {
+    Wiring {
+        analyzer: file.analyzer.make,
+        linear: axis_wiring(&file.linear),
+        rotary: axis_wiring(&file.rotary),
+        transport: match file.bus.line() {
+            Some(line) => LineTransport::Serial { baud: line.baud },
+            None => LineTransport::Tcp,
+        },
+    }
+}
+
+fn axis_wiring<U: Unit>(file: &AxisFile<U>) -> AxisWiring {
+    AxisWiring {
+        make: file.make,
+        unit_id: file.unit_id,
+        units_per_step: file.scale.per_count,
+        zero: file.scale.zero.value(),
+        steps_per_revolution: file.scale.counts_per_revolution,
+    }
+}
