@@ -142,12 +142,11 @@ pub fn inspect(rig: LoadedRig) -> Result<Inspection, OpenError> {
 
 async fn inspect_devices(rig: LoadedRig) -> Result<Inspection, OpenError> {
     let LoadedRig { file, scene, .. } = rig;
-    let Ports { analyzer, bus, simulation } =
+    // The simulated devices live until the end.
+    let Ports { analyzer, bus, simulation: _simulation } =
         Ports::open(&file, scene, None, Clock::start()).await?;
     let (analyzer_port, analyzer) = look_at_analyzer(&file, analyzer).await;
     let (bus_port, linear, rotary) = look_at_bus(&file, bus).await;
-    // The simulated devices had to live until here.
-    drop(simulation);
     Ok(Inspection { ports: [analyzer_port, bus_port], devices: [analyzer, linear, rotary] })
 }
 

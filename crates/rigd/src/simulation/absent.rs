@@ -45,6 +45,7 @@ impl LoadedScene {
 pub(crate) enum Simulation {}
 
 impl Simulation {
+    #[expect(clippy::needless_pass_by_value, reason = "as with the simulator")]
     pub(crate) const fn start(
         _: &RigFile,
         scene: LoadedScene,
