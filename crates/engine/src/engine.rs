@@ -136,7 +136,7 @@ impl Engine {
     pub const fn with_patience(limits: RigLimits, patience: Duration) -> Self {
         Self {
             limits,
-            interlock: Interlock::new(limits.linear),
+            interlock: Interlock::new(limits),
             activity: Activity::Unprepared,
             pending: None,
             wait_until: None,
@@ -268,6 +268,7 @@ impl Engine {
             // The operation was interrupted and does not end. Nothing else can be sent, so nothing
             // may move.
             pending.deadline = RigTime::from_micros(u64::MAX);
+            self.interlock.ended(&pending.operation, None);
             self.freeze(fault);
         } else if matches!(self.activity, Activity::Retracting(..) | Activity::Latched(_)) {
             self.interrupt(now, effects);
@@ -286,6 +287,11 @@ impl Engine {
     ) {
         match step {
             MachineStep::Do(operation) => self.issue(now, operation, effects),
+            MachineStep::Retract(target) => {
+                self.interlock.retract_to(target);
+                let speed_mm_per_s = self.limits.motion.travel_speed_mm_per_s;
+                self.issue(now, Operation::MoveLinear { target, speed_mm_per_s }, effects);
+            }
             MachineStep::Declare { down_to, purpose } => {
                 self.declare(down_to, purpose, effects);
                 self.advance_run(now, MachineEvent::Declared, effects);
@@ -371,8 +377,8 @@ impl Engine {
         event: MachineEvent,
     ) -> MachineStep<RunStatus> {
         run.follow_drive(now, &event);
-        let clearance = self.interlock.clearance();
-        let step = run.advance(now, event, &self.limits, clearance, &mut self.notes);
+        let probe = self.interlock.proven();
+        let step = run.advance(now, event, &self.limits, probe, &mut self.notes);
         run.asks(&step);
         step
     }

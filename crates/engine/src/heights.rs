@@ -8,6 +8,7 @@
 //! one mounting are learnt with them.
 
 use rig_model::{Deg, Geometry, Position};
+use rig_protocol::Prompt;
 
 /// Number of unknowns: s, d, p, τ, m.
 const N: usize = 5;
@@ -32,6 +33,16 @@ pub(crate) enum Change {
     Placed,
     /// The sensor was turned.
     Turned,
+}
+
+impl Change {
+    /// What a person does who follows this prompt.
+    pub(crate) const fn of(prompt: Prompt) -> Self {
+        match prompt {
+            Prompt::PlaceSample { .. } => Self::Placed,
+            Prompt::TurnSensor { .. } => Self::Turned,
+        }
+    }
 }
 
 /// A variance, learnt from its expected squares.

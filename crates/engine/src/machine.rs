@@ -2,14 +2,14 @@
 
 use std::time::Duration;
 
-use rig_model::{Clearance, Deg, Mm, Position, Reading, RigLimits, RigTime};
+use rig_model::{Deg, Mm, Position, Reading, RigLimits, RigTime, Target};
 use rig_protocol::{Plan, Pose, Prompt};
 use rig_resonance::{Bench, Resonance};
 
 use crate::{
     Event, Fault, LoweringPurpose, Operation, RefusalAnswer, Report,
+    interlock::Proven,
     listening::{Driven, Listening},
-    operation::retract,
     search::Surface,
 };
 
@@ -18,6 +18,8 @@ use crate::{
 pub(crate) enum MachineStep<T> {
     /// Carry out this operation.
     Do(Operation),
+    /// Retract to here, at the clear position or below it, and prove the probe clear.
+    Retract(Target<Mm>),
     /// Note the intent to lower the probe, make it durable, and allow it.
     Declare { down_to: Position<Mm>, purpose: LoweringPurpose },
     /// Wait for this time.
@@ -41,6 +43,7 @@ impl<T> MachineStep<T> {
     pub(crate) fn and_then<U>(self, done: impl FnOnce(T) -> MachineStep<U>) -> MachineStep<U> {
         match self {
             Self::Do(operation) => MachineStep::Do(operation),
+            Self::Retract(target) => MachineStep::Retract(target),
             Self::Declare { down_to, purpose } => MachineStep::Declare { down_to, purpose },
             Self::Wait(duration) => MachineStep::Wait(duration),
             Self::Ask(prompt) => MachineStep::Ask(prompt),
@@ -103,7 +106,7 @@ pub(crate) struct MachineContext<'a> {
     pub(crate) now: RigTime,
     pub(crate) plan: &'a Plan,
     pub(crate) limits: &'a RigLimits,
-    pub(crate) clearance: Clearance,
+    pub(crate) probe: Proven,
     /// The knowledge of the bench, once it is surveyed.
     pub(crate) bench: Option<Bench>,
     /// The drive of the sensor, if it is known.
@@ -134,8 +137,9 @@ impl MachineContext<'_> {
         }
     }
 
-    pub(crate) fn retract<T>(&self) -> MachineStep<T> {
-        MachineStep::Do(retract(self.limits))
+    /// Retracts before a turn to the pose that comes next, or to the clear position.
+    pub(crate) fn retract<T>(&self, next: Option<Pose>) -> MachineStep<T> {
+        MachineStep::Retract(self.probe.clear_before(next, self.limits))
     }
 
     pub(crate) fn surface_not_found(&mut self, trail: Vec<(Position<Mm>, Reading)>) {

@@ -1,21 +1,22 @@
 //! Replays a plan, one step at a time.
 
-use std::{collections::BTreeSet, time::Duration};
+use std::collections::BTreeSet;
 
 use rig_model::{Clearance, DriveLevel, RigLimits, RigTime, SweepPoint, Window};
-use rig_protocol::{Action, NoLoadPolicy, Plan, Prompt, RefusalPolicy, Step, StepId, Touch};
+use rig_protocol::{Action, NoLoadPolicy, Plan, Pose, Prompt, RefusalPolicy, Step, StepId, Touch};
 use rig_resonance::{Bench, Resonance};
 
 use crate::{
     Event, Fault, Operation, RefusalAnswer, RefusedTouch, RunPhase, RunStatus, TouchOutcome,
     TouchResult,
     contact_sense::{Neighbours, check_free, check_reference},
-    heights::{Change, Heights, Prediction},
+    heights::{Change, Heights},
+    interlock::Proven,
     listening::{Driven, Listening},
     machine::{MachineContext, MachineEvent, MachineStep},
     no_load::NoLoad,
     refusal::widened,
-    touch::{TouchMachine, is_value},
+    touch::{Outlook, TouchMachine, is_value},
 };
 
 /// The operator of what the policy of the protocol decides.
@@ -25,7 +26,7 @@ const PROTOCOL: &str = "protocol";
 struct Surroundings<'a> {
     now: RigTime,
     limits: &'a RigLimits,
-    clearance: Clearance,
+    probe: Proven,
     notes: &'a mut Vec<Event>,
 }
 
@@ -64,6 +65,8 @@ enum Machine {
     Touch(Box<TouchMachine>),
     /// A person is asked about this refused touch.
     Deciding(Box<TouchResult>),
+    /// The probe goes up before the next step: the plan, or a person, wants more room than the last touch left.
+    Rising,
     /// After the last step, the impedance of the clear probe confirms the last touch.
     Confirming,
 }
@@ -108,6 +111,7 @@ impl Run {
             Machine::NoLoad(_) => RunPhase::NoLoadSweep,
             Machine::Touch(machine) => machine.run_phase(),
             Machine::Deciding(_) => RunPhase::Prompt,
+            Machine::Rising => RunPhase::Retract,
             Machine::Confirming => RunPhase::Confirmation,
         }
     }
@@ -141,20 +145,23 @@ impl Run {
         now: RigTime,
         event: MachineEvent,
         limits: &RigLimits,
-        clearance: Clearance,
+        probe: Proven,
         notes: &mut Vec<Event>,
     ) -> MachineStep<RunStatus> {
         let (plan, bench, driven) = (&self.plan, self.bench, self.drive());
-        let mut context = MachineContext { now, plan, limits, clearance, bench, driven, notes };
+        let mut context = MachineContext { now, plan, limits, probe, bench, driven, notes };
         let step = match &mut self.machine {
-            Machine::Between => return self.next_step(now, limits, clearance, notes),
+            Machine::Rising if probe.clearance != Clearance::Clear => {
+                MachineStep::Fault(event.out_of_order("a retract"))
+            }
+            Machine::Between | Machine::Rising => {
+                self.machine = Machine::Between;
+                return self.next_step(now, limits, probe, notes);
+            }
             Machine::Prompting(prompt) => {
                 let step = prompting(*prompt, event, &mut context);
                 if matches!(step, MachineStep::Done(())) {
-                    let change = match prompt {
-                        Prompt::PlaceSample { .. } => Change::Placed,
-                        Prompt::TurnSensor { .. } => Change::Turned,
-                    };
+                    let change = Change::of(*prompt);
                     self.neighbours.changed();
                     self.heights.iter_mut().for_each(|heights| heights.changed(change));
                 }
@@ -165,7 +172,7 @@ impl Run {
                 if matches!(confirmed, MachineStep::Done(())) {
                     self.neighbours.confirmed();
                     self.machine = Machine::Between;
-                    return self.next_step(now, limits, clearance, notes);
+                    return self.next_step(now, limits, probe, notes);
                 }
                 confirmed
             }
@@ -182,37 +189,43 @@ impl Run {
                 )
             }
             Machine::Touch(machine) => {
+                let left = machine.left_at(&context);
                 let mut touched = None;
                 let step = machine.advance(event, &mut context).and_then(|result| {
                     touched = Some(result);
                     MachineStep::Done(())
                 });
                 if let Some(result) = touched {
-                    return self
-                        .touched(result, &mut Surroundings { now, limits, clearance, notes });
+                    self.free_since = left;
+                    return self.touched(result, &mut Surroundings { now, limits, probe, notes });
                 }
                 step
             }
             Machine::Deciding(result) => match event {
                 MachineEvent::Decided { answer, by } => {
                     let result = (**result).clone();
-                    let mut around = Surroundings { now, limits, clearance, notes };
+                    let mut around = Surroundings { now, limits, probe, notes };
                     return self.decided(result, answer, by, &mut around);
                 }
                 event => MachineStep::Fault(event.out_of_order("a refused touch")),
             },
         };
-        if let MachineStep::Fault(fault) = &step
-            && let Some(doubted) = self.neighbours.contradicted_by(fault)
-        {
-            self.has_refusals = true;
-            notes.push(Event::TouchDoubted(Box::new(doubted)));
+        if let MachineStep::Fault(fault) = &step {
+            self.doubt(fault, notes);
         }
         step.and_then(|()| {
             self.machine = Machine::Between;
             self.index += 1;
-            self.next_step(now, limits, clearance, notes)
+            self.next_step(now, limits, probe, notes)
         })
+    }
+
+    /// A fault may contradict the last touch.
+    fn doubt(&mut self, fault: &Fault, notes: &mut Vec<Event>) {
+        if let Some(doubted) = self.neighbours.contradicted_by(fault) {
+            self.has_refusals = true;
+            notes.push(Event::TouchDoubted(Box::new(doubted)));
+        }
     }
 
     /// The drive of the sensor, since it has been free.
@@ -264,7 +277,6 @@ impl Run {
         result: TouchResult,
         around: &mut Surroundings<'_>,
     ) -> MachineStep<RunStatus> {
-        self.free_since = left_at(&result, around);
         let TouchOutcome::Refused { refusal, .. } = &result.outcome else {
             return self.finish_touch(result, around);
         };
@@ -303,11 +315,11 @@ impl Run {
             RefusalAnswer::Widen | RefusalAnswer::Repeat => {
                 self.repeats += 1;
                 let (step, touch, no_load) = (result.step, result.touch, &result.no_load);
-                let expected = self.expected_surface(&touch, around.limits);
-                let machine = TouchMachine::new(step, touch, no_load, expected, self.window);
+                let outlook = self.outlook(&touch, around.limits);
+                let machine = TouchMachine::new(step, touch, no_load, outlook, self.window);
                 self.machine = Machine::Touch(Box::new(machine));
-                let Surroundings { now, limits, clearance, notes } = around;
-                self.advance(*now, MachineEvent::Begin, limits, *clearance, notes)
+                let Surroundings { now, limits, probe, notes } = around;
+                self.advance(*now, MachineEvent::Begin, limits, *probe, notes)
             }
             RefusalAnswer::Skip => self.finish_touch(result, around),
             RefusalAnswer::Abort => {
@@ -327,8 +339,8 @@ impl Run {
         (self.repeats, self.window) = (0, None);
         self.machine = Machine::Between;
         self.index += 1;
-        let Surroundings { now, limits, clearance, notes } = around;
-        self.next_step(*now, limits, *clearance, notes)
+        let Surroundings { now, limits, probe, notes } = around;
+        self.next_step(*now, limits, *probe, notes)
     }
 
     fn note_touch(&mut self, result: TouchResult, around: &mut Surroundings<'_>) {
@@ -348,16 +360,22 @@ impl Run {
         around.notes.push(Event::TouchFinished(Box::new(result)));
     }
 
-    /// What the touches before say of the surface of a touch: how much higher than expected this sample
-    /// was found, mm, and what all of them predict.
-    fn expected_surface(
-        &self,
-        touch: &Touch,
-        limits: &RigLimits,
-    ) -> (Option<f64>, Option<Prediction>) {
+    /// What the touches before and the plan say of a touch.
+    fn outlook(&self, touch: &Touch, limits: &RigLimits) -> Outlook {
         let tilt = touch.pose.direction.rotary_position(touch.pose.angle);
         let predict = |heights: &Heights| heights.predict(&limits.geometry, tilt);
-        (self.neighbours.offset_mm(), self.heights.as_ref().and_then(predict))
+        Outlook {
+            offset_mm: self.neighbours.offset_mm(),
+            predicted: self.heights.as_ref().and_then(predict),
+            next: self.next_pose(),
+        }
+    }
+
+    /// The pose to which the sample turns after the present step, if no person comes in between.
+    fn next_pose(&self) -> Option<Pose> {
+        let next =
+            (self.index + 1..self.plan.steps.len()).find(|index| !self.is_left_out(*index))?;
+        pose(&self.plan.steps[next])
     }
 
     /// Begins the next step, or pauses before it, or ends the run.
@@ -365,13 +383,20 @@ impl Run {
         &mut self,
         now: RigTime,
         limits: &RigLimits,
-        clearance: Clearance,
+        probe: Proven,
         notes: &mut Vec<Event>,
     ) -> MachineStep<RunStatus> {
         while self.is_left_out(self.index) {
             self.index += 1;
         }
-        let Some(step) = self.plan.steps.get(self.index) else {
+        let step = self.plan.steps.get(self.index);
+        let clear =
+            probe.clear_before(step.filter(|_| !self.is_pause_asked).and_then(pose), limits);
+        if !probe.is_above(clear, limits) {
+            self.machine = Machine::Rising;
+            return MachineStep::Retract(limits.linear.rest_target());
+        }
+        let Some(step) = step else {
             if let Some(no_load) = self.no_load.filter(|_| self.neighbours.is_open()) {
                 self.machine = Machine::Confirming;
                 let (plan, driven) = (&self.plan, self.drive());
@@ -392,9 +417,8 @@ impl Run {
             Action::NoLoad(pose) => Machine::NoLoad(Box::new(NoLoad::new(pose))),
             Action::Touch(touch) => match &self.no_load {
                 Some(no_load) => {
-                    let expected = self.expected_surface(&touch, limits);
-                    let machine =
-                        TouchMachine::new(step.id.clone(), touch, no_load, expected, None);
+                    let outlook = self.outlook(&touch, limits);
+                    let machine = TouchMachine::new(step.id.clone(), touch, no_load, outlook, None);
                     Machine::Touch(Box::new(machine))
                 }
                 None => {
@@ -403,19 +427,17 @@ impl Run {
             },
         };
         notes.push(Event::StepStarted { index: self.index });
-        self.advance(now, MachineEvent::Begin, limits, clearance, notes)
+        self.advance(now, MachineEvent::Begin, limits, probe, notes)
     }
 }
 
-/// When the probe of a touch that has just ended left the sample, at the latest: it cannot have come up
-/// faster than it may travel.
-fn left_at(result: &TouchResult, around: &Surroundings<'_>) -> RigTime {
-    let RigLimits { linear, motion, .. } = around.limits;
-    let pose = result.touch.pose;
-    let highest = around.limits.highest_surface(pose.direction, pose.angle);
-    let way_mm = (linear.rest_target().position().value() - highest.value()).max(0.0);
-    let up = Duration::from_secs_f64(way_mm / motion.travel_speed_mm_per_s);
-    RigTime::ZERO + around.now.since(RigTime::ZERO).saturating_sub(up)
+/// The pose of a step; a prompt has none.
+const fn pose(step: &Step) -> Option<Pose> {
+    match step.action {
+        Action::Prompt(_) => None,
+        Action::NoLoad(pose) => Some(pose),
+        Action::Touch(touch) => Some(touch.pose),
+    }
 }
 
 /// The impedance of the clear probe after the last touch.

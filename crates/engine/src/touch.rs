@@ -18,7 +18,7 @@ mod sweep;
 use std::time::Duration;
 
 use rig_model::{Clearance, Deg, Impedance, Mm, PointResult, Position, Reading, RigTime, Window};
-use rig_protocol::{Approach, StepId, Touch};
+use rig_protocol::{Approach, Pose, StepId, Touch};
 use rig_resonance::{Resonance, flagged};
 
 use crate::{
@@ -41,6 +41,17 @@ const START_FINE_STEPS: f64 = 2.0;
 /// A refused sweep in contact is repeated this often before the touch is refused.
 const RETRIES: u32 = 1;
 
+/// What the touches before and the plan say of a touch.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Outlook {
+    /// How much higher than expected the touches before found the surface of this sample, mm.
+    pub(crate) offset_mm: Option<f64>,
+    /// Where the touches before expect the surface, if there are any.
+    pub(crate) predicted: Option<Prediction>,
+    /// The pose to which the sample turns next, if no person comes near it before.
+    pub(crate) next: Option<Pose>,
+}
+
 #[derive(Debug)]
 pub(crate) struct TouchMachine {
     step: StepId,
@@ -48,10 +59,7 @@ pub(crate) struct TouchMachine {
     no_load: Resonance,
     /// The rotary stage as last read back.
     rotary: Position<Deg>,
-    /// How much higher than expected the touches before found the surface of this sample, mm.
-    offset_mm: Option<f64>,
-    /// Where the touches before expect the surface, if there are any.
-    predicted: Option<Prediction>,
+    outlook: Outlook,
     /// The window of the sweep in contact, if it is another than that of the plan.
     window: Option<Window>,
     /// The impedance of the clear probe before the search.
@@ -91,7 +99,10 @@ enum Phase {
         contact: Contact,
         loaded: Box<Resonance>,
     },
-    Retracting(Box<TouchOutcome>),
+    Retracting {
+        outcome: Box<TouchOutcome>,
+        since: RigTime,
+    },
 }
 
 impl TouchMachine {
@@ -99,7 +110,7 @@ impl TouchMachine {
         step: StepId,
         touch: Touch,
         no_load: &Resonance,
-        (offset_mm, predicted): (Option<f64>, Option<Prediction>),
+        outlook: Outlook,
         window: Option<Window>,
     ) -> Self {
         let rotary = touch.pose.direction.rotary_position(touch.pose.angle);
@@ -108,8 +119,7 @@ impl TouchMachine {
             touch,
             no_load: *no_load,
             rotary,
-            offset_mm,
-            predicted,
+            outlook,
             window,
             baseline: None,
             halfway: None,
@@ -129,7 +139,7 @@ impl TouchMachine {
             Phase::Dwelling(_) => RunPhase::Dwell,
             Phase::Sweeping { .. } => RunPhase::Sweep,
             Phase::Checking { .. } => RunPhase::SlipCheck,
-            Phase::Retracting(_) => RunPhase::Retract,
+            Phase::Retracting { .. } => RunPhase::Retract,
         }
     }
 
@@ -185,8 +195,8 @@ impl TouchMachine {
                 self.swept(step, context)
             }
             (Phase::Checking { .. }, event) => self.check(&event, context),
-            (Phase::Retracting(outcome), MachineEvent::LinearAt(_))
-                if context.clearance == Clearance::Clear =>
+            (Phase::Retracting { outcome, .. }, MachineEvent::LinearAt(_))
+                if context.probe.clearance == Clearance::Clear =>
             {
                 MachineStep::Done(TouchResult {
                     step: self.step.clone(),
@@ -263,8 +273,7 @@ impl TouchMachine {
         };
         context.surface_not_found(trail);
         let refusal = TouchRefusal::Sweep(Box::new(refusal));
-        self.phase = Phase::Retracting(Box::new(TouchOutcome::Refused { contact: None, refusal }));
-        context.retract()
+        self.retract(TouchOutcome::Refused { contact: None, refusal }, context)
     }
 
     /// The same, with readings of the clear probe.
@@ -273,7 +282,8 @@ impl TouchMachine {
         readings: &[Reading],
         context: &mut MachineContext<'_>,
     ) -> MachineStep<TouchResult> {
-        let here = context.limits.linear.rest_target().position();
+        let rest = context.limits.linear.rest_target().position();
+        let here = context.probe.height.unwrap_or(rest);
         self.unreadable(readings.iter().map(|reading| (here, *reading)).collect(), context)
     }
 
@@ -303,7 +313,8 @@ impl TouchMachine {
     /// its surface is known.
     fn approach(&self, context: &MachineContext<'_>) -> Approach {
         let approach = context.plan.touch.approach;
-        let deepest_mm = context.limits.motion.max_indentation_mm - self.offset_mm.unwrap_or(0.0);
+        let deepest_mm =
+            context.limits.motion.max_indentation_mm - self.outlook.offset_mm.unwrap_or(0.0);
         Approach { give_up_below_mm: approach.give_up_below_mm.min(deepest_mm), ..approach }
     }
 
@@ -314,7 +325,7 @@ impl TouchMachine {
         expected: Position<Mm>,
         context: &MachineContext<'_>,
     ) -> Option<Near> {
-        let Prediction { above_mm, sigma_mm } = self.predicted?;
+        let Prediction { above_mm, sigma_mm } = self.outlook.predicted?;
         let surface = expected.offset(above_mm);
         let margin_mm = START_FINE_STEPS * approach.fine_step_mm;
         let start = surface.offset(START_SIGMAS * sigma_mm + margin_mm);
@@ -330,6 +341,32 @@ impl TouchMachine {
             self.risen = Some(now);
         }
         self.linear = Some(read_back);
+    }
+
+    /// When the probe left the sample on the way up that has just ended, at the latest.
+    ///
+    /// A drive begins a move as it ends it. With the gentlest profile, a constant jerk, the part ε of the way
+    /// takes (6/32 ε)^⅓ of the time; any other is faster at the beginning.
+    pub(crate) fn left_at(&self, context: &MachineContext<'_>) -> RigTime {
+        let (Phase::Retracting { outcome, since }, Some(from), Some(to)) =
+            (&self.phase, self.linear, context.probe.height)
+        else {
+            return context.now;
+        };
+        let pose = self.touch.pose;
+        let surface = match &**outcome {
+            TouchOutcome::Measured { contact, .. } => contact.surface.position,
+            TouchOutcome::Refused { .. } => {
+                context.limits.highest_surface(pose.direction, pose.angle)
+            }
+        };
+        // As far above the surface as the check of it has found the probe free.
+        let tolerance_mm = context.limits.linear.tolerance();
+        let slip_mm = context.plan.touch.approach.slip_mm.max(tolerance_mm);
+        let way_mm = (to.value() - from.value()).max(tolerance_mm);
+        let part = (surface.value() + slip_mm - from.value()) / way_mm;
+        let time = context.now.since(*since).mul_f64((6.0 / 32.0 * part).cbrt().clamp(0.0, 1.0));
+        *since + time
     }
 
     /// The speed to a position: that of contact on the way down, except from the clear position.
@@ -362,7 +399,9 @@ impl TouchMachine {
             SearchStep::Found(surface) => {
                 let tolerance_mm = context.limits.geometry.surface_tolerance_mm;
                 let (found, expected) = (surface.position, self.expected(context));
-                if let Err(fault) = check_surface(found, expected, self.offset_mm, tolerance_mm) {
+                if let Err(fault) =
+                    check_surface(found, expected, self.outlook.offset_mm, tolerance_mm)
+                {
                     let fault = SearchStep::Fault(Fault::ContactSense(fault));
                     return self.follow(fault, context);
                 }
@@ -411,8 +450,10 @@ impl TouchMachine {
         outcome: TouchOutcome,
         context: &MachineContext<'_>,
     ) -> MachineStep<TouchResult> {
-        self.phase = Phase::Retracting(Box::new(outcome));
-        context.retract()
+        // A person may be asked about a refused touch.
+        let next = self.outlook.next.filter(|_| matches!(outcome, TouchOutcome::Measured { .. }));
+        self.phase = Phase::Retracting { outcome: Box::new(outcome), since: context.now };
+        context.retract(next)
     }
 }
 

@@ -28,7 +28,7 @@ impl Interlock {
     pub fn new(limits: RigLimits) -> Self {
         Self {
             rest: limits.linear.rest_target().position(),
-            turn: Turn::new(limits.linear),
+            turn: Turn::new(limits),
             depth: Depth::new(limits),
             identity: Identity::default(),
             intent: Intent::default(),
@@ -55,6 +55,7 @@ impl Interlock {
         self.ports.begun(*command);
         self.turn.begun(command);
         self.depth.begun(command);
+        self.intent.begun(command);
         self.homing.begun(command);
         Ok(())
     }
@@ -81,7 +82,7 @@ impl Interlock {
 
     /// Whether the linear stage must be read back before a turn, because its last read-back is old.
     pub fn needs_reading(&self, now: RigTime, command: &PortCommand) -> bool {
-        command.is_turn() && self.turn.needs_reading(now)
+        self.turn.needs_reading(now, command)
     }
 
     /// A record of the intent to lower the probe down to this position is durable.

@@ -5,7 +5,7 @@ use rig_model::{Deg, Mm, Position};
 /// A command was refused. Nothing was sent.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Refusal {
-    /// The sample turns only under a probe that was read back clear.
+    /// The sample turns only under a probe that was read back clear of everything that it reaches.
     #[error("{what}: the last command to the linear stage has not shown the probe clear")]
     NotClear {
         /// The command.

@@ -1,7 +1,8 @@
 //! The limits of a rig: axes, geometry, motion and analyzer range.
 
 use crate::{
-    Axis, ContactAngle, Deg, Direction, Mm, Position, SweepRequest, SweepRequestError, Window,
+    Axis, ContactAngle, Deg, Direction, Mm, Position, SweepRequest, SweepRequestError, Target,
+    Window,
 };
 
 /// Whether the probe is known to be away from the sample.
@@ -117,6 +118,10 @@ impl AnalyzerRange {
     }
 }
 
+/// Room between the probe and everything that a sample reaches in a turn, beyond the tolerances of the rig
+/// file, mm: twenty times the slip that the check of the surface notices in the shipped protocol.
+const TURN_ROOM_MM: f64 = 0.5;
+
 /// The limits of a rig, for protocol and engine.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RigLimits {
@@ -147,6 +152,28 @@ impl RigLimits {
         if ends[0] < ends[1] { ends[1] } else { ends[0] }
     }
 
+    /// The lowest position at which the sample may turn from one tilt to another below the probe: above the edge
+    /// that rises highest on the way, and never above the clear position, which is above every edge.
+    ///
+    /// `from` is read back, within the tolerance of the rotary stage; at `to` it stands within twice its
+    /// tolerance, once for the move and once for the reading.
+    pub fn clear_for_turn(&self, from: Position<Deg>, to: Position<Deg>) -> Target<Mm> {
+        let tolerance_deg = self.rotary.tolerance();
+        let to_deg = to.value().abs() + 2.0 * tolerance_deg;
+        self.clear_up_to(to_deg.max(from.value().abs() + tolerance_deg))
+    }
+
+    /// The lowest position at which the probe is clear of the sample where the rotary stage was read back.
+    pub fn clear_at(&self, tilt: Position<Deg>) -> Target<Mm> {
+        self.clear_up_to(tilt.value().abs() + self.rotary.tolerance())
+    }
+
+    fn clear_up_to(&self, steepest_deg: f64) -> Target<Mm> {
+        let clear = self.geometry.highest_sample_point(steepest_deg).offset(TURN_ROOM_MM);
+        let rest = self.linear.rest_target();
+        self.linear.target(clear).ok().filter(|_| clear < rest.position()).unwrap_or(rest)
+    }
+
     /// The lowest position that any touch may need at this tilt: the deepest indentation into a
     /// surface that lies as low as it may.
     pub fn floor_at(&self, tilt: Position<Deg>) -> Position<Mm> {
@@ -158,6 +185,37 @@ impl RigLimits {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{AxisLimits, Span};
+
+    /// A bench whose linear stage rests here, mm.
+    fn limits(rest_mm: f64) -> RigLimits {
+        let linear = AxisLimits {
+            travel: Span::new(0.0, 50.0),
+            soft: Span::new(1.0, 49.0),
+            rest: Position::new(rest_mm),
+            tolerance: 0.01,
+            max_speed_per_s: 20.0,
+        };
+        let rotary = AxisLimits {
+            travel: Span::new(-90.0, 90.0),
+            soft: Span::new(-50.0, 50.0),
+            rest: Position::new(0.0),
+            tolerance: 0.05,
+            max_speed_per_s: 30.0,
+        };
+        RigLimits {
+            linear: Axis::new("linear stage", linear).unwrap(),
+            rotary: Axis::new("rotary stage", rotary).unwrap(),
+            geometry: Geometry { surface_tolerance_mm: 0.5, ..geometry() },
+            motion: MotionLimits {
+                max_indentation_mm: 0.6,
+                travel_speed_mm_per_s: 10.0,
+                contact_speed_mm_per_s: 1.0,
+                rotary_speed_deg_per_s: 20.0,
+            },
+            analyzer: AnalyzerRange { frequency_hz: (4.0, 1e6), max_level_v: 5.0 },
+        }
+    }
 
     fn geometry() -> Geometry {
         Geometry {
@@ -194,6 +252,30 @@ mod tests {
                 assert!((found - expected).abs() < 1e-9, "{direction} {angle}: {found} {expected}");
             }
         }
+    }
+
+    #[test]
+    fn a_probe_that_was_clear_for_a_turn_is_clear_for_the_way_back_wherever_the_stage_stands() {
+        let limits = limits(40.0);
+        let tolerance = limits.rotary.tolerance();
+        for degrees in [0.0, 5.0, 15.0, -30.0, 45.0] {
+            let (level, there) = (Position::new(0.0), Position::new(degrees));
+            let before = limits.clear_for_turn(level, there).position();
+            for off in [-tolerance, -0.3 * tolerance, 0.0, tolerance] {
+                let stands = Position::new(degrees + off);
+                for next in [there, level] {
+                    let after = limits.clear_for_turn(stands, next).position();
+                    assert!(after <= before, "{stands} to {next}: {after}, {before} before");
+                    assert!(limits.clear_at(stands).position() <= after);
+                }
+            }
+            let (sin, cos) = (degrees.abs() + 2.0 * tolerance).to_radians().sin_cos();
+            let edge_mm = 6.0 + 4.5 * cos + 20.0 * sin;
+            assert!((before.value() - edge_mm - 0.5).abs() < 1e-9, "{degrees}°: {before}");
+        }
+        let (low, steep) = (self::limits(23.8), Position::new(45.0));
+        assert_eq!(low.clear_for_turn(steep, steep), low.linear.rest_target());
+        assert!(limits.clear_for_turn(steep, steep).position().value() < 24.0);
     }
 
     #[test]

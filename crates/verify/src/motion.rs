@@ -5,6 +5,8 @@
 //!   ┌───────┐ ─────▶ ┌─────────┐ ─────────────────────────────┐
 //!   │ Clear │        │ Lowered │                              ▼
 //!   └───────┘        └─────────┘ ── fault, homing ──▶ Unknown ─▶ Clear
+//!       ▲                 │
+//!       └─────────────────┘ moved up, above everything that the sample reaches in its next turn
 //! ```
 
 use crate::{
@@ -291,7 +293,11 @@ impl Motion {
         };
         let distance = before.map(|before| (read_back - before).abs() - 2.0 * linear.tolerance_mm);
         self.speed(seq, rig_us, distance, limit, findings);
-        if is_clear && !(is_retract && is_there) {
+        let is_known = self.probe == Probe::Lowered && self.fault.is_none();
+        let here = self.rotary_deg.filter(|_| is_clear && is_up && is_known);
+        let lowest = here.map(|tilt| settings.rig.clear_mm(tilt) - ROUNDING);
+        let is_low_retract = !is_retract && lowest.is_some_and(|lowest| lowest <= target);
+        if is_clear && !((is_retract || is_low_retract) && is_there) {
             let what = "a read-back elsewhere is said to show the probe clear, mm";
             let expected = linear.clear_mm;
             let tolerance = Some(linear.tolerance_mm.to_string());
@@ -312,6 +318,9 @@ impl Motion {
             self.descended(seq, rig_us, moved, settings, findings);
         }
         self.probe = Probe::Lowered;
+        if is_low_retract && is_there {
+            (self.probe, self.descent) = (Probe::Clear, None);
+        }
     }
 
     /// A move below the clear position.
@@ -367,6 +376,14 @@ impl Motion {
         if self.probe != Probe::Clear {
             let what = "the rotary stage moved while the probe was not shown clear";
             findings.add(Check::TurnedClear, seq, what, "clear", self.probe.name());
+        }
+        let lowest = rig.map(|rig| {
+            let clear = before.map_or(rig.linear.clear_mm, |before| rig.turn_mm(before, target));
+            clear - rig.linear.tolerance_mm - ROUNDING
+        });
+        if let Some((lowest, at)) = lowest.zip(self.linear_mm).filter(|(lowest, at)| at < lowest) {
+            let what = "the sample turned below a probe that its edge may reach, mm";
+            findings.within(Check::TurnedClear, seq, what, lowest, at, None);
         }
         if is_clear {
             let what = "a move of the rotary stage shows nothing of the probe";

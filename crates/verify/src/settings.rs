@@ -50,6 +50,7 @@ pub(crate) struct Geometry {
     #[serde(default)]
     probe_beside_pivot_mm: f64,
     probe_radius_mm: f64,
+    sample_half_width_mm: f64,
     surface_tolerance_mm: f64,
 }
 
@@ -60,6 +61,9 @@ pub(crate) struct Limits {
     pub(crate) contact_speed_mm_per_s: f64,
     pub(crate) rotary_speed_deg_per_s: f64,
 }
+
+/// Room between the probe and the corner of a sample that turns below it, mm.
+const TURN_ROOM_MM: f64 = 0.5;
 
 impl Rig {
     /// Height of the linear stage at which the ball touches the tilted plane of the sample, mm.
@@ -72,6 +76,33 @@ impl Rig {
         let (sin, cos) = tilt_deg.to_radians().sin_cos();
         let centre = (d + r - self.geometry.probe_beside_pivot_mm * sin) / cos;
         surface_mm - d + centre - r
+    }
+
+    /// The lowest height at which the sample may turn between two tilts below the probe, mm. It is the clear
+    /// position, or that of the highest corner of the largest sample on the way and [`TURN_ROOM_MM`].
+    ///
+    /// A corner has the distance r from the pivot, at the angle φ above the level of the sample, and rises to
+    /// r sin(φ + α); it passes above the pivot if a tilt of the turn is 90° − φ.
+    pub(crate) fn turn_mm(&self, from_deg: f64, to_deg: f64) -> f64 {
+        // A read-back is off by the tolerance at most, and the stage by as much again from a target.
+        let off_deg = self.rotary.tolerance_deg;
+        self.edge_mm((from_deg.abs() + off_deg).max(to_deg.abs() + 2.0 * off_deg))
+    }
+
+    /// The same where the rotary stage was read back.
+    pub(crate) fn clear_mm(&self, tilt_deg: f64) -> f64 {
+        self.edge_mm(tilt_deg.abs() + self.rotary.tolerance_deg)
+    }
+
+    fn edge_mm(&self, steepest: f64) -> f64 {
+        let Geometry { surface_above_pivot_mm, sample_half_width_mm, .. } = self.geometry;
+        let height = surface_above_pivot_mm + self.geometry.surface_tolerance_mm;
+        let radius = height.hypot(sample_half_width_mm);
+        let elevation = height.atan2(sample_half_width_mm);
+        let angle = (elevation + steepest.to_radians()).min(std::f64::consts::FRAC_PI_2);
+        let corner = radius * angle.max(elevation).sin();
+        let edge = self.geometry.surface_mm - surface_above_pivot_mm + corner;
+        (edge + TURN_ROOM_MM).min(self.linear.clear_mm)
     }
 
     /// The lowest height that any touch may need at this tilt, mm.

@@ -65,6 +65,14 @@ pub(super) const CASES: &[Case] = &[
         change(&mut forged.records[place].payload, "/read_back", |_| 12.0);
         change(&mut forged.records[place].payload, "/target", |_| 12.0);
     }),
+    ("a turn under a probe that its edge may reach", Check::TurnedClear, |forged| {
+        // 11 mm are clear of a level sample, and of no turn.
+        let low = |payload: &Value| is_retract(payload) && get(payload, "/target") < 24.0;
+        let place = forged.nth("moved", 0, low);
+        for path in ["/target", "/read_back"] {
+            change(&mut forged.records[place].payload, path, |_| 11.1);
+        }
+    }),
     ("a fault that says clear in contact", Check::FalseClear, |forged| {
         let place = forged.nth("moved", 1, is_retract);
         insert(forged, place, "fault", fault("clear"));

@@ -282,13 +282,21 @@ impl World {
     /// The invariants that hold for every operation that leaves the engine.
     pub(crate) fn check(&self, operation: &Operation) {
         match operation {
-            Operation::MoveRotary { .. } | Operation::PrepareRotary => {
+            Operation::MoveRotary { target, .. } => {
+                let to_deg = target.position().value();
+                let room_mm = self.linear_mm - self.highest_edge_mm(to_deg);
                 assert!(
-                    (self.linear_mm - REST_MM).abs() < 0.011,
-                    "the sample turns with the probe at {} mm",
+                    0.45 < room_mm || (self.linear_mm - REST_MM).abs() < 0.011,
+                    "the sample turns from {}° to {to_deg}° with the probe at {} mm",
+                    self.rotary_deg,
                     self.linear_mm
                 );
             }
+            Operation::PrepareRotary => assert!(
+                (self.linear_mm - REST_MM).abs() < 0.011,
+                "the rotary stage homes with the probe at {} mm",
+                self.linear_mm
+            ),
             Operation::MoveLinear { target, .. } => {
                 assert!(!self.is_lost, "moved from where it cannot be");
                 let target_mm = target.position().value();
@@ -300,6 +308,19 @@ impl World {
             }
             _ => {}
         }
+    }
+
+    /// The highest place that an edge of the largest sample passes in a turn, by trying every tilt, mm.
+    fn highest_edge_mm(&self, to_deg: f64) -> f64 {
+        let geometry = limits().geometry;
+        let top_mm = geometry.surface_above_pivot_mm + geometry.surface_tolerance_mm;
+        let pivot_mm = geometry.surface.value() - geometry.surface_above_pivot_mm;
+        let of_tilt = |part: i32| {
+            let tilt_deg = self.rotary_deg + (to_deg - self.rotary_deg) * f64::from(part) / 500.0;
+            let (sin, cos) = tilt_deg.to_radians().sin_cos();
+            pivot_mm + top_mm * cos + geometry.sample_half_width_mm * sin.abs()
+        };
+        (0..=500).map(of_tilt).fold(f64::MIN, f64::max)
     }
 
     /// Ends the operation in flight, after the trouble that is due, if any.
@@ -550,7 +571,11 @@ impl World {
                 }
                 RigState::Latched => return,
                 RigState::WaitingForPerson => self.answer(),
-                RigState::Paused => self.command(Command::Resume),
+                RigState::Paused => {
+                    // Somebody may reach in.
+                    assert!((self.linear_mm - REST_MM).abs() < 0.011, "{} mm", self.linear_mm);
+                    self.command(Command::Resume);
+                }
                 RigState::Preparing | RigState::Running | RigState::Retracting => self.step(),
             }
         }

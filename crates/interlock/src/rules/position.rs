@@ -47,7 +47,8 @@ impl Identity {
     }
 }
 
-/// The deepest position that a durable record of an intent allows, until the probe is clear again.
+/// The deepest position that a durable record of an intent allows, until the probe is at the clear position
+/// again or the sample turns.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Intent {
     down_to: Option<Position<Mm>>,
@@ -68,6 +69,13 @@ impl Intent {
                 Err(Refusal::NoIntent { to })
             }
             _ => Ok(()),
+        }
+    }
+
+    /// The intent was for the tilt before a turn.
+    pub(crate) const fn begun(&mut self, command: &PortCommand) {
+        if command.is_turn() {
+            self.down_to = None;
         }
     }
 

@@ -31,11 +31,51 @@ fn the_sample_turns_only_under_a_probe_that_was_read_back_clear() {
     admitted(&mut interlock, lower(20.0), linear_at(20.0));
     assert!(matches!(refused(&mut interlock, turn(0.0)), Refusal::NotClear { .. }));
     assert!(matches!(refused(&mut interlock, PortCommand::HomeRotary), Refusal::NotClear { .. }));
-    // A retract that ends elsewhere proves nothing.
+    // A retract that ends elsewhere proves nothing of a homing, which may turn anywhere.
     admitted(&mut interlock, lift(), linear_at(REST_MM - 0.02));
-    assert!(matches!(refused(&mut interlock, turn(0.0)), Refusal::NotClear { .. }));
+    assert!(matches!(refused(&mut interlock, PortCommand::HomeRotary), Refusal::NotClear { .. }));
     admitted(&mut interlock, lift(), linear_at(REST_MM));
     admitted(&mut interlock, turn(0.0), rotary_at(0.0));
+}
+
+#[test]
+fn below_the_clear_position_the_sample_turns_as_far_as_its_edges_stay_below_the_probe() {
+    // The edge 20 mm beside the pivot and 0.5 mm above it, and 0.5 mm of room. A read-back is off by 0.05° at
+    // most, and the stage by as much again from a target.
+    let edge_mm = |degrees: f64| {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        10.0 + 0.5 * cos + 20.0 * sin
+    };
+    for (from, to, steepest) in
+        [(0.0, 15.0, 15.1), (15.0, -30.0, 30.1), (-30.0, 10.0, 30.05), (45.0, 0.0, 45.05)]
+    {
+        let mut interlock = prepared(NOW);
+        admitted(&mut interlock, turn(from), rotary_at(from));
+        interlock.intent_is_durable(Position::new(1.0));
+        let clear_mm = edge_mm(steepest) + 0.5;
+        admitted(&mut interlock, lower(clear_mm - 0.011), linear_at(clear_mm - 0.011));
+        assert!(matches!(refused(&mut interlock, turn(to)), Refusal::NotClear { .. }), "{to}");
+        admitted(&mut interlock, lower(clear_mm), linear_at(clear_mm));
+        assert!(matches!(
+            refused(&mut interlock, PortCommand::HomeRotary),
+            Refusal::NotClear { .. }
+        ));
+        let later = NOW + Duration::from_secs(61);
+        assert!(
+            interlock.needs_reading(later, &turn(to)) && !interlock.needs_reading(NOW, &turn(to))
+        );
+        admitted(&mut interlock, turn(to), rotary_at(to));
+        // The intent was for the tilt before.
+        assert!(matches!(refused(&mut interlock, lower(clear_mm - 1.0)), Refusal::NoIntent { .. }));
+        // Nobody knows where a turn that failed has ended.
+        admitted(&mut interlock, turn(to), Outcome::Failed);
+        interlock.operator(NOW, "somebody", Word::Acknowledgement).unwrap();
+        interlock.read(NOW, &linear_at(clear_mm));
+        let refusal = interlock.admit(NOW, &turn(to)).unwrap_err();
+        let is_refused =
+            matches!(refusal, Refusal::NotClear { .. } | Refusal::NotIdentified { .. });
+        assert!(is_refused, "{refusal}");
+    }
 }
 
 #[test]
@@ -47,7 +87,7 @@ fn an_old_proof_of_a_clear_probe_must_be_read_anew() {
     let refusal = interlock.admit(later, &turn(30.0)).unwrap_err();
     assert!(matches!(refusal, Refusal::ClearIsOld { .. }), "{refusal}");
     let mut moved = interlock.clone();
-    moved.read(later, &linear_at(REST_MM - 0.1));
+    moved.read(later, &linear_at(20.0));
     assert!(matches!(moved.admit(later, &turn(30.0)), Err(Refusal::NotClear { .. })));
     interlock.read(later, &linear_at(REST_MM));
     interlock.admit(later, &turn(30.0)).unwrap();

@@ -102,6 +102,8 @@ struct Truth {
     /// When a person stated that nothing is below the probe, with no linear command since.
     stated: Option<RigTime>,
     turns: u32,
+    /// Those with the probe below the clear position.
+    low_turns: u32,
     lowerings: u32,
     homings: u32,
 }
@@ -109,6 +111,20 @@ struct Truth {
 impl Truth {
     fn expected_mm(&self) -> f64 {
         SURFACE_MM + 0.5 / self.rotary_deg.to_radians().cos() - 0.5
+    }
+
+    /// The highest place that an edge of the largest sample passes in a turn, by trying every tilt.
+    fn highest_edge_mm(&self, to_deg: f64) -> f64 {
+        let geometry = limits().geometry;
+        let top_mm = geometry.surface_above_pivot_mm + TOLERANCE_MM;
+        let of_tilt = |part: i32| {
+            let tilt_deg = self.rotary_deg + (to_deg - self.rotary_deg) * f64::from(part) / 100.0;
+            let (sin, cos) = tilt_deg.to_radians().sin_cos();
+            SURFACE_MM - geometry.surface_above_pivot_mm
+                + top_mm * cos
+                + geometry.sample_half_width_mm * sin.abs()
+        };
+        (0..=100).map(of_tilt).fold(f64::MIN, f64::max)
     }
 
     /// The invariants, of a command that was let through.
@@ -120,9 +136,14 @@ impl Truth {
         };
         assert!(is_way_out || !self.is_latched, "{command:?} while latched");
         match *command {
-            PortCommand::MoveRotary { .. } | PortCommand::HomeRotary => {
-                let is_up = self.linear_mm >= REST_MM - 0.011;
+            PortCommand::MoveRotary { to, .. } => {
+                let room_mm = self.linear_mm - self.highest_edge_mm(to.value());
+                let is_up = self.linear_mm >= REST_MM - 0.011 || 0.48 < room_mm;
                 assert!(is_up || self.is_nudged, "turned at {} mm", self.linear_mm);
+            }
+            PortCommand::HomeRotary => {
+                let is_up = self.linear_mm >= REST_MM - 0.011;
+                assert!(is_up || self.is_nudged, "homed at {} mm", self.linear_mm);
             }
             PortCommand::MoveLinear { to, speed_mm_per_s } if to.value() < REST_MM => {
                 let to_mm = to.value();
@@ -175,9 +196,14 @@ impl Truth {
             PortCommand::MoveRotary { to, .. } => {
                 self.rotary_deg += part * (to.value() - self.rotary_deg);
                 self.turns += 1;
+                self.low_turns += u32::from(self.linear_mm < REST_MM - 0.011);
+                self.intent_mm = f64::INFINITY;
                 Outcome::RotaryAt(Position::new(self.rotary_deg))
             }
-            PortCommand::HomeRotary => Outcome::RotaryAt(Position::new(self.rotary_deg)),
+            PortCommand::HomeRotary => {
+                self.intent_mm = f64::INFINITY;
+                Outcome::RotaryAt(Position::new(self.rotary_deg))
+            }
             PortCommand::Stop | PortCommand::Measure => Outcome::Done,
         };
         self.is_latched |= is_failed;
@@ -185,7 +211,7 @@ impl Truth {
     }
 }
 
-fn play(is_prepared: bool, steps: &[Step]) -> [u32; 3] {
+fn play(is_prepared: bool, steps: &[Step]) -> [u32; 4] {
     let mut now = RigTime::ZERO;
     let mut interlock = if is_prepared { prepared(now) } else { Interlock::new(limits()) };
     let (linear_mm, rotary_deg) = if is_prepared { (REST_MM, 0.0) } else { (7.0, 12.0) };
@@ -198,6 +224,7 @@ fn play(is_prepared: bool, steps: &[Step]) -> [u32; 3] {
         is_measuring: false,
         stated: None,
         turns: 0,
+        low_turns: 0,
         lowerings: 0,
         homings: 0,
     };
@@ -254,7 +281,7 @@ fn play(is_prepared: bool, steps: &[Step]) -> [u32; 3] {
             }
         }
     }
-    [truth.turns, truth.lowerings, truth.homings]
+    [truth.turns, truth.low_turns, truth.lowerings, truth.homings]
 }
 
 proptest! {
@@ -274,13 +301,16 @@ proptest! {
 fn the_streams_turn_the_sample_lower_the_probe_and_home_it() {
     let mut runner = proptest::test_runner::TestRunner::deterministic();
     let streams = prop::collection::vec(step(), 40);
-    let mut counts = [0; 3];
+    let mut counts = [0; 4];
     for _ in 0..500 {
         let steps = streams.new_tree(&mut runner).unwrap().current();
         let more = play(true, &steps);
         counts = std::array::from_fn(|of| counts[of] + more[of]);
     }
-    let [turns, lowerings, homings] = counts;
-    let is_enough = turns > 200 && lowerings > 100 && homings > 20;
-    assert!(is_enough, "{turns} turns, {lowerings} lowerings, {homings} homings");
+    let [turns, low, lowerings, homings] = counts;
+    let is_enough = turns > 200 && low > 20 && lowerings > 100 && homings > 20;
+    assert!(
+        is_enough,
+        "{turns} turns, {low} of them low, {lowerings} lowerings, {homings} homings"
+    );
 }
