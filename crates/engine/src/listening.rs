@@ -21,6 +21,10 @@ const SETTLED_TIME_CONSTANTS: f64 = 5.0;
 /// rest of the decay need not be awaited.
 const EARLY_TIME_CONSTANTS: f64 = 3.0;
 
+/// The baseline waits for this many, to e⁻⁴ = 1.8 % of a contact: a fifth of the usual threshold, which moves a
+/// surface by less than a micrometre.
+const BASELINE_TIME_CONSTANTS: f64 = 4.0;
+
 /// The decay of the vibration that a contact has left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Decay {
@@ -54,7 +58,7 @@ impl Listening<'_> {
     /// Reads the impedance of the clear probe at the no-load resonance, and goes on to the frequency of
     /// the self-test, which the vibration follows while the sample turns.
     pub(crate) fn baseline(&self) -> Operation {
-        let settle_s = self.due_s(SETTLED_TIME_CONSTANTS, self.driven_since(0.0));
+        let settle_s = self.due_s(BASELINE_TIME_CONSTANTS, self.driven_since(0.0));
         self.measure(vec![self.point(0.0, settle_s), self.change_to(TEST_LINEWIDTHS)])
     }
 

@@ -112,6 +112,22 @@ impl SlipCheck {
         (self.place == Place::In).then(|| self.up_to(Place::Out, 0.0))
     }
 
+    /// Whether a reading may come before the contact has decayed: one of a probe that is still said to be clear,
+    /// but none that becomes the baseline.
+    pub(crate) const fn may_be_early(&self) -> bool {
+        matches!(self.place, Place::Above)
+    }
+
+    /// Whether an early reading shows a contact, or the rest of its decay.
+    pub(crate) fn seems_to_touch(&self, readings: &[Reading]) -> bool {
+        readings.last().is_some_and(|last| match last.measured {
+            PointResult::Value(now) => {
+                self.approach.contact_threshold < relative_change(self.baseline, now)
+            }
+            _ => false,
+        })
+    }
+
     /// The positions with their readings.
     pub(crate) fn trail(&self) -> &[(Position<Mm>, Reading)] {
         &self.trail

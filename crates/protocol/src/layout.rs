@@ -4,7 +4,8 @@
 //! sensor begins in its present orientation and is turned at most once, so that the next sample
 //! begins in that orientation. For one mounting of the sensor, directions follow the listed order
 //! with rising angles, and repeats follow each other. A random order shuffles the samples and the
-//! touches of one mounting: it costs travel but no prompt. The trials of the blind phase keep their
+//! touches of one mounting: it costs travel but no prompt. An order by travel goes through the tilts of a
+//! mounting once, from the end that is nearer. The trials of the blind phase keep their
 //! random order, or are made by mounting: the draws are the same, the samples come in random order, and the
 //! touches of one mounting by tilt.
 
@@ -121,7 +122,7 @@ impl Plan {
         for (id, touch) in main {
             layout.touch(id, touch);
         }
-        layout.mountings(blind, self.seed);
+        layout.mountings(&blind, self.seed);
         Self { steps: layout.steps, ..self.clone() }
     }
 
@@ -142,6 +143,8 @@ struct Layout {
     steps: Vec<Step>,
     sample: Option<usize>,
     orientation: Option<Orientation>,
+    /// Where the sample stands.
+    tilt_deg: f64,
     /// The pose of the last no-load measurement, until a person touches the bench.
     no_load_pose: Option<Pose>,
 }
@@ -149,7 +152,7 @@ struct Layout {
 impl Layout {
     const fn new(no_load: NoLoadPolicy) -> Self {
         let (sample, orientation, no_load_pose) = (None, None, None);
-        Self { no_load, steps: Vec::new(), sample, orientation, no_load_pose }
+        Self { no_load, steps: Vec::new(), sample, orientation, tilt_deg: 0.0, no_load_pose }
     }
 
     fn of(protocol: &Protocol) -> Vec<Step> {
@@ -163,7 +166,7 @@ impl Layout {
 
     fn main(&mut self, protocol: &Protocol) {
         let mut random = match protocol.order {
-            Order::Listed => None,
+            Order::Listed | Order::ByTravel => None,
             Order::Random => Some(Draws::Order.stream(protocol.seed)),
         };
         let mut samples: Vec<_> = (0..protocol.samples.len()).collect();
@@ -175,6 +178,9 @@ impl Layout {
                 let mut touches = mounting(protocol, sample, orientation);
                 if let Some(random) = &mut random {
                     random.shuffle(&mut touches);
+                }
+                if protocol.order == Order::ByTravel {
+                    self.by_travel(sample, &mut touches, tilt_deg);
                 }
                 for touch in touches {
                     let Pose { direction, angle } = touch.pose;
@@ -214,15 +220,12 @@ impl Layout {
     }
 
     /// Touches by mounting, the present one first.
-    fn mountings(&mut self, mut touches: Vec<(&str, Touch)>, seed: u64) {
+    fn mountings(&mut self, touches: &[(&str, Touch)], seed: u64) {
         let mut samples: Vec<usize> = touches.iter().map(|(_, touch)| touch.sample).collect();
         samples.sort_unstable();
         samples.dedup();
         Draws::Mountings.stream(seed).shuffle(&mut samples);
         samples.sort_by_key(|sample| self.sample != Some(*sample));
-        let tilt_deg =
-            |touch: &Touch| touch.pose.direction.rotary_position(touch.pose.angle).value();
-        touches.sort_by(|(_, one), (_, other)| tilt_deg(one).total_cmp(&tilt_deg(other)));
         for sample in samples {
             let of_sample = touches.iter().filter(|(_, touch)| touch.sample == sample).copied();
             let is_present = |touch: &Touch, layout: &Self| {
@@ -231,9 +234,24 @@ impl Layout {
             // Each sample has two mountings at most; the first one is in the present orientation.
             let (present, turned): (Vec<_>, Vec<_>) =
                 of_sample.partition(|(_, touch)| is_present(touch, self));
-            for (id, touch) in present.into_iter().chain(turned) {
-                self.touch(id, touch);
+            for mut mounting in [present, turned] {
+                self.by_travel(sample, &mut mounting, |(_, touch)| tilt_deg(touch));
+                for (id, touch) in mounting {
+                    self.touch(id, touch);
+                }
             }
+        }
+    }
+
+    /// Sorts the touches of one mounting by tilt, from the end that is nearer to where the sample will stand:
+    /// level if it has to be placed.
+    fn by_travel<T>(&self, sample: usize, touches: &mut [T], tilt_deg: impl Fn(&T) -> f64) {
+        let here = if self.sample == Some(sample) { self.tilt_deg } else { 0.0 };
+        touches.sort_by(|one, other| tilt_deg(one).total_cmp(&tilt_deg(other)));
+        let way = |end: Option<&T>| end.map_or(0.0, |touch| (tilt_deg(touch) - here).abs());
+        if way(touches.last()) < way(touches.first()) {
+            // Repeats stay in their order.
+            touches.sort_by(|one, other| tilt_deg(other).total_cmp(&tilt_deg(one)));
         }
     }
 
@@ -254,6 +272,7 @@ impl Layout {
             self.push(format!("{id}/no-load"), Action::NoLoad(pose));
         }
         self.push(id.to_owned(), Action::Touch(touch));
+        self.tilt_deg = tilt_deg(&touch);
     }
 
     fn needs_no_load(&self, pose: Pose) -> bool {
@@ -274,6 +293,11 @@ impl Layout {
     fn push(&mut self, id: String, action: Action) {
         self.steps.push(Step { id: StepId(id), action });
     }
+}
+
+/// Where the rotary stage stands in a touch, degrees.
+fn tilt_deg(touch: &Touch) -> f64 {
+    touch.pose.direction.rotary_position(touch.pose.angle).value()
 }
 
 /// The touches of one sample with the sensor standing one way.

@@ -48,6 +48,8 @@ pub(crate) enum Order {
     Listed,
     /// At random, as far as that costs no prompt.
     Random,
+    /// Those of one mounting by tilt, from the end at which the sample stands.
+    ByTravel,
 }
 
 /// Order of the blind touches.
@@ -212,7 +214,14 @@ pub(crate) fn protocol(table: &mut Table<'_>) -> Protocol {
             .collect(),
         repeats: table.count("repeats").range(1..=1000).or(1),
         order: table
-            .choice("order", [("listed", Order::Listed), ("random", Order::Random)])
+            .choice(
+                "order",
+                [
+                    ("listed", Order::Listed),
+                    ("random", Order::Random),
+                    ("by-travel", Order::ByTravel),
+                ],
+            )
             .or(Order::Listed)
             .value,
         seed: table.whole("seed").at_most(MAX_SEED).or(1).value,

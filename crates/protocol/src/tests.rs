@@ -143,7 +143,7 @@ fn steps_come_in_an_order_that_a_person_understands() {
 fn a_random_order_costs_no_prompt_and_depends_on_the_seed_alone() {
     let random = |seed: &str| {
         let drawn = ("order = \"by-mounting\"", "order = \"drawn\"");
-        let random = ("order = \"listed\"", "order = \"random\"");
+        let random = ("order = \"by-travel\"", "order = \"random\"");
         plan_of(&changed(&[drawn, random, ("seed = 2020", seed)]))
     };
     let (plan, again, other) = (random("seed = 7"), random("seed = 7"), random("seed = 8"));
@@ -159,6 +159,39 @@ fn a_random_order_costs_no_prompt_and_depends_on_the_seed_alone() {
     };
     assert_eq!(main_prompts(&plan), main_prompts(&listed));
     assert_eq!(touches(&plan, Phase::Blind), touches(&listed, Phase::Blind), "a stream of its own");
+}
+
+#[test]
+fn an_order_by_travel_turns_less_and_keeps_the_touches_and_the_prompts() {
+    let order = |order: &str| plan_of(&changed(&[("order = \"by-travel\"", order)]));
+    let (listed, travel) = (order("order = \"listed\""), order("order = \"by-travel\""));
+    check_that_every_touch_is_prepared(&travel);
+    assert_eq!(prompts(&listed).len(), prompts(&travel).len());
+    let way = |plan: &Plan| {
+        let (mut here, mut way_deg) = (0.0, 0.0);
+        for step in plan.steps.iter().filter(|step| step.id.0.starts_with("main/")) {
+            let there = match step.action {
+                Action::Prompt(Prompt::PlaceSample { .. }) => 0.0,
+                Action::Prompt(_) => here,
+                Action::NoLoad(pose) | Action::Touch(Touch { pose, .. }) => {
+                    pose.direction.rotary_position(pose.angle).value()
+                }
+            };
+            way_deg += f64::abs(there - here);
+            here = there;
+        }
+        way_deg
+    };
+    // Listed: 225° for each sample and 45° to level it. By travel: 180° when the left comes last, else 135° and 45°.
+    let (listed_deg, travel_deg) = (way(&listed), way(&travel));
+    assert!((listed_deg, travel_deg) == (1305.0, 900.0), "{listed_deg}°, {travel_deg}°");
+    let key = |touch: &Touch| (touch.sample, format!("{:?}", touch.pose), touch.repeat);
+    let sorted = |plan: &Plan| {
+        let mut all: Vec<_> = touches(plan, Phase::Main).iter().map(key).collect();
+        all.sort();
+        all
+    };
+    assert_eq!(sorted(&listed), sorted(&travel));
 }
 
 #[test]
@@ -298,15 +331,15 @@ fn the_expected_duration_is_the_sum_that_the_documentation_gives() {
     // From 45 mm to 0.71 mm above the surface at 20 mm and back, at 20 mm/s.
     let travel_s = 2.0 * (24.29 / 20.0 + 0.04);
     // 0.1 and 0.01 mm: one finer pass of 10 steps.
-    let search_s = (7.1 + 1.0 + 5.5) * (0.02 + 2.0 / 142.5 + 0.04)
-        + (2.0 * time_constant_s - 0.02)
+    let search_s = (7.1 + 1.0 + 5.5) * (0.005 + 2.0 / 142.5 + 0.04)
+        + (2.0 * time_constant_s - 0.005)
         + (0.71 + 0.15 + 0.5) / 1.0;
     let contact_s = 11.0 * (0.3 + 20.0 / 195.0);
     // Up by 0.5 + 0.025 + 0.1 mm at 20 mm/s, then down by 0.1 + 2 · 0.025 mm.
     let slip_s = 0.625 / 20.0
         + 0.04
-        + 2.0 * (0.02 + 2.0 / 142.5 + 0.04)
-        + (2.0 * time_constant_s - 0.02)
+        + 2.0 * (0.005 + 2.0 / 142.5 + 0.04)
+        + (2.0 * time_constant_s - 0.005)
         + 0.15 / 1.0;
     let touch_s = time_constant_s + travel_s + search_s + 0.5 + contact_s + slip_s;
 
@@ -329,7 +362,7 @@ fn ten_faults_of_a_protocol_give_ten_messages_whatever_their_kind() {
         ("samples = [", "sample = ["),
         ("[0, 15, 30, 45]", "[0, 15, 15, 60]"),
         ("repeats = 1", "repeats = 0"),
-        ("order = \"listed\"", "order = \"shuffled\""),
+        ("order = \"by-travel\"", "order = \"shuffled\""),
         ("seed = 2020", "seed = \"2020\""),
         ("\nindentation_mm = 0.5", "\nindentation_mm = 3.5"),
         ("fine_step_mm = 0.01", "fine_step_mm = 0.0005"),

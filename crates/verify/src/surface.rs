@@ -91,10 +91,15 @@ pub(crate) fn check_again(
         let may_be_higher = trail.iter().any(may_touch);
         return Again { is_still_there: false, may_be_higher, may_be_lower: false };
     };
+    // Of a contact that has not quite decayed above, as much may be left as a light one changes.
+    let is_changed = parts(above)
+        .and_then(|free| self::change(below, free))
+        .is_some_and(|by| may_be_contact(by, limit));
     let is_known = change(above).is_some() && change(below).is_some();
     Again {
-        is_still_there: is_known && may_be_free(above) && may_touch(below),
-        may_be_higher: may_touch(above),
+        is_still_there: is_known && may_be_free(above) && may_touch(below) && is_changed,
+        // The probe went below because it was free above.
+        may_be_higher: false,
         may_be_lower: may_be_free(below),
     }
 }

@@ -41,7 +41,13 @@ impl TouchMachine {
                 self.arrived(*read_back, context.now);
                 step
             }
+            (Phase::Checking { check, .. }, MachineEvent::Readings(readings))
+                if self.is_early && check.seems_to_touch(readings) =>
+            {
+                return self.listen(Decay::Whole, context);
+            }
             (Phase::Checking { check, .. }, MachineEvent::Readings(readings)) => {
+                self.is_early = false;
                 check.driven().unwrap_or_else(|| {
                     let read = |_, one: &Reading| check.read(*one, &self.no_load);
                     readings.iter().fold(SlipStep::Flagged, read)
@@ -69,10 +75,14 @@ impl TouchMachine {
             SlipStep::MoveTo(to) => {
                 return context.move_linear(to, self.speed_mm_per_s(to, context));
             }
-            SlipStep::Read { is_after_contact } => {
-                let left = self.risen.filter(|_| is_after_contact);
+            SlipStep::Read { is_after_contact: true } => {
+                let decay = if check.may_be_early() { Decay::Early } else { Decay::Whole };
+                return self.listen(decay, context);
+            }
+            // What is left of the change of frequency is too little to hide a contact or to show one.
+            SlipStep::Read { is_after_contact: false } => {
                 let listening = context.listening(&self.no_load);
-                return MachineStep::Do(listening.contact(left, Decay::Whole));
+                return MachineStep::Do(listening.contact(None, Decay::Early));
             }
             SlipStep::Finished(Ok(())) => None,
             SlipStep::Finished(Err(slip)) => Some(TouchRefusal::Slipped(slip)),

@@ -39,7 +39,7 @@ fn an_undisturbed_run_finds_the_surface_and_the_shift_at_every_touch() {
 }
 
 /// The time constant of the sensor is 0.114 s: 3 of it before a self-test and before an early reading
-/// after a contact, and 5 before the baseline.
+/// after a contact, and 4 before the baseline.
 #[test]
 fn a_vibration_decays_before_each_reading_and_time_that_has_passed_is_not_waited_again() {
     let time_constant_s = 50.0 / (std::f64::consts::PI * FREE_HZ);
@@ -47,7 +47,7 @@ fn a_vibration_decays_before_each_reading_and_time_that_has_passed_is_not_waited
     world.play();
     let (mut waited_s, mut tests) = (0.0, 0);
     for one in &world.listened {
-        let needed = if one.is_clear && !one.is_test { 5.0 } else { 3.0 };
+        let needed = if one.is_clear && !one.is_test { 4.0 } else { 3.0 };
         assert!(needed * time_constant_s - 1e-3 < one.driven_s, "{one:?}");
         waited_s += one.asked_s;
         tests += usize::from(one.is_test);
@@ -55,10 +55,11 @@ fn a_vibration_decays_before_each_reading_and_time_that_has_passed_is_not_waited
     // Of each touch, and of the clear probe after the last one.
     assert_eq!(tests, 4);
     // The shortest settling of each reading; the baselines of the touches and at the end; the self-tests; and
-    // in each touch the beginning of the search and two ways out of the sample. The analyzer rounds its
-    // frequencies, which changes none of these.
+    // in each touch the beginning of the search, and the ways out of the sample in search and check. The
+    // analyzer rounds its frequencies, which changes none of these.
     let readings = world.listened.len() as f64;
-    let most_s = 0.1 * readings + (4.0 * 5.0 + 4.0 * 3.0 + 3.0 * 3.0 * 5.0) * time_constant_s;
+    let most_s =
+        0.1 * readings + (3.0 * 4.0 + 5.0 + 4.0 * 3.0 + 3.0 * (5.0 + 3.0 + 3.0)) * time_constant_s;
     assert!(waited_s < most_s, "{waited_s} s of at most {most_s} s in {readings} readings");
 }
 
