@@ -1,4 +1,7 @@
+use num_complex::Complex64;
+
 use super::*;
+use crate::normal::Step;
 
 /// Readings of a sensor at rest before each, one frequency after the other.
 fn steady(resonance_hz: f64, q: f64, c0: f64, ratio: f64, loss: f64) -> Vec<Reading> {
