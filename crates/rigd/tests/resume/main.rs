@@ -14,7 +14,8 @@ use rigd::rig::{self, RequestRefusal, ResumeRefusal};
 use tempfile::TempDir;
 
 use support::{
-    Bench, check_same, config, crashed, replay, rigd, touches, write_protocol, write_rig,
+    Bench, Interrupted, check_same, config, crashed, replay, rigd, touches, write_protocol,
+    write_rig,
 };
 
 #[tokio::test]
@@ -227,18 +228,10 @@ fn a_damaged_last_session_proves_nothing_of_the_probe() {
 
 #[test]
 fn a_run_that_is_given_up_does_not_go_on() {
-    let folder = TempDir::new().unwrap();
-    let (rig, protocol) = (write_rig(folder.path()), write_protocol(folder.path()));
-    let (rig, protocol) = (rig.to_str().unwrap(), protocol.to_str().unwrap());
-    assert!(rigd(folder.path(), &["run", protocol, "--rig", rig]).status.success());
-    let refused = rigd(folder.path(), &["give-up", "latest"]);
-    assert_eq!(refused.status.code(), Some(1), "it is complete");
-    let data = folder.path().join("data");
-    let crash = crashed(&data, 60);
-    fs::copy(crash.path().join("rigd.db"), data.join("rigd.db")).unwrap();
-    let given_up = rigd(folder.path(), &["give-up", "latest"]);
+    let bench = Interrupted::behind(60);
+    let given_up = bench.rigd(&["give-up", "latest"]);
     assert!(given_up.status.success(), "{}", String::from_utf8_lossy(&given_up.stderr));
-    let refused = rigd(folder.path(), &["run", "--resume", "latest", "--rig", rig]);
+    let refused = bench.rigd(&["run", "--resume", "latest", "--rig", &bench.rig]);
     let said = String::from_utf8(refused.stderr).unwrap();
     assert!(refused.status.code() == Some(1) && said.contains("sealed"), "{said}");
 }
@@ -253,22 +246,17 @@ fn assert_sound(data: &Path) {
 
 #[test]
 fn the_sweeps_of_a_run_and_of_its_amendments_are_numbered_together() {
-    let folder = TempDir::new().unwrap();
-    let (rig, protocol) = (write_rig(folder.path()), write_protocol(folder.path()));
-    let (rig, protocol) = (rig.to_str().unwrap(), protocol.to_str().unwrap());
-    assert!(rigd(folder.path(), &["run", protocol, "--rig", rig]).status.success());
-    let data = folder.path().join("data");
-    let crash = crashed(&data, 60);
-    fs::copy(crash.path().join("rigd.db"), data.join("rigd.db")).unwrap();
+    let bench = Interrupted::behind(60);
+    let rig = bench.rig.as_str();
     for command in [
         &["redo", "latest", "main/1/front/30/1", "--why", "it slipped", "--rig", rig][..],
         &["run", "--resume", "latest", "--rig", rig],
         &["redo", "latest", "main/1/front/30/1", "--why", "once more", "--rig", rig],
     ] {
-        let done = rigd(folder.path(), command);
+        let done = bench.rigd(command);
         assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     }
-    assert_sound(&data);
+    assert_sound(&bench.data);
 }
 
 #[test]
@@ -296,6 +284,8 @@ fn a_touch_is_measured_again_or_left_out_and_the_old_outcome_is_kept() {
     assert_eq!(redone["touches_measured"], 6);
     // The run itself is unchanged.
     assert_eq!(chain(), records);
+    let refused = rigd(folder.path(), &["give-up", "latest"]);
+    assert_eq!(refused.status.code(), Some(1), "it is complete");
 
     let skip = |step: &str| {
         rigd(folder.path(), &["skip", "latest", step, "--why", "cracked", "--operator", "Ada"])
@@ -315,20 +305,14 @@ fn a_touch_is_measured_again_or_left_out_and_the_old_outcome_is_kept() {
 
 #[test]
 fn a_skipped_touch_is_not_measured_when_the_run_is_resumed() {
-    let folder = TempDir::new().unwrap();
-    let (rig, protocol) = (write_rig(folder.path()), write_protocol(folder.path()));
-    let (rig, protocol) = (rig.to_str().unwrap(), protocol.to_str().unwrap());
-    assert!(rigd(folder.path(), &["run", protocol, "--rig", rig]).status.success());
-    let data = folder.path().join("data");
-    let crash = crashed(&data, 60);
-    fs::copy(crash.path().join("rigd.db"), data.join("rigd.db")).unwrap();
-    let skipped = rigd(folder.path(), &["skip", "latest", "blind/2", "--why", "not needed"]);
+    let bench = Interrupted::behind(60);
+    let skipped = bench.rigd(&["skip", "latest", "blind/2", "--why", "not needed"]);
     assert!(skipped.status.success(), "{}", String::from_utf8_lossy(&skipped.stderr));
-    let done = rigd(folder.path(), &["run", "--resume", "latest", "--rig", rig, "--json"]);
+    let done = bench.rigd(&["run", "--resume", "latest", "--rig", &bench.rig, "--json"]);
     let results: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
     let counts = ["touches_measured", "touches_skipped", "touches_not_reached"];
     assert_eq!(counts.map(|count| results[count].as_u64().unwrap()), [5, 1, 0]);
-    let reader = Reader::open(&data).unwrap();
+    let reader = Reader::open(&bench.data).unwrap();
     let run = reader.find("latest").unwrap();
     assert!(run.is_sealed && !touches(&reader, run.id).contains_key("blind/2"));
 }

@@ -161,6 +161,35 @@ pub(crate) fn check_same(
 }
 
 /// Runs the program to its end.
+/// A bench in a folder of its own, whose run was cut off by a crash.
+pub(crate) struct Interrupted {
+    folder: TempDir,
+    /// The rig file.
+    pub(crate) rig: String,
+    /// The data directory.
+    pub(crate) data: PathBuf,
+}
+
+impl Interrupted {
+    /// The crash is behind the event `last`.
+    pub(crate) fn behind(last: u64) -> Self {
+        let folder = TempDir::new().unwrap();
+        let (rig, protocol) = (write_rig(folder.path()), write_protocol(folder.path()));
+        let rig = rig.to_str().unwrap().to_owned();
+        let run = rigd(folder.path(), &["run", protocol.to_str().unwrap(), "--rig", &rig]);
+        assert!(run.status.success());
+        let data = folder.path().join("data");
+        let crash = crashed(&data, last);
+        fs::copy(crash.path().join("rigd.db"), data.join("rigd.db")).unwrap();
+        Self { folder, rig, data }
+    }
+
+    /// A command on it.
+    pub(crate) fn rigd(&self, args: &[&str]) -> Output {
+        rigd(self.folder.path(), args)
+    }
+}
+
 pub(crate) fn rigd(folder: &Path, args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_rigd"))
         .args(args)
