@@ -19,6 +19,7 @@ use crate::{
     circuit::trace::{CIRCUIT, ModelEstimate},
     diagnose::doubts::{
         GAIN_MIN, POINTS_MIN, doubt_circuit, doubt_existence, doubt_place, doubt_precision,
+        doubt_resolution,
     },
     diagnose::rounding,
     fit::full::Model,
@@ -67,7 +68,7 @@ impl Fitter {
         if let Err(reason) = self.load(readings) {
             return refused(reason);
         }
-        let Points { lowest_hz: min_hz, highest_hz: max_hz, .. } = self.quick.points;
+        let Points { lowest_hz: min_hz, highest_hz: max_hz, count, .. } = self.quick.points;
         let span = Window { min_hz, max_hz };
         let window = options.window.unwrap_or(span);
         let rounding = rounding::variances(readings);
@@ -83,6 +84,7 @@ impl Fitter {
                 && doubt_existence(&resonance, found.gain).is_none()
                 && doubt_place(&resonance, window).is_none()
                 && doubt_circuit(&resonance, span).is_none()
+                && doubt_resolution(&resonance, span, count).is_none()
                 && self.has_settled(&resonance, at, readings, options)
                 && let widened = resonance.widened(widening * resonance.resonance_hz.powi(2))
                 && doubt_precision(&widened, resonance.sigma_hz).is_none()
@@ -94,7 +96,7 @@ impl Fitter {
         let near = options.near.map(|circuit| ModelEstimate::of(&circuit, unit_farad));
         let start = near.or(start);
         match Model::find(readings, &rounding, window, unit_farad, start, options) {
-            Ok(model) => judge(&model, window, span, options),
+            Ok(model) => judge(&model, window, (span, count), options),
             Err(reason) => refused(reason),
         }
     }
@@ -129,7 +131,12 @@ impl Fitter {
 }
 
 /// The verdict on a model that was compared with all alternatives.
-fn judge(model: &Model, window: Window, span: Window, options: &FitOptions) -> FitOutcome {
+fn judge(
+    model: &Model,
+    window: Window,
+    (span, count): (Window, usize),
+    options: &FitOptions,
+) -> FitOutcome {
     let gain = model.gain_over_capacitor();
     let Some(found) = model.resonance(options) else {
         let is_nothing = gain < GAIN_MIN;
@@ -142,6 +149,7 @@ fn judge(model: &Model, window: Window, span: Window, options: &FitOptions) -> F
         .or_else(|| (model.found.end == End::OutOfSteps).then_some(Reason::NotConverged))
         .or_else(|| doubt_place(&found, window))
         .or_else(|| doubt_circuit(&found, span))
+        .or_else(|| doubt_resolution(&found, span, count))
         // A fit to many outliers does not determine the resonance.
         .map(|reason| model.outliers_in_the_way().unwrap_or(reason))
         // A stray series impedance partly fits almost any misfit, and much of pure noise.

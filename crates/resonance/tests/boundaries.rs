@@ -166,6 +166,18 @@ fn few_wrong_readings_hardly_ever_cost_the_sweep_and_never_the_truth() {
 }
 
 #[test]
+fn wrong_readings_of_a_capacitor_are_no_resonance() {
+    for seed in 0..4000 {
+        let mut random = Random::new(seed);
+        let capacitor = Scene { capacitance_ratio: 1e-9, ..Scene::random(&mut random) };
+        let kind = Kind::Outliers(random.between(0.02, 0.2));
+        let (readings, _) = capacitor.sweep(kind, &mut random);
+        let verdict = fit(&readings, &capacitor.options());
+        assert!(matches!(verdict, FitOutcome::Refused(_)), "seed {seed}: {verdict:?}");
+    }
+}
+
+#[test]
 fn the_share_of_wrong_readings() {
     let is_outliers = |reason: &Reason| matches!(reason, Reason::Outliers { .. });
     check(&[(SENSOR, Kind::Nominal, PLAIN), (SENSOR, Kind::Outliers(0.2), Refused(is_outliers))]);

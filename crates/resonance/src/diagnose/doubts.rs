@@ -19,6 +19,10 @@ pub(crate) const SIGMA_MAX_LINEWIDTHS: f64 = 0.5;
 /// Largest coupling factor squared; above k33² of the softest ceramics, 0.56.
 const K_SQUARED_MAX: f64 = 0.6;
 
+/// Largest mean distance of the readings of a grid, in linewidths. With more, a resonance can hide between
+/// them, and one or two wrong readings resemble one.
+const SPACING_MAX_LINEWIDTHS: f64 = 5.0;
+
 /// Checks that there is a resonance.
 pub(crate) fn doubt_existence(found: &Resonance, gain: f64) -> Option<Reason> {
     // NaN must be refused too, here and below.
@@ -54,6 +58,15 @@ pub(crate) fn doubt_circuit(found: &Resonance, window: Window) -> Option<Reason>
         !is_possible
     })
     .map(|(quantity, found, limit)| Reason::NotASensor { quantity, found, limit })
+}
+
+/// Checks that the readings, spread over a span, can show a resonance as narrow as the one found.
+pub(crate) fn doubt_resolution(found: &Resonance, span: Window, readings: usize) -> Option<Reason> {
+    let spacing_hz = (span.max_hz - span.min_hz) / (readings - 1) as f64;
+    let limit = SPACING_MAX_LINEWIDTHS * found.resonance_hz / spacing_hz;
+    let is_resolved = found.q < limit;
+    let quantity = "quality factor";
+    (!is_resolved).then_some(Reason::NotASensor { quantity, found: found.q, limit })
 }
 
 /// Checks the uncertainty, given the part that comes from noise alone, Hz.

@@ -9,7 +9,7 @@ use rig_model::{Reading, Window};
 
 use crate::{
     FitOptions, Reason, Resonance,
-    circuit::trace::{CIRCUIT, ExtraTerm, Minimum, ModelEstimate, Timing, Trace},
+    circuit::trace::{CIRCUIT, ExtraTerm, Minimum, ModelEstimate, Sample, Timing, Trace},
     diagnose::alternatives::{Alternative, Cause, Fitted, inflation_max},
     diagnose::doubts::GAIN_MIN,
     diagnose::outliers::{self, GAIN_PER_OUTLIER, READINGS_PER_OUTLIER},
@@ -60,6 +60,9 @@ const PHASE_MAX: f64 = 0.1;
 const WEIGHINGS: usize = 3;
 /// An error of the resonance below this many of its standard deviations is negligible.
 const SETTLED_SIGMAS: f64 = 0.5;
+
+/// Number of readings on which a resonance must not rest alone.
+const STRONGEST: usize = 2;
 
 /// Gain by which an explanation must beat the others.
 const CLEARLY: f64 = 10.0;
@@ -427,17 +430,26 @@ impl Model {
         sum / (2 * pairs) as f64
     }
 
-    /// Twice the log-likelihood gained over the best capacitor with loss.
+    /// Twice the log-likelihood gained over the best capacitor with loss. The readings that speak most for
+    /// a resonance do not count, because a few wrong readings side by side resemble one.
     pub(crate) fn gain_over_capacitor(&self) -> f64 {
-        let (mut p_sum, mut squares, mut weights) = (Complex64::ZERO, 0.0, 0.0);
+        let p = |sample: &Sample| sample.impedance * sample.visit.frequency_hz;
+        let (mut p_sum, mut squares) = (Complex64::ZERO, 0.0);
         for sample in self.trace.samples.iter().filter(|sample| sample.weight > 0.0) {
-            let p = sample.impedance * sample.visit.frequency_hz;
-            p_sum += sample.weight * p;
-            squares += sample.weight * p.norm_sqr();
-            weights += sample.weight;
+            p_sum += sample.weight * p(sample);
+            squares += sample.weight * p(sample).norm_sqr();
         }
-        let cost = weights - p_sum.norm_sqr() / squares;
-        self.degrees() * (cost / self.found.normal.cost).ln()
+        let capacitor = p_sum.conj() / squares;
+        let mut costs = Vec::with_capacity(self.trace.samples.len());
+        self.trace.rows(&self.found.at, |sample, row| {
+            let with = sample.weight * row.residual.norm_sqr();
+            let without = sample.weight * (1.0 - capacitor * p(sample)).norm_sqr();
+            costs.push((with, without));
+        });
+        costs.sort_unstable_by(|a, b| (b.1 - b.0).total_cmp(&(a.1 - a.0)));
+        let rest = costs.iter().skip(STRONGEST);
+        let [with, without] = rest.fold([0.0; 2], |sum, cost| [sum[0] + cost.0, sum[1] + cost.1]);
+        self.degrees() * (without / with).ln()
     }
 }
 
