@@ -267,9 +267,17 @@ impl Stays {
 
     /// Time to which the fitted constant resonance refers, s after the start of the first reading. Each
     /// stay is weighted by its information on the resonance.
-    pub(crate) fn effective_time_s(&self, best: &Hypothesis) -> Option<f64> {
-        let (mut sum, mut begin_s) = ([0.0; UNKNOWNS], 0.0);
-        let mut states = best.states.clone();
+    ///
+    /// With few readings on one side of the resonance the weights are large and of both signs. They need
+    /// the equations of the very same stays: those of the descent may be extrapolated from a nearby
+    /// circuit, which once moved the time by eighteen durations of the sweep.
+    pub(crate) fn effective_time_s(
+        &self,
+        best: &Hypothesis,
+        expected: &CircuitPrior,
+    ) -> Option<f64> {
+        let (mut all, mut sum) = (Normal::<UNKNOWNS>::default(), [0.0; UNKNOWNS]);
+        let (mut begin_s, mut states) = (0.0, best.states.clone());
         for (n, ((stay, model, square), state)) in
             self.models(&best.at).zip(&mut states).enumerate()
         {
@@ -279,8 +287,10 @@ impl Stays {
             for (sum, row) in sum.iter_mut().zip(&normal.matrix) {
                 *sum += row[0] * middle_s;
             }
+            all.sum(&normal);
         }
-        Some(Cholesky::new(&best.normal.matrix, CIRCUIT, 0.0)?.solve(&sum)[0])
+        expected.add_to(&mut all, &best.at, 1.0);
+        Some(Cholesky::new(&all.matrix, CIRCUIT, 0.0)?.solve(&sum)[0])
     }
 
     /// The model and the free motion of the last stay, and the initial amplitude of the next.

@@ -62,8 +62,8 @@ pub(crate) fn fit(readings: &[Reading], options: &FitOptions) -> FitOutcome {
 pub(crate) fn effective_time_s(readings: &[Reading], options: &FitOptions) -> Option<f64> {
     let noise = PooledVariance::known(&options.noise.unwrap_or(NOISE));
     let mut stays = Stays::of(Known::with(noise.variance()), options.bench, readings)?;
-    let (best, _) = best(&mut stays, options.window?, noise, options)?;
-    stays.effective_time_s(&best)
+    let (best, expected) = best(&mut stays, options.window?, noise, options)?;
+    stays.effective_time_s(&best, &expected)
 }
 
 /// The most likely circuit, for the noise of the readings; `None` if another explains them nearly as
