@@ -111,12 +111,16 @@ pub(crate) fn differences(bench: &Bench, played: &Played, undisturbed: &Touches)
     differences
 }
 
+/// Whether a fault is one of the contact sense: no contact is felt, or one always.
+fn is_of_sense(fault: Fault) -> bool {
+    matches!(fault, Fault::Device(words) if words.ends_with("-contact"))
+}
+
 /// Why a wrong shift is known not to be noticed: what would show it is measured after the touch, or not at
 /// all.
 pub(crate) fn is_beyond_notice(played: &Played, has_slip_check: bool) -> Option<&'static str> {
     let in_touch =
         played.begun.iter().filter(|(_, phase)| phase.is_in_touch()).map(|(row, _)| MENU[*row].1);
-    let is_of_sense = |fault| matches!(fault, Fault::Device(words) if words.ends_with("-contact"));
     if played.latches + played.kills > 0 && in_touch.clone().any(is_of_sense) {
         return Some("a contact sense that is repaired before the last touch is confirmed");
     }
@@ -128,9 +132,10 @@ pub(crate) fn is_beyond_notice(played: &Played, has_slip_check: bool) -> Option<
     is_cancelled.then_some("steps lost in a touch and gained again before its check of slip")
 }
 
-/// Whether the checker rightly refutes a sweep: one during which steps were lost, whose touch is refused
-/// because the surface is no longer where it was; or one of an analyzer that stays at another frequency than
-/// it says, so that its readings take another time.
+/// Whether the checker rightly refutes a sweep: one during which steps were lost, or the contact sense began
+/// to fail, so that its readings are of two states of the probe, and whose touch is refused because the
+/// surface is no longer where it was or no contact is felt; or one of an analyzer that stays at another
+/// frequency than it says, so that its readings take another time.
 pub(crate) fn is_refuted(finding: &str, played: &Played) -> bool {
     let is_of_sweep = finding.starts_with("resonance: ") || finding.starts_with("sigma: ");
     let is_of_time = finding.starts_with("reading_time: ");
@@ -138,7 +143,7 @@ pub(crate) fn is_refuted(finding: &str, played: &Played) -> bool {
         let is_in_contact =
             matches!(phase, Phase::Run(RunPhase::Indentation | RunPhase::Dwell | RunPhase::Sweep));
         let fault = MENU[*row].1;
-        is_of_sweep && is_in_contact && fault.lost_mm().is_some()
+        is_of_sweep && is_in_contact && (fault.lost_mm().is_some() || is_of_sense(fault))
             || is_of_time && fault == Fault::Device("analyzer stuck-frequency")
     })
 }

@@ -114,3 +114,28 @@ fn a_move_by_hand_after_a_run_begins_where_the_run_has_left_the_probe() {
     let from_mm: f64 = from.and_then(|from| from.parse().ok()).expect("a height");
     assert!((from_mm - bench.rest().value()).abs() < 0.01, "{intent}");
 }
+
+/// Seed 15173 of the menu 30cc4ed8a2037c43: the contact is no longer felt just before the first reading of a sweep on a
+/// grid, which still rings. The fit calls that a second mode, which the checker does not know; the touch is
+/// refused.
+#[test]
+fn a_touch_whose_contact_sense_fails_in_its_sweep_is_refused() {
+    let bench = Bench::new(998);
+    let played =
+        life::play(&bench, &[device("analyzer: feels no contact", RunPhase::Sweep, 0.84)], false);
+    assert!(matches!(outcome(&played), Outcome::Refused(_)), "{:?}", played.touches);
+    assert_eq!(played.refuted, 2);
+}
+
+/// Seed 13932 of the menu 30cc4ed8a2037c43: the disk was full before the first record of a session was on it, and rigd
+/// had told the id of that session.
+#[test]
+fn whatever_has_an_id_is_on_the_disk() {
+    let bench = Bench::new(613);
+    for nth in 1..40 {
+        let disk = Trouble { nth, ..device("disk: full", RunPhase::Sweep, 0.632) };
+        let kill = device("daemon: killed", RunPhase::Sweep, 0.64);
+        let played = life::play(&bench, &[disk, kill], false);
+        assert_eq!(played.violations, Vec::<String>::new(), "call {nth}");
+    }
+}

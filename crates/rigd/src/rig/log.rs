@@ -53,7 +53,10 @@ impl Log {
         pulse: &Arc<Pulse>,
         meters: &Meters,
     ) -> Result<Self, StoreError> {
-        let session = (store.begin(RunKind::Session, &rig)?, Recorder::for_session());
+        let mut journal = store.begin(RunKind::Session, &rig)?;
+        // The status names the session: a disk that cannot hold it is told before anything is.
+        journal.commit()?;
+        let session = (journal, Recorder::for_session());
         Ok(Self {
             store,
             clock,
@@ -190,6 +193,7 @@ impl Log {
                 self.events[0] = 0;
                 // Sweeps are counted on, so that no number means two of them.
                 self.session.0 = journal;
+                self.commit();
             }
             Err(error) => self.failed(&error),
         }

@@ -44,7 +44,7 @@ impl Shell {
             ..started
         });
         journal.append(self.clock.now().as_micros(), &started)?;
-        self.set_out(admitted, by, journal, 0, view);
+        self.set_out(admitted, by, journal, 0, view)?;
         Ok(id)
     }
 
@@ -108,8 +108,7 @@ impl Shell {
             touches_refused: rest.touches_refused,
             ..self.run_view(id, Arc::new(rest.plan), history)
         };
-        self.set_out(admitted, by, journal, rest.sweeps, view);
-        Ok(())
+        self.set_out(admitted, by, journal, rest.sweeps, view)
     }
 
     /// Measures one touch of a run again, as an amendment.
@@ -134,24 +133,28 @@ impl Shell {
         let journal = amend::redo(self.log.store(), &known, order, by, rig_us, &self.setting)?;
         let id = journal.id();
         let view = self.run_view(id, Arc::new(plan), history);
-        self.set_out(admitted, by, journal, sweeps, view);
+        self.set_out(admitted, by, journal, sweeps, view)?;
         Ok(id)
     }
 
-    /// Begins what was admitted with a journal of its own, whose last sweep has this number.
+    /// Begins what was admitted with a journal of its own, whose last sweep has this number. Its first
+    /// record is on disk before that: an id that a client gets is that of a run that the journal has, and
+    /// nothing moves for a run that it has not.
     fn set_out(
         &mut self,
         admitted: Admitted,
         by: &str,
-        journal: Journal,
+        mut journal: Journal,
         sweeps: u64,
         view: RunView,
-    ) {
+    ) -> Result<(), RequestRefusal> {
+        journal.commit()?;
         self.log.follow_run(journal, Recorder::for_plan(Arc::clone(&view.plan), sweeps));
         self.view.begin_run(view);
         self.begin(admitted, by);
-        // A client that has the id may ask for the run at once.
+        // A client that has the id may ask for the records of its begin at once.
         self.log.commit();
+        Ok(())
     }
 
     fn journal_is_fine(&self) -> Result<(), RequestRefusal> {
