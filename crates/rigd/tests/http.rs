@@ -117,6 +117,26 @@ impl Daemon {
 }
 
 #[tokio::test]
+async fn an_array_is_never_taken_for_the_members_of_a_form() {
+    let daemon = Daemon::start().await;
+    for (path, body) in [
+        ("lease", json!([true])),
+        ("runs", json!(["name = \"x\""])),
+        ("runs/latest/redo", json!(["main/1/front/0/1", "it slipped", false])),
+        ("runs/latest/skip", json!(["main/1/front/0/1", "it slipped", false])),
+        ("home", json!([true])),
+        ("moves", json!(["linear", 30.0])),
+        ("sweeps", json!([120, 165])),
+    ] {
+        let (status, problem) = daemon.ask("POST", path, &body).await;
+        assert!(status.is_client_error(), "{path}: {status} {problem}");
+        let said = problem["detail"].as_str().unwrap();
+        assert!(said.contains("expected a JSON object"), "{path}: {said}");
+    }
+    daemon.close().await;
+}
+
+#[tokio::test]
 async fn an_axis_is_moved_within_what_the_interlock_admits() {
     let daemon = Daemon::start().await;
     assert_eq!(daemon.move_to("rotary", 30.0).await.0, StatusCode::ACCEPTED);

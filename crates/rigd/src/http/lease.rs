@@ -12,14 +12,19 @@ use std::{
 
 use axum::{
     Extension, Json,
-    extract::{State, rejection::JsonRejection},
+    extract::State,
     http::{Method, StatusCode},
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tokio::time::Instant;
 
-use super::{Problem, Shared, access::Client, object::Object, progress::unix_ms};
+use super::{
+    Problem, Shared,
+    access::Client,
+    object::{Object, ObjectBody},
+    progress::unix_ms,
+};
 use crate::{operator::Operator, rig_view::LeaseHolder, tokens::Role};
 
 /// The lease ends this long after the last command of its holder.
@@ -146,7 +151,7 @@ pub(super) async fn show(
 pub(super) async fn take(
     State(shared): State<Shared>,
     Extension(client): Extension<Client>,
-    form: Result<Json<Object<LeaseForm>>, JsonRejection>,
+    form: ObjectBody<LeaseForm>,
 ) -> Result<Json<LeaseView>, Problem> {
     let Json(Object(LeaseForm { take_over })) = form?;
     let (lease, is_running) = (&shared.inner.lease, shared.is_running());

@@ -1,16 +1,16 @@
 //! Moves by hand.
 
-use axum::{
-    Extension, Json,
-    extract::{State, rejection::JsonRejection},
-    http::StatusCode,
-};
+use axum::{Extension, Json, extract::State, http::StatusCode};
 use rig_engine::Command;
 use rig_model::Position;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::{Problem, Shared, rig};
+use super::{
+    Problem, Shared,
+    object::{Object, ObjectBody},
+    rig,
+};
 use crate::{operator::Operator, rig_view::RigView};
 
 /// The request of a client. The axis has no default.
@@ -31,9 +31,9 @@ pub(super) enum MoveForm {
 pub(super) async fn begin(
     State(shared): State<Shared>,
     Extension(operator): Extension<Operator>,
-    order: Result<Json<MoveForm>, JsonRejection>,
+    order: ObjectBody<MoveForm>,
 ) -> Result<(StatusCode, Json<RigView>), Problem> {
-    let Json(order) = order?;
+    let Json(Object(order)) = order?;
     let command = match order {
         MoveForm::Linear { to } => Command::MoveLinear(Position::new(to)),
         MoveForm::Rotary { to } => Command::MoveRotary(Position::new(to)),

@@ -1,16 +1,37 @@
 //! A JSON object in a request.
 
-use serde::{Deserialize, Deserializer, de::DeserializeOwned, de::Error};
-use serde_json::{Map, Value};
+use std::{fmt, marker::PhantomData};
+
+use axum::{Json, extract::rejection::JsonRejection};
+use serde::{
+    Deserialize, Deserializer,
+    de::{MapAccess, Visitor, value::MapAccessDeserializer},
+};
+
+/// The body of a request that must be a JSON object.
+pub(super) type ObjectBody<T> = Result<Json<Object<T>>, JsonRejection>;
 
 /// The members of a JSON object. The derived readers of structures accept an array of their values too.
 #[derive(Debug)]
 pub(super) struct Object<T>(pub(super) T);
 
-impl<'de, T: DeserializeOwned> Deserialize<'de> for Object<T> {
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for Object<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let members = Map::deserialize(deserializer)?;
-        serde_json::from_value(Value::Object(members)).map(Self).map_err(D::Error::custom)
+        struct Members<T>(PhantomData<T>);
+
+        impl<'de, T: Deserialize<'de>> Visitor<'de> for Members<T> {
+            type Value = T;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a JSON object")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, members: A) -> Result<T, A::Error> {
+                T::deserialize(MapAccessDeserializer::new(members))
+            }
+        }
+
+        deserializer.deserialize_map(Members(PhantomData)).map(Self)
     }
 }
 
@@ -30,5 +51,6 @@ mod tests {
         assert_eq!(read("{}").unwrap(), 0);
         assert!(serde_json::from_str::<Form>("[3]").is_ok() && read("[3]").is_err());
         assert!(read("[]").is_err());
+        assert!(read(r#"{"count": 2, "count": 3}"#).is_err());
     }
 }

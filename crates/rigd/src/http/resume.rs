@@ -5,14 +5,18 @@
 use axum::{
     Extension, Json,
     body::Bytes,
-    extract::{Path, State, rejection::JsonRejection},
+    extract::{Path, State},
     http::StatusCode,
     response::Response,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, de::DeserializeOwned};
 
-use super::{Problem, Shared, object::Object, runs::begun};
+use super::{
+    Problem, Shared,
+    object::{Object, ObjectBody},
+    runs::begun,
+};
 use crate::{operator::Operator, rig::TouchOrder};
 
 /// The confirmations of a client.
@@ -53,9 +57,9 @@ pub(super) async fn redo(
     State(shared): State<Shared>,
     Extension(operator): Extension<Operator>,
     Path(id): Path<String>,
-    form: Result<Json<TouchForm>, JsonRejection>,
+    form: ObjectBody<TouchForm>,
 ) -> Result<Response, Problem> {
-    let Json(TouchForm { step, why, accept_changes }) = form?;
+    let Json(Object(TouchForm { step, why, accept_changes })) = form?;
     let order = TouchOrder { run: shared.run(&id).await?, step, why };
     Ok(begun(shared.inner.rig.redo(order, accept_changes, operator.as_str()).await?))
 }
@@ -65,9 +69,9 @@ pub(super) async fn skip(
     State(shared): State<Shared>,
     Extension(operator): Extension<Operator>,
     Path(id): Path<String>,
-    form: Result<Json<TouchForm>, JsonRejection>,
+    form: ObjectBody<TouchForm>,
 ) -> Result<StatusCode, Problem> {
-    let Json(TouchForm { step, why, .. }) = form?;
+    let Json(Object(TouchForm { step, why, .. })) = form?;
     let run = shared.run(&id).await?;
     let order = TouchOrder { run, step, why };
     shared.inner.rig.skip(order, operator.as_str()).await?;

@@ -2,17 +2,16 @@
 
 use std::time::SystemTime;
 
-use axum::{
-    Extension, Json,
-    extract::{State, rejection::JsonRejection},
-    http::header,
-    response::IntoResponse,
-};
+use axum::{Extension, Json, extract::State, http::header, response::IntoResponse};
 use rig_engine::{Command, Fault, RefusalAnswer, RigState};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Problem, Shared, progress, tag};
+use super::{
+    Problem, Shared,
+    object::{Object, ObjectBody},
+    progress, tag,
+};
 use crate::{
     hint,
     loaded_rig::RigFacts,
@@ -76,9 +75,9 @@ pub(super) struct HomeForm {
 pub(super) async fn home(
     State(shared): State<Shared>,
     Extension(operator): Extension<Operator>,
-    form: Result<Json<HomeForm>, JsonRejection>,
+    form: ObjectBody<HomeForm>,
 ) -> Result<Json<RigView>, Problem> {
-    let Json(HomeForm { nothing_below_probe }) = form?;
+    let Json(Object(HomeForm { nothing_below_probe })) = form?;
     if !nothing_below_probe {
         let what = "somebody must have seen that nothing is below the probe";
         return Err(Problem::unprocessable(what.to_owned()));

@@ -17,7 +17,7 @@ use rig_store::{Reader, Record, Run, RunId, RunKind, intact};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Problem, Shared};
+use super::{Problem, Shared, object::Object};
 use crate::{
     interruption::InterruptionView,
     local_time,
@@ -428,8 +428,9 @@ pub(super) fn posted(
             std::str::from_utf8(body).map_err(not_text)?.to_owned()
         }
         Some("application/json") => {
-            serde_json::from_slice::<RunForm>(body)
+            serde_json::from_slice::<Object<RunForm>>(body)
                 .map_err(|error| Problem::bad_request(error.to_string()))?
+                .0
                 .protocol_toml
         }
         other => {

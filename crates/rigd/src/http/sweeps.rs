@@ -2,7 +2,7 @@
 
 use axum::{
     Extension, Json,
-    extract::{Path, State, rejection::JsonRejection},
+    extract::{Path, State},
     http::{StatusCode, header},
     response::IntoResponse,
 };
@@ -10,7 +10,10 @@ use rig_store::{Record, RunId, StoredRecord, Sweep, SweepOutcome};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::{Problem, Shared};
+use super::{
+    Problem, Shared,
+    object::{Object, ObjectBody},
+};
 use crate::{operator::Operator, sweep_form::SweepForm, sweeps};
 
 /// A sweep as a resource.
@@ -65,9 +68,9 @@ pub(super) async fn of_run(
 pub(super) async fn begin(
     State(shared): State<Shared>,
     Extension(operator): Extension<Operator>,
-    order: Result<Json<SweepForm>, JsonRejection>,
+    order: ObjectBody<SweepForm>,
 ) -> Result<impl IntoResponse, Problem> {
-    let Json(order) = order?;
+    let Json(Object(order)) = order?;
     let request = order.request(&shared.inner.facts.limits.analyzer);
     let request = request.map_err(|faults| Problem::unprocessable(faults.to_string()))?;
     let number = shared.inner.rig.sweep(request, operator.as_str()).await?;
