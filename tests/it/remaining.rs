@@ -38,3 +38,23 @@ async fn the_expected_duration_of_a_run_is_learned_from_the_runs_before() {
     assert!(widths[0] > 1.0 && widths[1..].iter().all(|width| *width < 0.6), "{widths:?}");
     rig.close().await;
 }
+
+/// The sum over the plan, without any history, of both shipped protocols, and with more touches of each
+/// mounting.
+#[tokio::test]
+async fn the_plan_alone_foretells_the_duration_of_a_run_within_five_percent() {
+    let (smoke, paper) =
+        (text("config/protocols/smoke.toml"), text("config/protocols/three-direction.toml"));
+    let repeated = changed(&paper, &[("repeats = 1", "repeats = 3")]);
+    for protocol in [smoke, paper, repeated] {
+        let rig = TestRig::open().await;
+        let checked = rig.protocol(&protocol);
+        let foretold_s = checked.plan.summary(&rig.facts.limits).duration_s;
+        let (run, status) = rig.run(checked).await;
+        assert_eq!(status, RunStatus::Completed);
+        let (_, took_s) = durations(&rig, run);
+        let ratio = foretold_s / took_s;
+        assert!((0.95..1.05).contains(&ratio), "{foretold_s} s foretold, {took_s} s taken");
+        rig.close().await;
+    }
+}

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use rig_model::{Deg, Mm, Position, RigLimits, Span, SweepMethod, SweepRequest, Unit};
 
-use crate::{Action, Approach, Plan, Pose, Step, Touch, TouchSettings};
+use crate::{Action, Approach, Plan, Pose, Prompt, Step, Touch, TouchSettings};
 
 /// The extent of a plan on a rig.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,25 +28,43 @@ pub struct Summary {
 }
 
 /// The quality of resonance that is assumed of a sensor, for the time that it rings.
-const ASSUMED_Q: f64 = 60.0;
+const ASSUMED_Q: f64 = 66.0;
 
-/// The first reading of each finer pass waits for about this many, beyond the ways up and down: the
-/// contact has set it ringing.
-const AFTER_CONTACT_TIME_CONSTANTS: f64 = 2.0;
+/// The first reading after a contact waits for this many time constants of the ring, the baseline for as many
+/// more, and the reading of the self-test.
+const AFTER_CONTACT_TIME_CONSTANTS: f64 = 3.0;
+const BASELINE_TIME_CONSTANTS: f64 = 4.0;
+const TEST_TIME_CONSTANTS: f64 = 3.0;
 
-/// The two readings of the clear probe before a search wait for about this many time constants of the ring,
-/// beyond the turn of the sample.
-const CLEAR_TIME_CONSTANTS: f64 = 1.0;
+/// Mean duration of an adaptive sweep in time constants: a model of the ring takes the place of waiting. 222
+/// sweeps in contact took 3.6, and 149 references of three protocols 1.7 to 2.4.
+const CONTACT_TIME_CONSTANTS: f64 = 3.6;
+const NO_LOAD_TIME_CONSTANTS: f64 = 2.0;
 
-/// Duration of an adaptive sweep in time constants, which nine of ten do not exceed: a model of the ring
-/// takes the place of waiting. 222 sweeps in contact took 3.6 in the mean, and 5.9 at the 90th percentile.
-const ADAPTIVE_TIME_CONSTANTS: f64 = 6.0;
+/// How well a surface is known from the touches before, as a part of its tolerance: on the shipped bench, 65 µm
+/// for a new mounting of the sample or the sensor, and 15 µm for a known one.
+const NEW_MOUNTING: f64 = 0.13;
+const KNOWN_MOUNTING: f64 = 0.03;
+
+/// The geometry of the bench is learnt from this many touches; until then each counts as one of a new mounting.
+const LEARNING_TOUCHES: u32 = 10;
+
+/// A search whose surface is known begins this many standard deviations and fine steps above it, and takes fine
+/// steps from the third number on.
+const START_SIGMAS: f64 = 4.0;
+const START_FINE_STEPS: f64 = 2.0;
+const LIKELY_SIGMAS: f64 = 1.5;
 
 /// Each pass of the search for the surface is finer than the one before it by at most this factor.
 const REFINEMENT: f64 = 20.0;
 
-/// Overhead of a move: starting, stopping, and requests to the drive, s.
-const MOVE_S: f64 = 0.04;
+/// Overhead of a move: requests to the drive, s.
+const MOVE_S: f64 = 0.025;
+
+/// Time in which a stage is assumed to reach the travel speed and the speed of the rotary stage, s: that of the
+/// accelerations of the shipped rig files.
+const LINEAR_RAMP_S: f64 = 0.1;
+const ROTARY_RAMP_S: f64 = 0.2;
 
 /// Space of a run without touches, bytes: its files as they were read, and the report.
 const RUN_BYTES: u64 = 400_000;
@@ -77,20 +95,23 @@ fn readings(request: &SweepRequest) -> usize {
 impl Plan {
     /// The extent of the plan on a rig with these limits.
     ///
-    /// The duration is a sum over the steps, in which the surface is found where it is expected:
+    /// The duration is a sum over the steps:
     ///
     /// ```text
-    /// no-load   rotation + no-load sweep, the first time + survey
-    /// touch     rotation + τ + way down and up at travel speed + search + dwell + contact sweep
-    ///           + check of slip: 2 τ + 2 readings + its way
+    /// move      way/v + v/a, or 2 √(way/a), + 0.025 s; a: travel speed in 0.1 s, rotary speed in 0.2 s
+    /// no-load   rotation, by way of level if a sample is placed, + sweep, the first time + survey
+    /// touch     rotation + what is left of 4 τ after the touch before + what the rotation leaves of 3 τ
+    ///           + way down + search + indentation + dwell + contact sweep + check of slip
+    ///           + way up to where the next turn is clear
     ///           + halfway, if it is measured there: dwell + contact sweep
-    /// search    readings · (settle + cycles/f + 0.04 s) + way at contact speed
-    /// readings  start above/coarse step + 1, and for each finer pass half of its steps; a pass has at
-    ///           most 20, and begins with 2 τ
-    /// sweep     uniform: points · (settle + cycles/f); adaptive: 6 τ
+    /// search    moves and readings of settle + cycles/f each; the first one of a run in coarse steps from
+    ///           start_above, then in finer passes, each of half of its steps after 3 τ; later ones from
+    ///           4 σ above, σ = 0.13 of the surface tolerance for a new mounting and in the first ten touches, then 0.03
+    /// slip      way up and 3 τ, 2 readings and the way between
+    /// sweep     uniform: points · (settle + cycles/f); adaptive: 3.6 τ in contact, 2 τ without
     /// ```
     ///
-    /// with f in the middle of the window and τ = Q/(π f) for a Q of 60.
+    /// with f in the middle of the window and τ = Q/(π f) for a Q of 66.
     pub fn summary(&self, limits: &RigLimits) -> Summary {
         let level = limits.rotary.rest_target().position();
         let clear = limits.linear.rest_target().position();
@@ -135,82 +156,208 @@ impl Plan {
     }
 
     /// Expected duration of each step on the rig's clock, s: the terms of the sum in
-    /// [`Plan::summary`]. A prompt counts as zero.
+    /// [`Plan::summary`]. A prompt counts as zero; the way to level before it belongs to the next step.
     pub fn durations_s(&self, limits: &RigLimits) -> Vec<f64> {
-        let mut here = limits.rotary.rest_target().position();
-        let check_s = if self.level_check { sweep_s(&self.no_load_sweep) } else { 0.0 };
+        let level = limits.rotary.rest_target().position();
+        let rest = limits.linear.rest_target().position();
+        let check_s = if self.level_check { self.no_load_s() } else { 0.0 };
         let mut survey_s = self.survey_s.map_or(0.0, f64::from) + check_s;
-        let mut duration = |step: &Step| {
-            let (pose, at_pose_s) = match step.action {
-                Action::Prompt(_) => return 0.0,
-                Action::NoLoad(pose) => {
-                    (pose, std::mem::take(&mut survey_s) + sweep_s(&self.no_load_sweep))
+        let mut bench = Bench {
+            tilt: level,
+            height: rest,
+            ringing_s: f64::INFINITY,
+            mounting: None,
+            touches: 0,
+        };
+        let mut levelling_s = 0.0;
+        let mut duration = |(index, step): (usize, &Step)| {
+            let pose = match step.action {
+                Action::Prompt(prompt) => {
+                    bench.mounting = bench.mounting.map(|_| false);
+                    if matches!(prompt, Prompt::PlaceSample { .. }) {
+                        levelling_s += turn_s(limits, bench.tilt, level);
+                        bench.tilt = level;
+                    }
+                    return 0.0;
                 }
-                Action::Touch(Touch { pose, .. }) => (pose, self.touch_s(limits, pose)),
+                Action::NoLoad(pose) | Action::Touch(Touch { pose, .. }) => pose,
             };
             let there = pose.direction.rotary_position(pose.angle);
-            let way_deg = (there.value() - here.value()).abs();
-            here = there;
-            way_deg / limits.motion.rotary_speed_deg_per_s + at_pose_s
+            let rotation_s = turn_s(limits, bench.tilt, there);
+            bench.tilt = there;
+            let at_pose_s = if let Action::NoLoad(_) = step.action {
+                // The drive has another frequency after a sweep.
+                bench.ringing_s = 0.0;
+                std::mem::take(&mut survey_s) + self.no_load_s()
+            } else {
+                let next = self.steps.get(index + 1).and_then(|next| match next.action {
+                    Action::Prompt(_) => None,
+                    Action::NoLoad(pose) | Action::Touch(Touch { pose, .. }) => Some(pose),
+                });
+                self.touch_s(limits, pose, next, rotation_s, &mut bench)
+            };
+            std::mem::take(&mut levelling_s) + rotation_s + at_pose_s
         };
-        self.steps.iter().map(&mut duration).collect()
+        self.steps.iter().enumerate().map(&mut duration).collect()
     }
 
     /// A touch, without the rotation.
-    fn touch_s(&self, limits: &RigLimits, pose: Pose) -> f64 {
-        let clear = limits.linear.rest_target().position();
-        let way_mm = clear.value() - self.touch.start(limits, pose).value();
-        let travel_s = 2.0 * (way_mm / limits.motion.travel_speed_mm_per_s + MOVE_S);
-        let baseline_s = CLEAR_TIME_CONSTANTS * time_constant_s(&self.no_load_sweep);
-        let contact_s = self.search_s(limits) + self.touch.dwell_s + sweep_s(&self.contact_sweep);
-        travel_s + baseline_s + contact_s + self.halfway_s() + self.slip_check_s(limits)
+    fn touch_s(
+        &self,
+        limits: &RigLimits,
+        pose: Pose,
+        next: Option<Pose>,
+        rotation_s: f64,
+        bench: &mut Bench,
+    ) -> f64 {
+        let time_constant_s = time_constant_s(&self.no_load_sweep);
+        let Approach { cycles, .. } = self.touch.approach;
+        let integration_s = f64::from(cycles) / middle_hz(&self.no_load_sweep);
+        let clear_s = (BASELINE_TIME_CONSTANTS * time_constant_s - bench.ringing_s).max(0.0)
+            + (TEST_TIME_CONSTANTS * time_constant_s - rotation_s).max(0.0)
+            + 2.0 * integration_s;
+        let highest = limits.highest_surface(pose.direction, pose.angle);
+        let surface = limits.geometry.surface_at(pose.direction, pose.angle);
+        bench.touches += 1;
+        let (first, search_s) = match bench.mounting.replace(LEARNING_TOUCHES <= bench.touches) {
+            None => (self.touch.start(limits, pose), self.cold_search_s(limits)),
+            Some(is_known) => {
+                let highest_mm = highest.value() - surface.value();
+                (highest, self.warm_search_s(limits, highest_mm, is_known))
+            }
+        };
+        let down_s = travel_s(limits, bench.height.value() - first.value());
+        let contact_s = contact_move_s(limits, self.touch.indentation_mm)
+            + self.touch.dwell_s
+            + self.contact_sweep_s();
+        let rest = limits.linear.rest_target();
+        let clear = next.map_or(rest, |next| {
+            limits.clear_for_turn(bench.tilt, next.direction.rotary_position(next.angle))
+        });
+        bench.height = clear.position();
+        let up_s = travel_s(limits, bench.height.value() - surface.value());
+        bench.ringing_s = up_s;
+        clear_s
+            + down_s
+            + search_s
+            + contact_s
+            + self.halfway_s()
+            + self.slip_check_s(limits)
+            + up_s
     }
 
     /// The measurement of a touch halfway to its depth, s.
     fn halfway_s(&self) -> f64 {
-        let one_s = self.touch.dwell_s + MOVE_S + sweep_s(&self.contact_sweep);
+        let one_s = self.touch.dwell_s + MOVE_S + self.contact_sweep_s();
         self.touch.halfway_mm.map_or(0.0, |_| one_s)
     }
 
     /// Looking for the surface again after the sweep.
     fn slip_check_s(&self, limits: &RigLimits) -> f64 {
-        let Approach { coarse_step_mm, settle_s, slip_mm, .. } = self.touch.approach;
+        let Approach { coarse_step_mm, slip_mm, .. } = self.touch.approach;
         if slip_mm == 0.0 {
             return 0.0;
         }
+        let up_s = travel_s(limits, self.touch.indentation_mm + slip_mm + coarse_step_mm);
         let ringing_s = AFTER_CONTACT_TIME_CONSTANTS * time_constant_s(&self.no_load_sweep);
-        let readings_s = 2.0 * self.reading_s() + (ringing_s - settle_s).max(0.0);
-        let up_mm = self.touch.indentation_mm + slip_mm + coarse_step_mm;
-        let up_s = up_mm / limits.motion.travel_speed_mm_per_s + MOVE_S;
-        let down_mm = coarse_step_mm + 2.0 * slip_mm;
-        readings_s + up_s + down_mm / limits.motion.contact_speed_mm_per_s
+        let down_s = contact_move_s(limits, coarse_step_mm).max(ringing_s);
+        let readings_s = 2.0 * self.reading_s() - self.touch.approach.settle_s;
+        up_s + down_s + readings_s + contact_move_s(limits, 2.0 * slip_mm)
     }
 
-    /// One reading of the search, with the move to its position, s.
+    /// One reading of the search, without the move to its position, s.
     fn reading_s(&self) -> f64 {
         let Approach { settle_s, cycles, .. } = self.touch.approach;
-        settle_s + f64::from(cycles) / middle_hz(&self.no_load_sweep) + MOVE_S
+        settle_s + f64::from(cycles) / middle_hz(&self.no_load_sweep)
     }
 
-    /// Finding the surface, and the indentation.
-    fn search_s(&self, limits: &RigLimits) -> f64 {
+    /// Finding a surface of which nothing is known.
+    fn cold_search_s(&self, limits: &RigLimits) -> f64 {
         let Approach { start_above_mm, coarse_step_mm, fine_step_mm, settle_s, .. } =
             &self.touch.approach;
-        let passes = ((coarse_step_mm / fine_step_mm).ln() / REFINEMENT.ln()).ceil();
-        // A finer pass ends anywhere among its steps, each as likely.
-        let (mut fine_readings, mut width_mm) = (0.0, *coarse_step_mm);
+        let step_s = |step_mm: f64| self.reading_s() + contact_move_s(limits, step_mm);
+        let ringing_s = AFTER_CONTACT_TIME_CONSTANTS * time_constant_s(&self.no_load_sweep);
+        let mut seconds =
+            self.reading_s() + start_above_mm / coarse_step_mm * step_s(*coarse_step_mm);
+        // A finer pass begins a coarse step higher, to take up the backlash, and ends anywhere among its
+        // steps, each as likely.
+        let mut width_mm = *coarse_step_mm;
         while *fine_step_mm < width_mm {
             let next_mm = (width_mm / REFINEMENT).max(*fine_step_mm);
-            fine_readings += 0.5 * (width_mm / next_mm + 1.0);
+            seconds += travel_s(limits, 2.0 * coarse_step_mm) + ringing_s.max(*settle_s);
+            seconds += 0.5 * (width_mm / next_mm + 1.0) * step_s(next_mm);
             width_mm = next_mm;
         }
-        let readings = start_above_mm / coarse_step_mm + 1.0 + fine_readings;
-        // Each finer pass begins a coarse step higher, to take up the backlash, and goes up fast.
-        let way_mm = start_above_mm + passes * 1.5 * coarse_step_mm + self.touch.indentation_mm;
-        let ringing_s = AFTER_CONTACT_TIME_CONSTANTS * time_constant_s(&self.no_load_sweep);
-        let waits_s = passes * (ringing_s - settle_s).max(0.0);
-        readings * self.reading_s() + waits_s + way_mm / limits.motion.contact_speed_mm_per_s
+        seconds
     }
+
+    /// Finding a surface that the touches before predict. The probe goes down slowly from where no surface
+    /// can be higher.
+    fn warm_search_s(&self, limits: &RigLimits, highest_mm: f64, is_known: bool) -> f64 {
+        let Approach { start_above_mm, coarse_step_mm, fine_step_mm, .. } = self.touch.approach;
+        let part = if is_known { KNOWN_MOUNTING } else { NEW_MOUNTING };
+        let sigma_mm = part * limits.geometry.surface_tolerance_mm;
+        let above_mm =
+            (START_SIGMAS * sigma_mm + START_FINE_STEPS * fine_step_mm).min(start_above_mm);
+        let slow_s = contact_move_s(limits, (highest_mm - above_mm).max(0.0));
+        let likely_mm = LIKELY_SIGMAS * sigma_mm;
+        let long = ((above_mm - likely_mm).max(0.0) / coarse_step_mm).ceil();
+        let fine = likely_mm / fine_step_mm + 0.5;
+        let way_s = (above_mm - likely_mm).max(0.0) / limits.motion.contact_speed_mm_per_s;
+        slow_s
+            + (1.0 + long + fine) * self.reading_s()
+            + way_s
+            + long * MOVE_S
+            + fine * contact_move_s(limits, fine_step_mm)
+    }
+
+    fn contact_sweep_s(&self) -> f64 {
+        sweep_s(&self.contact_sweep, CONTACT_TIME_CONSTANTS)
+    }
+
+    fn no_load_s(&self) -> f64 {
+        sweep_s(&self.no_load_sweep, NO_LOAD_TIME_CONSTANTS)
+    }
+}
+
+/// The bench between two steps.
+struct Bench {
+    tilt: Position<Deg>,
+    height: Position<Mm>,
+    /// For how long the sensor has been free and driven at its resonance, s.
+    ringing_s: f64,
+    /// Whether the mounting was touched before; `None` before the first touch.
+    mounting: Option<bool>,
+    touches: u32,
+}
+
+/// Duration of a move from rest to rest.
+fn move_s(way: f64, speed: f64, acceleration: f64) -> f64 {
+    let way = way.max(0.0);
+    let moving_s = if way < speed * speed / acceleration {
+        2.0 * (way / acceleration).sqrt()
+    } else {
+        way / speed + speed / acceleration
+    };
+    MOVE_S + moving_s
+}
+
+fn turn_s(limits: &RigLimits, from: Position<Deg>, to: Position<Deg>) -> f64 {
+    let motion = &limits.motion;
+    let way_deg = (to.value() - from.value()).abs();
+    move_s(way_deg, motion.rotary_speed_deg_per_s, motion.rotary_speed_deg_per_s / ROTARY_RAMP_S)
+}
+
+fn acceleration(limits: &RigLimits) -> f64 {
+    limits.motion.travel_speed_mm_per_s / LINEAR_RAMP_S
+}
+
+fn travel_s(limits: &RigLimits, way_mm: f64) -> f64 {
+    move_s(way_mm, limits.motion.travel_speed_mm_per_s, acceleration(limits))
+}
+
+fn contact_move_s(limits: &RigLimits, way_mm: f64) -> f64 {
+    move_s(way_mm, limits.motion.contact_speed_mm_per_s, acceleration(limits))
 }
 
 impl TouchSettings {
@@ -237,10 +384,10 @@ fn include<U: Unit>(span: &mut Span<U>, position: Position<U>) {
     }
 }
 
-fn sweep_s(sweep: &SweepRequest) -> f64 {
+fn sweep_s(sweep: &SweepRequest, adaptive_time_constants: f64) -> f64 {
     let planned_s = match sweep.method {
         SweepMethod::Adaptive | SweepMethod::Survey { .. } => {
-            ADAPTIVE_TIME_CONSTANTS * time_constant_s(sweep)
+            adaptive_time_constants * time_constant_s(sweep)
         }
         SweepMethod::Uniform { points } => {
             let integration_s = f64::from(sweep.cycles) / middle_hz(sweep);
