@@ -139,3 +139,27 @@ fn whatever_has_an_id_is_on_the_disk() {
         assert_eq!(played.violations, Vec::<String>::new(), "call {nth}");
     }
 }
+
+/// The driver cannot notice it: the analyzer repeats the frequency that it was told. A no-load sweep is
+/// refused, the contact sense contradicts the touch, or no contact is felt.
+#[test]
+fn an_analyzer_that_stays_at_its_frequency_is_noticed_in_each_phase_of_a_touch() {
+    use RunPhase::{Dwell, Indentation, NoLoadSweep, Retract, Search, SlipCheck, Sweep};
+    for number in 0..6 {
+        let bench = Bench::new(number);
+        let undisturbed = life::play(&bench, &[], false);
+        for phase in [NoLoadSweep, Search, Indentation, Dwell, Sweep, SlipCheck, Retract] {
+            let stuck = device("analyzer: stays at its frequency", phase, 0.1);
+            let played = life::play(&bench, &[stuck], false);
+            let differences = judge::differences(&bench, &played, &undisturbed.touches);
+            let context = format!("bench {number}, {phase:?}: {:?}", played.touches);
+            assert_eq!((&*played.violations, &*differences), (&[][..], &[][..]), "{context}");
+            let has_begun = phase != SlipCheck || bench.has_slip_check;
+            assert_eq!(played.begun.len(), usize::from(has_begun), "{context}");
+            let is_refused = |outcome: &Outcome| matches!(outcome, Outcome::Refused(_));
+            let is_noticed =
+                played.latches > undisturbed.latches || played.touches.values().any(is_refused);
+            assert_eq!(is_noticed, has_begun, "{context}");
+        }
+    }
+}
