@@ -20,6 +20,7 @@ mod moves;
 mod outcome;
 mod ports;
 mod prompt;
+mod queue;
 #[cfg(feature = "simulator")]
 mod rehearse;
 mod run;
@@ -94,6 +95,8 @@ enum CliCommand {
     Open(token::OpenArgs),
     /// Show who operates a daemon's rig, take the lease over, or give it back
     Lease(token::LeaseArgs),
+    /// Show and change the protocols that wait for a daemon's rig
+    Queue(queue::QueueArgs),
     /// Make, list and revoke the tokens of persons and programs
     Token(token::TokenArgs),
     /// List the runs
@@ -166,6 +169,7 @@ pub fn main() -> ExitCode {
         CliCommand::Acknowledge(args) => daemon::acknowledge(&args),
         CliCommand::Open(args) => token::open(&args),
         CliCommand::Lease(args) => token::lease(&args),
+        CliCommand::Queue(args) => queue::queue(&args),
         CliCommand::Token(args) => token::token(&args),
         CliCommand::Runs(args) => runs::list(&args),
         CliCommand::Show(args) => runs::show(&args),

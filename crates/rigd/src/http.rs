@@ -27,6 +27,7 @@ mod page;
 mod plan;
 mod problem;
 mod progress;
+mod queue;
 mod results;
 mod resume;
 mod rig;
@@ -89,6 +90,7 @@ struct Inner {
     data: PathBuf,
     access: Access,
     lease: Lease,
+    queue: queue::Keeper,
     results: ResultsCache,
     /// What the figures of the service say of the journal.
     happened: Mutex<Happened>,
@@ -116,7 +118,7 @@ impl Shared {
     ) -> Self {
         let streams = Arc::new(Semaphore::new(events::STREAMS_MAX));
         let (keyed, noted) = (Mutex::new(()), Mutex::new(()));
-        let happened = Mutex::default();
+        let (happened, queue) = (Mutex::default(), queue::Keeper::default());
         let (results, lease) = (ResultsCache::default(), Lease::default());
         let inner = Inner {
             rig,
@@ -125,6 +127,7 @@ impl Shared {
             data,
             access,
             lease,
+            queue,
             results,
             happened,
             streams,

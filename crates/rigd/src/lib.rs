@@ -15,6 +15,7 @@ mod local_time;
 pub mod operator;
 mod predict;
 pub mod protocol_file;
+mod queue;
 #[cfg(feature = "simulator")]
 pub mod rehearse;
 pub mod rig;

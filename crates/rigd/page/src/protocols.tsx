@@ -4,6 +4,7 @@ import { clock, day, degrees, duration, fixed, range } from "./format.ts";
 import { differences, type Change } from "./changes.ts";
 import { BenchDrawing, Timeline } from "./drawings.tsx";
 import { Icon } from "./icons.tsx";
+import { QueuePanel } from "./queue.tsx";
 import { AskButton } from "./shell.tsx";
 import { get, noted, operator, post, Refused, setOperator, text, type Body, type View } from "./store.ts";
 import type { Plan, Problem, Rig, RunEntry, Since } from "./wire.ts";
@@ -49,6 +50,7 @@ export function Protocols({ view, again }: { view: View; again: string | undefin
         </ul>
         {choices && all.length === 0 && <p class="soft">None is loaded. Open a protocol file, such as smoke.toml: about 3 minutes.</p>}
         <label class="file">Open a file…<input type="file" accept=".toml,application/toml,text/plain" onChange={(event) => void openFile(event.currentTarget.files?.[0])} /></label>
+        <QueuePanel view={view} />
       </section>
       {choice && <Check key={`${choice.key} ${choice.toml?.length ?? 0}`} choice={choice} view={view} />}
     </main>
@@ -194,6 +196,7 @@ function Start({ choice, plan, view, freeBytes }: { choice: Choice; plan: Plan; 
   const first = plan.steps[0];
   const start = () => post<{ id: string }>("runs", bodyOf(choice), key).then((begun) => {
     if (begun && note.trim()) void noted(begun.id, { note: note.trim(), is_starred: false }).catch(() => undefined); setKey(crypto.randomUUID?.() ?? `${Date.now()}-${Math.random()}`); location.hash = "#/now"; });
+  const queue = () => post("queue", { type: "application/json", text: JSON.stringify({ protocol_toml: plan.protocol_toml, note: note.trim() }) });
   return (
     <section class="card start-card" aria-label="Start">
       <h2>At the bench</h2>
@@ -202,6 +205,7 @@ function Start({ choice, plan, view, freeBytes }: { choice: Choice; plan: Plan; 
       <h3>Before you press start</h3>
       <ul class="checks">{checks.map((check) => <li key={check.text} class={check.isFine ? "good-word" : "bad-word"}><Icon name={check.isFine ? "check" : "alert"} size={18} /><span>{check.text}</span></li>)}</ul>
       <AskButton class="primary done" icon="play" send={start} isDone={rig.run !== undefined} disabled={bad !== undefined || view.link === "lost"} why={bad?.text}>Start {plan.protocol}</AskButton>
+      <AskButton send={queue} disabled={view.link === "lost"}>Add to the queue</AskButton>
       <p class="soft">{bad ? `Not now: ${bad.text.toLowerCase()}.` : `First the sample turns to level under a clear probe. Then: ${first?.what_is_done ?? ""}`}</p>
     </section>
   );

@@ -215,6 +215,11 @@ export async function post<T = unknown>(path: string, body?: Body, key?: string)
   return answer ? (JSON.parse(answer) as T) : undefined;
 }
 
+/** Takes something away, and gives what is left. */
+export async function remove<T>(path: string): Promise<T> {
+  return (await ask(path, { method: "DELETE", headers: headers() })).json() as Promise<T>;
+}
+
 /** Stops everything. Sent whatever the link is thought to be. */
 export const stopAll = () => post("stop");
 

@@ -183,6 +183,26 @@ export interface RunEntry {
   is_resumable: boolean;
 }
 
+/** A protocol that waits for the rig. */
+export interface QueueEntry {
+  number: number;
+  protocol: string;
+  note: string;
+  by: string;
+  deadline_unix_ms?: number;
+  is_missed: boolean;
+  duration_s: number;
+  prompts: { prompt: string; after_s: number }[];
+  fault?: string;
+}
+
+export interface Queue {
+  hold?: { reason: string };
+  entries: QueueEntry[];
+  duration_s: number;
+  prompts: number;
+}
+
 export type TouchStatus = "measured" | "refused" | "skipped" | "not_reached";
 
 export interface TouchRow {

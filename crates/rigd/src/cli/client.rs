@@ -116,7 +116,18 @@ impl Client {
         path: &str,
         body: &'static str,
     ) -> Result<(), DaemonError> {
-        self.ask(Method::POST, path, Some(body)).await.map(|_| ())
+        self.ask(Method::POST, path, Some(body.into())).await.map(|_| ())
+    }
+
+    /// Gives an order that is answered with a resource.
+    pub(super) async fn order<T: DeserializeOwned>(
+        &self,
+        method: Method,
+        path: &str,
+        body: Option<String>,
+    ) -> Result<T, DaemonError> {
+        let bytes = self.ask(method, path, body).await?;
+        serde_json::from_slice(&bytes).map_err(|error| self.failed(error.into()))
     }
 
     /// Asks for something that the daemon makes.
@@ -148,7 +159,7 @@ impl Client {
         &self,
         method: Method,
         path: &str,
-        body: Option<&'static str>,
+        body: Option<String>,
     ) -> Result<Vec<u8>, DaemonError> {
         let answer = self.send(method, path, body).await?;
         if !answer.status().is_success() {
@@ -181,7 +192,7 @@ impl Client {
         &self,
         method: Method,
         path: &str,
-        body: Option<&'static str>,
+        body: Option<String>,
     ) -> Result<Response<Incoming>, DaemonError> {
         let mut request = Request::builder()
             .method(method)

@@ -36,6 +36,7 @@ use crate::{
         tls::Tls,
     },
     protocol_file::LoadedProtocol,
+    queue,
     rig::Status,
     run_files,
     tokens::{Secret, Tokens},
@@ -56,6 +57,10 @@ pub(super) struct ServeArgs {
     /// File with the token that clients must send as `Authorization: Bearer`
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
+    /// Begin what waits in the queue without waiting for `rigd queue release`, unless a person or a
+    /// fault has held it
+    #[arg(long)]
+    release_queue: bool,
     #[command(flatten)]
     tls: TlsArgs,
 }
@@ -103,7 +108,11 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
         let closing = CancellationToken::new();
         tokio::spawn(write_ended_runs(handle.status(), data.clone()));
         let shared =
-            http::Shared::new(handle.clone(), facts, loaded, data, access, closing.clone());
+            http::Shared::new(handle.clone(), facts, loaded, data.clone(), access, closing.clone());
+        let opened = shared.open_queue(args.release_queue).await;
+        opened.map_err(|source| Failure::File { path: data.join(queue::FILE), source })?;
+        let no_more_runs = CancellationToken::new();
+        tokio::spawn(shared.clone().run_queue(no_more_runs.clone()));
         let telling = tokio::spawn(manager::feed(shared.clone()));
         let keeping = tokio::spawn(shared.clone().keep_uses());
         let announced = door.announce(args, &secret);
@@ -120,6 +129,7 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
         }
         manager::stopping();
         telling.abort();
+        no_more_runs.cancel();
         say_clearly(
             "rigd: leaving the probe clear and closing; interrupt again to leave the rig as it is",
         );

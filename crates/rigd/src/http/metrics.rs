@@ -204,6 +204,13 @@ pub(super) async fn show(State(shared): State<Shared>) -> Result<Response, Probl
     *happened = shared.read(read).await?;
     let mut figures = Figures::default();
     of_the_rig(&shared, &status, &mut figures);
+    let (entries, is_held) = shared.inner.queue.figures().await;
+    figures.gauge("queue_entries", "Protocols that wait for the rig", entries as f64);
+    figures.gauge(
+        "queue_held",
+        "1 while no entry of the queue may begin",
+        f64::from(u8::from(is_held)),
+    );
     of_the_devices(&status, &mut figures);
     of_the_journal(&happened, &mut figures);
     drop(happened);

@@ -87,6 +87,10 @@ impl Problem {
         Self::new(status, title, detail)
     }
 
+    pub(super) fn detail(&self) -> &str {
+        &self.detail
+    }
+
     pub(super) fn not_found(detail: String) -> Self {
         Self::of(StatusCode::NOT_FOUND, detail)
     }

@@ -21,6 +21,8 @@ use super::{
     notes::{Note, Notes},
     plan,
     plan::PlanView,
+    queue,
+    queue::{PlaceForm, QueueForm, QueueView},
     resume,
     resume::{ContinueForm, TouchForm},
     rig,
@@ -381,6 +383,67 @@ fn around_runs() -> Vec<Route> {
     ]
 }
 
+/// The requests about the queue. Each change answers with the queue after it.
+fn of_the_queue() -> Vec<Route> {
+    vec![
+        Route::get(
+            "/queue",
+            "getQueue",
+            "The protocols that wait, and what they ask of a person",
+            json::<QueueView>(),
+            || get(queue::show),
+        ),
+        Route::post(
+            "/queue",
+            "addToQueue",
+            "Adds a protocol at the end of the queue",
+            json::<QueueForm>(),
+            201,
+            json::<QueueView>(),
+            || post(queue::add),
+        ),
+        Route::post(
+            "/queue/hold",
+            "holdQueue",
+            "Lets no entry begin until the queue is released",
+            Content::None,
+            200,
+            json::<QueueView>(),
+            || post(queue::hold),
+        ),
+        Route::post(
+            "/queue/release",
+            "releaseQueue",
+            "Lets the entries begin, one after the other",
+            Content::None,
+            200,
+            json::<QueueView>(),
+            || post(queue::release),
+        ),
+        Route::post(
+            "/queue/{number}/move",
+            "moveInQueue",
+            "Moves an entry to another place",
+            json::<PlaceForm>(),
+            200,
+            json::<QueueView>(),
+            || post(queue::place),
+        ),
+        Route {
+            method: Method::DELETE,
+            ..Route::post(
+                "/queue/{number}",
+                "cancelInQueue",
+                "Takes an entry out",
+                Content::None,
+                200,
+                json::<QueueView>(),
+                || delete(queue::cancel),
+            )
+        },
+    ]
+}
+
 /// The requests about the clients of the daemon.
 fn of_clients() -> Vec<Route> {
     vec![
@@ -499,6 +562,7 @@ pub(super) fn all() -> impl Iterator<Item = Route> {
         .chain(to_runs())
         .chain(to_ended_runs())
         .chain(around_runs())
+        .chain(of_the_queue())
         .chain(of_clients())
 }
 

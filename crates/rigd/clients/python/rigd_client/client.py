@@ -152,6 +152,40 @@ class Rig:
         body = None if protocol is None else _text(protocol)
         return Run(self, json.loads(self.request("POST", "/runs", body, headers))["id"])
 
+    @property
+    def queue(self) -> Json:
+        """The protocols that wait, in order, with what each asks of a person, and why the queue is held."""
+        document: Json = self.get("/queue")
+        return document
+
+    def add_to_queue(self, protocol: str | Path | None = None, note: str = "",
+                     deadline_unix_ms: int | None = None) -> Json:
+        """Adds a protocol at the end of the queue, and returns the queue. Its run does not begin if it cannot
+        end by the deadline."""
+        form: Json = {"note": note, "deadline_unix_ms": deadline_unix_ms,
+                      "protocol_toml": None if protocol is None else _text(protocol)}
+        return self._change_queue("POST", "", form)
+
+    def move_in_queue(self, number: int, place: int) -> Json:
+        """Moves an entry to another place, counted from 1."""
+        return self._change_queue("POST", f"/{number}/move", {"place": place})
+
+    def cancel_in_queue(self, number: int) -> Json:
+        """Takes an entry out."""
+        return self._change_queue("DELETE", f"/{number}")
+
+    def hold_queue(self) -> Json:
+        """Lets no entry begin until the queue is released."""
+        return self._change_queue("POST", "/hold")
+
+    def release_queue(self) -> Json:
+        """Lets the entries begin, one after the other."""
+        return self._change_queue("POST", "/release")
+
+    def _change_queue(self, method: str, path: str, form: Json | None = None) -> Json:
+        document: Json = json.loads(self.request(method, f"/queue{path}", form))
+        return document
+
     def find(self, name: str = "latest") -> Run:
         """A run by its id, its short name such as `smoke-7`, or `latest`."""
         return Run(self, self.get(f"/runs/{urllib.parse.quote(name, safe='')}")["id"])

@@ -1,0 +1,69 @@
+// The queue: what waits for the rig, in order, and what each entry asks of a person.
+import { useEffect, useState } from "preact/hooks";
+import { day, duration } from "./format.ts";
+import { AskButton } from "./shell.tsx";
+import { get, post, remove, type View } from "./store.ts";
+import type { Queue, QueueEntry } from "./wire.ts";
+
+/** How often the queue is asked for while it is shown, ms. Other people change it too. */
+const ASK_MS = 2000;
+
+/** The queue as the daemon has it, asked for again and again. */
+function useQueue(): [Queue | undefined, (queue: Queue | undefined) => void] {
+  const [queue, set] = useState<Queue>();
+  useEffect(() => {
+    const ask = () => void get<Queue>("queue").then(set, () => undefined);
+    ask();
+    const timer = setInterval(ask, ASK_MS);
+    return () => clearInterval(timer);
+  }, []);
+  return [queue, set];
+}
+
+export function QueuePanel({ view }: { view: View }) {
+  const [queue, set] = useQueue();
+  if (!queue) return null;
+  const change = (path: string, body?: object) => () =>
+    post<Queue>(`queue${path}`, body && { type: "application/json", text: JSON.stringify(body) }).then(set);
+  const isLost = view.link === "lost";
+  return (
+    <section class="queue" aria-label="Queue">
+      <h2>Queue</h2>
+      <p class={queue.hold ? "soft" : "good-word"} role="status">{queue.hold ? `Held: ${queue.hold.reason}.` : "Released: entries begin one after the other."}</p>
+      <ol>
+        {queue.entries.map((entry, index) => (
+          <li key={entry.number}>
+            <Entry entry={entry} />
+            <div class="row">
+              {index > 0 && <AskButton send={change(`/${entry.number}/move`, { place: index })} disabled={isLost}>Earlier</AskButton>}
+              <AskButton send={() => remove<Queue>(`queue/${entry.number}`).then(set)} disabled={isLost}>Cancel</AskButton>
+            </div>
+          </li>
+        ))}
+      </ol>
+      {queue.entries.length === 0 ? <p class="soft">No protocol waits.</p>
+        : <p>{duration(queue.duration_s)} in all. {queue.prompts === 0 ? "Nobody is asked for anything." : queue.prompts === 1 ? "A person is needed once." : `A person is needed ${queue.prompts} times.`}</p>}
+      {queue.hold
+        ? <AskButton class="primary" icon="play" send={change("/release")} disabled={isLost || queue.entries.length === 0} why="no protocol waits">Release the queue</AskButton>
+        : <AskButton send={change("/hold")} disabled={isLost}>Hold the queue</AskButton>}
+    </section>
+  );
+}
+
+function Entry({ entry }: { entry: QueueEntry }) {
+  const first = entry.prompts[0];
+  return (
+    <div>
+      <strong>{entry.protocol}</strong> <span class="soft">{duration(entry.duration_s)}, {entry.by}</span>
+      {entry.note && <p class="soft">{entry.note}</p>}
+      {entry.deadline_unix_ms !== undefined && <p class={entry.is_missed ? "bad-word" : "soft"}>{entry.is_missed ? "could not end" : "must have ended"} by {day(new Date(entry.deadline_unix_ms).toISOString())}</p>}
+      {entry.fault !== undefined && <p class="bad-word">cannot run here: {entry.fault}</p>}
+      {first && (
+        <details>
+          <summary>{entry.prompts.length === 1 ? "a person is needed once" : `a person is needed ${entry.prompts.length} times`}, first after {duration(first.after_s)}</summary>
+          <ul>{entry.prompts.map((asked, index) => <li key={index}>after {duration(asked.after_s)}: {asked.prompt}</li>)}</ul>
+        </details>
+      )}
+    </div>
+  );
+}

@@ -1,0 +1,506 @@
+//! The queue over HTTP, and the task that begins its entries.
+//!
+//! Every change is noted in the journal, with who asked, before the file of the queue has it.
+
+use std::{io, time::SystemTime};
+
+use axum::{
+    Extension, Json,
+    extract::{Path, State},
+    http::StatusCode,
+};
+use rig_engine::RunStatus as Ended;
+use rig_model::with_causes;
+use rig_protocol::{Action, Plan};
+use rig_store::{Ending, RunId, RunStatus};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use tokio::sync::{Mutex, Notify};
+use tokio_util::sync::CancellationToken;
+
+use super::{
+    Problem, Shared,
+    object::{Object, ObjectBody},
+    progress::unix_ms,
+};
+use crate::{
+    describe,
+    loaded_rig::RigFacts,
+    operator::Operator,
+    protocol_file::LoadedProtocol,
+    queue::{Entry, Hold, HoldKind, Queue, QueueRefusal, Seen, Turn},
+    rig::{RequestRefusal, Status},
+};
+
+/// The name in the journal of what the daemon does by itself.
+const DAEMON: &str = "rigd";
+
+/// The queue of the daemon.
+#[derive(Debug, Default)]
+pub(super) struct Keeper {
+    kept: Mutex<Kept>,
+    /// A client has changed it.
+    changed: Notify,
+}
+
+#[derive(Debug, Default)]
+struct Kept {
+    queue: Queue,
+    /// Its run that is under way.
+    run: Option<RunId>,
+}
+
+impl Keeper {
+    /// Number of entries, and whether the queue is held.
+    pub(super) async fn figures(&self) -> (usize, bool) {
+        let kept = self.kept.lock().await;
+        (kept.queue.entries().len(), kept.queue.hold().is_some())
+    }
+}
+
+/// The queue.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct QueueView {
+    /// Why nothing begins; absent from a queue that is released.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    hold: Option<Hold>,
+    /// The run of the queue that is under way.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    run: Option<String>,
+    /// In the order in which they begin.
+    entries: Vec<EntryView>,
+    /// Expected time of all entries on the rig's clock, without the time that a person takes, s.
+    duration_s: f64,
+    /// How often a person is needed.
+    prompts: usize,
+}
+
+/// An entry of the queue.
+#[derive(Debug, Serialize, JsonSchema)]
+struct EntryView {
+    number: u64,
+    /// Name of the protocol.
+    protocol: String,
+    note: String,
+    /// The operator who added it.
+    by: String,
+    added_unix_ms: u64,
+    /// The run must have ended by this time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    deadline_unix_ms: Option<u64>,
+    /// It could no longer end by its deadline when its turn came, and does not begin.
+    is_missed: bool,
+    /// Expected on the rig's clock, without the time that a person takes, s.
+    duration_s: f64,
+    /// Expected time until it begins if the queue is released now, s.
+    begins_in_s: f64,
+    /// What it asks of a person.
+    prompts: Vec<EntryPrompt>,
+    /// The rig cannot run it: the first fault.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fault: Option<String>,
+}
+
+/// Something that a person has to do during an entry.
+#[derive(Debug, Serialize, JsonSchema)]
+struct EntryPrompt {
+    prompt: String,
+    /// Expected time from the beginning of the entry, s.
+    after_s: f64,
+}
+
+/// A protocol for the queue.
+#[derive(Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct QueueForm {
+    /// Its text; without it, the loaded one.
+    protocol_toml: Option<String>,
+    /// For people, at most 2000 characters.
+    note: String,
+    /// The run must have ended by this time; otherwise it does not begin.
+    deadline_unix_ms: Option<u64>,
+}
+
+/// The new place of an entry.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PlaceForm {
+    /// From 1 for the next one.
+    #[schemars(range(min = 1))]
+    place: usize,
+}
+
+type Answer = Result<Json<QueueView>, Problem>;
+
+pub(super) async fn show(State(shared): State<Shared>) -> Answer {
+    shared.queue_view().await
+}
+
+pub(super) async fn add(
+    State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
+    form: ObjectBody<QueueForm>,
+) -> Result<(StatusCode, Json<QueueView>), Problem> {
+    let Json(Object(form)) = form?;
+    let facts = &shared.inner.facts;
+    let checked = form.protocol_toml.map(|text| LoadedProtocol::check("protocol", &text, facts));
+    let checked = checked.transpose().map_err(|faults| Problem::protocol(&faults))?;
+    let Some(protocol) = checked.or_else(|| shared.inner.loaded.clone()) else {
+        let detail = "no protocol was loaded when the daemon was started; send `protocol_toml`";
+        return Err(Problem::unprocessable(detail.to_owned()));
+    };
+    let now_unix_ms = unix_ms(SystemTime::now());
+    let entry = Entry {
+        number: 0,
+        protocol: protocol.source.name,
+        toml: protocol.source.toml,
+        note: form.note,
+        deadline_unix_ms: form.deadline_unix_ms,
+        by: operator.as_str().to_owned(),
+        added_unix_ms: now_unix_ms,
+        is_missed: false,
+    };
+    if !entry.is_in_time(now_unix_ms, wall_s(facts, protocol.summary.duration_s)) {
+        let detail = "a run of this protocol that began now would end after the deadline";
+        return Err(Problem::unprocessable(detail.to_owned()));
+    }
+    let add = move |queue: &mut Queue| {
+        let name = entry.protocol.clone();
+        queue.add(entry).map(|number| format!("add entry {number} of the queue, {name}"))
+    };
+    Ok((StatusCode::CREATED, changed(shared, &operator, add).await?))
+}
+
+pub(super) async fn cancel(
+    State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
+    Path(number): Path<String>,
+) -> Answer {
+    let number = entry_number(&number)?;
+    let cancel = move |queue: &mut Queue| {
+        let entry = queue.take(number)?;
+        Ok(format!("cancel entry {number} of the queue, {}", entry.protocol))
+    };
+    changed(shared, &operator, cancel).await
+}
+
+pub(super) async fn place(
+    State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
+    Path(number): Path<String>,
+    form: ObjectBody<PlaceForm>,
+) -> Answer {
+    let (number, Json(Object(PlaceForm { place }))) = (entry_number(&number)?, form?);
+    let place = move |queue: &mut Queue| {
+        queue.move_to(number, place)?;
+        Ok(format!("move entry {number} of the queue to place {place}"))
+    };
+    changed(shared, &operator, place).await
+}
+
+pub(super) async fn hold(
+    State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
+) -> Answer {
+    let reason = format!("{operator} holds it");
+    let hold = move |queue: &mut Queue| {
+        queue.stop(HoldKind::Person, reason, unix_ms(SystemTime::now()));
+        Ok("hold the queue".to_owned())
+    };
+    changed(shared, &operator, hold).await
+}
+
+pub(super) async fn release(
+    State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
+) -> Answer {
+    let release = |queue: &mut Queue| queue.release().map(|()| "release the queue".to_owned());
+    changed(shared, &operator, release).await
+}
+
+fn entry_number(text: &str) -> Result<u64, Problem> {
+    text.parse().map_err(|_| Problem::not_found(format!("the queue has no entry {text}")))
+}
+
+/// Changes the queue for a client. A client that goes away does not leave the change half made.
+async fn changed(
+    shared: Shared,
+    operator: &Operator,
+    change: impl FnOnce(&mut Queue) -> Result<String, QueueRefusal> + Send + 'static,
+) -> Answer {
+    let by = operator.clone();
+    let making = tokio::spawn(async move {
+        let mut kept = shared.inner.queue.kept.lock().await;
+        let mut queue = kept.queue.clone();
+        let action = change(&mut queue)?;
+        shared.inner.rig.note(action, by.as_str()).await?;
+        kept.queue = shared.written(queue).await?;
+        drop(kept);
+        shared.inner.queue.changed.notify_one();
+        shared.queue_view().await
+    });
+    making.await.map_err(|_| Problem::internal("the change of the queue has panicked"))?
+}
+
+impl Shared {
+    async fn queue_view(&self) -> Answer {
+        let kept = self.inner.queue.kept.lock().await;
+        let queue = kept.queue.clone();
+        drop(kept);
+        let status = self.status();
+        let facts = self.inner.facts.clone();
+        let view = tokio::task::spawn_blocking(move || QueueView::new(&queue, &status, &facts));
+        view.await.map(Json).map_err(|_| Problem::internal("the view of the queue has panicked"))
+    }
+
+    /// Writes the file of the queue, and gives the queue back.
+    async fn written(&self, queue: Queue) -> Result<Queue, Problem> {
+        let data = self.inner.data.clone();
+        let writing = tokio::task::spawn_blocking(move || queue.write(&data).map(|()| queue));
+        let written =
+            writing.await.map_err(|_| Problem::internal("the writer of the queue has panicked"))?;
+        written.map_err(|error| {
+            tracing::warn!(%error, "the queue cannot be written");
+            Problem::internal(&format!("the queue cannot be written: {error}"))
+        })
+    }
+
+    /// Reads the queue that the last daemon left. Unless `is_released`, nothing begins before a person
+    /// releases it.
+    ///
+    /// # Errors
+    /// [`io::Error`] for a file that cannot be read, or is of another version.
+    pub async fn open_queue(&self, is_released: bool) -> io::Result<()> {
+        let queue = Queue::open(&self.inner.data, is_released, unix_ms(SystemTime::now()))?;
+        self.inner.queue.kept.lock().await.queue = queue;
+        Ok(())
+    }
+
+    /// Begins the entries of the queue, one after the other, until the daemon is about to close.
+    pub async fn run_queue(self, ending: CancellationToken) {
+        let mut status = self.inner.rig.status();
+        loop {
+            let seen = status.borrow_and_update().clone();
+            self.take_turn(&seen).await;
+            tokio::select! {
+                () = ending.cancelled() => return,
+                () = self.inner.queue.changed.notified() => {}
+                changed = status.changed() => if changed.is_err() { return },
+            }
+        }
+    }
+
+    /// Looks what has become of the run under way, and begins the next one if its turn has come.
+    async fn take_turn(&self, status: &Status) {
+        let mut kept = self.inner.queue.kept.lock().await;
+        if let Some(run) = kept.run {
+            let Some(ended) = self.ended(run, status).await else { return };
+            kept.run = None;
+            let mut queue = kept.queue.clone();
+            queue.end();
+            self.keep(&mut kept, queue).await;
+            if let Err(trouble) = ended {
+                self.hold_queue(&mut kept, HoldKind::Fault, trouble).await;
+                return;
+            }
+        }
+        let snapshot = &status.snapshot;
+        let fault = snapshot.fault.as_ref().map(ToString::to_string);
+        let seen = Seen {
+            state: snapshot.state,
+            fault: fault.as_deref(),
+            journal_error: status.journal_error.as_deref(),
+            is_silent: status.silence.is_some(),
+        };
+        match kept.queue.turn(seen) {
+            Turn::Wait => {}
+            Turn::Hold(kind, reason) => self.hold_queue(&mut kept, kind, reason).await,
+            Turn::Begin(entry) => self.begin_entry(&mut kept, &entry).await,
+        }
+    }
+    /// How a run of the queue has ended; `None` while it is under way.
+    async fn ended(&self, run: RunId, status: &Status) -> Option<Result<(), String>> {
+        let is = |how: &str| Some(Err(format!("the last run of the queue is {how}")));
+        if let Some(shown) = status.run.as_ref().filter(|shown| shown.id == run) {
+            return match shown.ending? {
+                Ended::Completed | Ended::CompletedWithRefusals => Some(Ok(())),
+                ending @ (Ended::Aborted | Ended::Faulted) => is(ending.name()),
+            };
+        }
+        // The status does not show it yet, or shows one that has begun since.
+        match self.read(move |reader| Ok(reader.run(run)?.status)).await {
+            Ok(RunStatus::Running) => None,
+            Ok(RunStatus::Ended(Ending::Completed | Ending::CompletedWithRefusals)) => Some(Ok(())),
+            Ok(other) => is(&other.describe()),
+            Err(problem) => is(&format!("unknown: {}", problem.detail())),
+        }
+    }
+
+    /// Begins the run of an entry, and takes the entry out.
+    async fn begin_entry(&self, kept: &mut Kept, entry: &Entry) {
+        let (number, name) = (entry.number, &entry.protocol);
+        let facts = &self.inner.facts;
+        let protocol = match LoadedProtocol::check(name, &entry.toml, facts) {
+            Ok(protocol) => protocol,
+            Err(faults) => {
+                let reason = format!("entry {number} cannot run on this rig: {}", first(&faults));
+                return self.hold_queue(kept, HoldKind::Fault, reason).await;
+            }
+        };
+        let duration_s = wall_s(facts, protocol.summary.duration_s);
+        let mut queue = kept.queue.clone();
+        if !entry.is_in_time(unix_ms(SystemTime::now()), duration_s) {
+            let what = format!(
+                "leave out entry {number} of the queue, {name}: it cannot end by its deadline"
+            );
+            self.note_by_daemon(what).await;
+            queue.miss(number);
+            return self.keep(kept, queue).await;
+        }
+        // An entry whose run began before the daemon was killed has begun.
+        let key = entry.key();
+        let wanted = key.clone();
+        let begun = match self.read(move |reader| Ok(reader.keyed_run(&wanted)?)).await {
+            Ok(Some(first)) => Ok(first.run),
+            Ok(None) => {
+                let begun = self.inner.rig.keyed_run(protocol, &entry.by, Some(key)).await;
+                begun.map_err(|refusal| match refusal {
+                    // A client was faster; the status will show it.
+                    RequestRefusal::Command(_) => None,
+                    other => Some(with_causes(&other)),
+                })
+            }
+            Err(problem) => Err(Some(problem.detail().to_owned())),
+        };
+        match begun {
+            Ok(run) => {
+                kept.run = Some(run);
+                queue.begin(number, run.to_string());
+                self.keep(kept, queue).await;
+            }
+            Err(None) => {}
+            Err(Some(why)) => {
+                let reason = format!("entry {number} could not begin: {why}");
+                self.hold_queue(kept, HoldKind::Fault, reason).await;
+            }
+        }
+    }
+
+    /// Holds the queue, for a reason that no person has given.
+    async fn hold_queue(&self, kept: &mut Kept, kind: HoldKind, reason: String) {
+        if kept.queue.hold().is_some() {
+            return;
+        }
+        let mut queue = kept.queue.clone();
+        queue.stop(kind, reason.clone(), unix_ms(SystemTime::now()));
+        self.note_by_daemon(format!("hold the queue: {reason}")).await;
+        self.keep(kept, queue).await;
+    }
+
+    /// A journal that cannot be written holds the queue by itself.
+    async fn note_by_daemon(&self, action: String) {
+        if let Err(refusal) = self.inner.rig.note(action, DAEMON).await {
+            tracing::warn!(%refusal, "the journal has no note of what the queue did");
+        }
+    }
+
+    /// Goes on with this queue, even if its file cannot be written: then it is held.
+    async fn keep(&self, kept: &mut Kept, queue: Queue) {
+        kept.queue = queue.clone();
+        if let Err(problem) = self.written(queue).await {
+            let reason = problem.detail().to_owned();
+            kept.queue.stop(HoldKind::Fault, reason, unix_ms(SystemTime::now()));
+        }
+    }
+}
+
+impl QueueView {
+    fn new(queue: &Queue, status: &Status, facts: &RigFacts) -> Self {
+        let mut begins_in_s = remaining_s(status, facts);
+        let mut entry = |entry: &Entry| {
+            let view = EntryView::new(entry, begins_in_s, facts);
+            if !entry.is_missed {
+                begins_in_s += view.duration_s;
+            }
+            view
+        };
+        let entries: Vec<_> = queue.entries().iter().map(&mut entry).collect();
+        let ahead = || entries.iter().filter(|entry| !entry.is_missed);
+        Self {
+            hold: queue.hold().cloned(),
+            run: queue.run().map(str::to_owned),
+            duration_s: ahead().map(|entry| entry.duration_s).sum(),
+            prompts: ahead().map(|entry| entry.prompts.len()).sum(),
+            entries,
+        }
+    }
+}
+
+impl EntryView {
+    fn new(entry: &Entry, begins_in_s: f64, facts: &RigFacts) -> Self {
+        // Another version of rigd or another rig file may see the protocol otherwise.
+        let checked = LoadedProtocol::check(&entry.protocol, &entry.toml, facts);
+        let (duration_s, prompts, fault) = match checked {
+            Ok(protocol) => {
+                let prompts = prompts(&protocol.plan, facts);
+                (protocol.summary.duration_s, prompts, None)
+            }
+            Err(faults) => (0.0, Vec::new(), Some(first(&faults))),
+        };
+        Self {
+            number: entry.number,
+            protocol: entry.protocol.clone(),
+            note: entry.note.clone(),
+            by: entry.by.clone(),
+            added_unix_ms: entry.added_unix_ms,
+            deadline_unix_ms: entry.deadline_unix_ms,
+            is_missed: entry.is_missed,
+            duration_s,
+            begins_in_s,
+            prompts,
+            fault,
+        }
+    }
+}
+
+/// What a protocol asks of a person, and when.
+fn prompts(plan: &Plan, facts: &RigFacts) -> Vec<EntryPrompt> {
+    let mut after_s = 0.0;
+    let mut prompts = Vec::new();
+    for (step, duration_s) in plan.steps.iter().zip(plan.durations_s(&facts.limits)) {
+        if let Action::Prompt(prompt) = &step.action {
+            prompts.push(EntryPrompt { prompt: describe::prompt(plan, prompt), after_s });
+        }
+        after_s += duration_s;
+    }
+    prompts
+}
+
+/// The least time until the run under way has ended, s.
+fn remaining_s(status: &Status, facts: &RigFacts) -> f64 {
+    let run = status.run.as_ref().filter(|run| run.ending.is_none());
+    let now = status.present(facts.is_virtual_time);
+    run.zip(status.snapshot.progress.as_ref())
+        .map_or(0.0, |(run, progress)| run.remaining(progress.step, now).least_s)
+}
+
+/// The same by the clock of the computer: virtual time takes none.
+const fn wall_s(facts: &RigFacts, duration_s: f64) -> f64 {
+    if facts.is_virtual_time { 0.0 } else { duration_s }
+}
+
+fn first(faults: &rig_files::Faults) -> String {
+    faults.to_string().lines().next().unwrap_or_default().to_owned()
+}
+
+impl From<QueueRefusal> for Problem {
+    fn from(refusal: QueueRefusal) -> Self {
+        let detail = refusal.to_string();
+        match refusal {
+            QueueRefusal::NoEntry(_) => Self::not_found(detail),
+            QueueRefusal::Full | QueueRefusal::Empty => Self::of(StatusCode::CONFLICT, detail),
+            QueueRefusal::LongNote => Self::bad_request(detail),
+            QueueRefusal::NoPlace { .. } => Self::unprocessable(detail),
+        }
+    }
+}

@@ -1,0 +1,226 @@
+//! The queue of a daemon: order, record, restart, faults.
+
+#![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
+
+#[expect(dead_code, reason = "other tests use more of it")]
+#[path = "support/program.rs"]
+mod program;
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::Command,
+    time::Instant,
+};
+
+use program::{PATIENCE, Program, post, real_time_rig, request};
+use rig_store::{Reader, Record, RunKind};
+use rustix::process::Signal;
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// A daemon without a loaded protocol, in real time or in virtual time.
+fn serve(folder: &Path, is_real_time: bool, more: &[&str]) -> (Program, String) {
+    let data = folder.join("data");
+    let simulated = PathBuf::from("config/rigs/simulated.toml");
+    let rig = if is_real_time { real_time_rig(folder) } else { simulated };
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rigd"));
+    command
+        .args(["serve", "--listen", "127.0.0.1:0", "--data", data.to_str().unwrap()])
+        .args(["--rig", rig.to_str().unwrap()])
+        .args(more)
+        .current_dir(repository());
+    let mut daemon = Program::spawn(&mut command, data);
+    let address = daemon.wait_for_address();
+    (daemon, address)
+}
+
+/// The shipped smoke protocol under another name.
+fn protocol(name: &str) -> String {
+    let text = fs::read_to_string(repository().join("config/protocols/smoke.toml")).unwrap();
+    let named = text.replace("name = \"smoke\"", &format!("name = \"{name}\""));
+    assert!(named.contains(&format!("\"{name}\"")));
+    named
+}
+
+fn end(daemon: Program) {
+    daemon.signal(Signal::TERM);
+    daemon.end();
+}
+
+#[track_caller]
+fn answered(answer: &str, status: u16) -> Value {
+    assert!(answer.starts_with(&format!("HTTP/1.1 {status}")), "{answer}");
+    serde_json::from_str(answer.split_once("\r\n\r\n").unwrap().1).unwrap()
+}
+
+#[track_caller]
+fn add(address: &str, name: &str) -> Value {
+    let form = json!({ "protocol_toml": protocol(name), "note": format!("note of {name}") });
+    answered(&post(address, "queue", &form.to_string()), 201)
+}
+
+fn queue(address: &str) -> Value {
+    answered(&request(address, "GET /api/v1/queue", ""), 200)
+}
+
+#[track_caller]
+fn wait_for(address: &str, is_wanted: impl Fn(&Value) -> bool) -> Value {
+    let began = Instant::now();
+    loop {
+        let seen = queue(address);
+        if is_wanted(&seen) {
+            return seen;
+        }
+        assert!(began.elapsed() < PATIENCE, "{seen}");
+    }
+}
+
+fn names(queue: &Value) -> Vec<&str> {
+    let entries = queue["entries"].as_array().unwrap();
+    entries.iter().map(|entry| entry["protocol"].as_str().unwrap()).collect()
+}
+
+/// The runs of a journal, the first one first, each with its status.
+fn runs(data: &Path) -> Vec<(String, &'static str)> {
+    let runs = Reader::open(data).unwrap().runs().unwrap();
+    let runs = runs.into_iter().filter(|run| run.kind == RunKind::Run).rev();
+    runs.map(|run| (run.name, run.status.name())).collect()
+}
+
+/// What people and the daemon did, as the journal has it.
+fn actions(data: &Path) -> Vec<String> {
+    let events = Reader::open(data).unwrap().events_after(0, 10_000).unwrap();
+    let action = |record| match record {
+        Record::Operator(done) => Some(format!("{}: {}", done.who, done.action)),
+        _ => None,
+    };
+    events.iter().filter_map(|stored| action(stored.record().unwrap())).collect()
+}
+
+#[test]
+fn a_released_queue_runs_in_its_order_and_is_held_when_it_is_empty() {
+    let folder = TempDir::new().unwrap();
+    let (daemon, address) = serve(folder.path(), false, &["--operator", "Ada"]);
+    let held = add(&address, "one");
+    assert_eq!(held["hold"]["kind"], "start");
+    // What needs a person is told before anything begins.
+    let asked = &held["entries"][0]["prompts"][0];
+    assert!(asked["prompt"].as_str().unwrap().starts_with("Put sample"), "{held}");
+    assert_eq!((&asked["after_s"], &held["entries"][0]["by"]), (&json!(0.0), &json!("Ada")));
+    for name in ["two", "three", "four"] {
+        add(&address, name);
+    }
+    let moved = answered(&post(&address, "queue/3/move", r#"{"place": 1}"#), 200);
+    assert_eq!(names(&moved), ["three", "one", "two", "four"]);
+    let begins = |entry: usize| moved["entries"][entry]["begins_in_s"].as_f64().unwrap();
+    assert!(begins(0) == 0.0 && begins(1) > 60.0 && begins(2) > begins(1));
+    let left = answered(&request(&address, "DELETE /api/v1/queue/4", ""), 200);
+    assert_eq!(names(&left), ["three", "one", "two"]);
+    assert!(runs(&daemon.data).is_empty());
+    answered(&post(&address, "queue/release", ""), 200);
+    let done = wait_for(&address, |queue| queue["hold"]["kind"] == "empty");
+    assert!(names(&done).is_empty() && done.get("run").is_none());
+    let completed = |name: &str| (name.to_owned(), "completed");
+    assert_eq!(runs(&daemon.data), ["three", "one", "two"].map(completed));
+    // An entry that is added now waits for the next release.
+    assert_eq!(add(&address, "five")["hold"]["kind"], "empty");
+    let done = actions(&daemon.data);
+    for action in [
+        "Ada: add entry 1 of the queue, one",
+        "Ada: move entry 3 of the queue to place 1",
+        "Ada: cancel entry 4 of the queue, four",
+        "Ada: release the queue",
+        "rigd: hold the queue: no entry waits",
+    ] {
+        assert!(done.iter().any(|done| done == action), "{action}: {done:?}");
+    }
+    let figures = request(&address, "GET /metrics", "");
+    assert!(figures.contains("rigd_queue_entries 1") && figures.contains("rigd_queue_held 1"));
+    end(daemon);
+}
+
+#[test]
+fn a_queue_survives_a_kill_and_begins_nothing_by_itself_afterwards() {
+    let folder = TempDir::new().unwrap();
+    let (mut daemon, address) = serve(folder.path(), true, &[]);
+    add(&address, "one");
+    add(&address, "two");
+    answered(&post(&address, "queue/release", ""), 200);
+    daemon.wait_until_lowered();
+    assert_eq!(names(&queue(&address)), ["two"]);
+    daemon.child.kill().unwrap();
+    daemon.child.wait().unwrap();
+    // Even a daemon that is asked to begin by itself waits for a person after that.
+    let (daemon, address) = serve(folder.path(), true, &["--release-queue"]);
+    let left = queue(&address);
+    assert_eq!((names(&left), &left["hold"]["kind"]), (vec!["two"], &json!("fault")));
+    assert_eq!(runs(&daemon.data).len(), 1);
+    end(daemon);
+}
+
+#[test]
+fn after_a_restart_the_queue_waits_for_a_person_unless_the_daemon_is_told_otherwise() {
+    let folder = TempDir::new().unwrap();
+    let (daemon, address) = serve(folder.path(), false, &[]);
+    add(&address, "one");
+    end(daemon);
+    let (daemon, address) = serve(folder.path(), false, &[]);
+    let held = queue(&address);
+    assert_eq!((names(&held), &held["hold"]["kind"]), (vec!["one"], &json!("start")));
+    end(daemon);
+    let (daemon, address) = serve(folder.path(), false, &["--release-queue"]);
+    wait_for(&address, |queue| queue["hold"]["kind"] == "empty");
+    assert_eq!(runs(&daemon.data), [("one".to_owned(), "completed")]);
+    end(daemon);
+}
+
+#[test]
+fn a_stop_holds_the_queue_and_the_next_entry_waits() {
+    let folder = TempDir::new().unwrap();
+    let (daemon, address) = serve(folder.path(), true, &[]);
+    add(&address, "one");
+    add(&address, "two");
+    answered(&post(&address, "queue/release", ""), 200);
+    daemon.wait_until_lowered();
+    assert!(request(&address, "POST /api/v1/stop", "").starts_with("HTTP/1.1 200"));
+    let held = wait_for(&address, |queue| !queue["hold"].is_null());
+    assert_eq!((names(&held), &held["hold"]["kind"]), (vec!["two"], &json!("fault")));
+    assert_eq!(runs(&daemon.data).len(), 1);
+    end(daemon);
+}
+
+#[test]
+fn a_change_that_cannot_be_made_is_refused() {
+    let folder = TempDir::new().unwrap();
+    let (daemon, address) = serve(folder.path(), false, &[]);
+    add(&address, "one");
+    let toml = protocol("late");
+    let late = json!({ "protocol_toml": toml, "deadline_unix_ms": 1_000 }).to_string();
+    let long = json!({ "protocol_toml": toml, "note": "x".repeat(2001) }).to_string();
+    for (path, body, status) in [
+        ("queue", late.as_str(), 422),
+        ("queue", &long, 400),
+        ("queue", "{}", 422),
+        ("queue", r#"{"protocol_toml": "name = 1"}"#, 422),
+        ("queue", "[]", 422),
+        ("queue", r#"{"notes": ""}"#, 422),
+        ("queue/9/move", r#"{"place": 1}"#, 404),
+        ("queue/x/move", r#"{"place": 1}"#, 404),
+        ("queue/1/move", r#"{"place": 0}"#, 422),
+        ("queue/1/move", r#"{"place": 2}"#, 422),
+        ("queue/1/move", "[1]", 422),
+    ] {
+        answered(&post(&address, path, body), status);
+    }
+    answered(&request(&address, "DELETE /api/v1/queue/1", ""), 200);
+    answered(&request(&address, "DELETE /api/v1/queue/1", ""), 404);
+    // A released queue without an entry would begin the next one at once.
+    answered(&post(&address, "queue/release", ""), 409);
+    assert_eq!(runs(&daemon.data), []);
+    end(daemon);
+}
