@@ -42,7 +42,9 @@ fn serve(folder: &Path, is_real_time: bool, more: &[&str]) -> (Program, String) 
 /// The shipped smoke protocol under another name.
 fn protocol(name: &str) -> String {
     let text = fs::read_to_string(repository().join("config/protocols/smoke.toml")).unwrap();
-    let named = text.replace("name = \"smoke\"", &format!("name = \"{name}\""));
+    let named = text
+        .replace("name = \"smoke\"", &format!("name = \"{name}\""))
+        .replace("indentation_mm = 0.5\n", "indentation_mm = 0.5\ndwell_s = 0.5\n");
     assert!(named.contains(&format!("\"{name}\"")));
     named
 }
@@ -142,6 +144,13 @@ fn a_released_queue_runs_in_its_order_and_is_held_when_it_is_empty() {
     let figures = request(&address, "GET /metrics", "");
     assert!(figures.contains("rigd_queue_entries 1") && figures.contains("rigd_queue_held 1"));
     end(daemon);
+    // Each run is sound, also behind another one of the same session.
+    let data = folder.path().join("data");
+    let reader = Reader::open(&data).unwrap();
+    for run in reader.runs().unwrap() {
+        let verdict = rig_verify::verify(&data, &run.id.to_string()).unwrap();
+        assert!(verdict.is_sound, "{run}: {:#?}", verdict.findings);
+    }
 }
 
 #[test]

@@ -268,8 +268,9 @@ impl Motion {
         let &Moved { target, read_back, is_clear, .. } = moved;
         let before = self.linear_mm.replace(read_back);
         let Some(settings) = settings else {
-            // Without the rig file only the word of the record is known.
+            // Without the rig file only the word of the record is known. A descent of another run ends with it.
             self.probe = if is_clear { Probe::Clear } else { Probe::Lowered };
+            self.descent = self.descent.take().filter(|_| !is_clear);
             return;
         };
         let Rig { linear, limits, .. } = &settings.rig;
