@@ -205,7 +205,7 @@ impl QueueView {
             lines.push("no entry waits; `rigd queue add PROTOCOL` adds one".to_owned());
             return lines.join("\n");
         }
-        let head = ["entry", "protocol", "begins in", "takes", "deadline", "added by", "note"];
+        let head = ["entry", "protocol", "begins in", "takes", "deadline", "added by"];
         let rows: Vec<_> = self.entries.iter().map(EntryView::row).collect();
         lines.push(columns(&head, &rows));
         for entry in &self.entries {
@@ -234,13 +234,13 @@ impl EntryView {
             duration(self.duration_s),
             deadline.unwrap_or_default(),
             self.by.clone(),
-            self.note.clone(),
         ]
     }
 
     /// What a person has to know of it.
     fn remarks(&self) -> Vec<String> {
         let number = self.number;
+        let note = (!self.note.is_empty()).then(|| format!("entry {number}: {}", self.note));
         let asks = self.prompts.iter().map(|PromptView { prompt, after_s }| {
             format!("entry {number}, after {}: {prompt}", duration(*after_s))
         });
@@ -250,7 +250,7 @@ impl EntryView {
             )
         });
         let fault = self.fault.iter().map(|fault| format!("entry {number} cannot run: {fault}"));
-        asks.chain(missed).chain(fault).collect()
+        note.into_iter().chain(asks).chain(missed).chain(fault).collect()
     }
 }
 
@@ -275,5 +275,25 @@ mod tests {
         for text in ["", "soon", "25:00", "2026-13-01T00:00"] {
             assert_eq!(Deadline::after(text, &now), None, "{text}");
         }
+    }
+
+    #[test]
+    fn the_list_fits_a_terminal() {
+        let view: QueueView = serde_json::from_value(json!({
+            "hold": null, "run": null, "duration_s": 589.0, "prompts": 1,
+            "entries": [{
+                "number": 12, "protocol": "three-direction", "note": "the night run", "by": "Ada",
+                "deadline_unix_ms": 1_795_000_000_000_i64, "is_missed": false,
+                "duration_s": 589.0, "begins_in_s": 161.0, "fault": null,
+                "prompts": [{ "prompt": "Put sample 1 under the probe.", "after_s": 0.0 }],
+            }],
+        }))
+        .unwrap();
+        let text = view.text();
+        assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+        assert!(
+            text.contains("entry 12: the night run\nentry 12, after 0 s: Put sample 1"),
+            "{text}"
+        );
     }
 }
