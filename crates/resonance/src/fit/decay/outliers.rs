@@ -6,7 +6,7 @@
 //! while the rest is not described, up to one reading in ten.
 //!
 //! Where the circuit is known roughly, each stay is first compared with itself: a reading that lies far
-//! from the others of its stay is excluded whatever the circuit exactly is.
+//! from the others of its stay is excluded for every likely circuit.
 
 use std::f64::consts::PI;
 
