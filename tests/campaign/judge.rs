@@ -132,9 +132,9 @@ pub(crate) fn is_beyond_notice(played: &Played, has_slip_check: bool) -> Option<
     is_cancelled.then_some("steps lost in a touch and gained again before its check of slip")
 }
 
-/// Whether the checker rightly refutes a sweep: one during which steps were lost, or the contact sense began
-/// to fail, so that its readings are of two states of the probe, and whose touch is refused because the
-/// surface is no longer where it was or no contact is felt; or one of an analyzer that stays at another
+/// Whether the checker rightly refutes a sweep: one during which steps were lost, so that its readings are of
+/// two states of the probe, and whose touch is refused because the surface is no longer where it was; or one of
+/// an analyzer that stays at another
 /// frequency than it says, so that its readings take another time.
 pub(crate) fn is_refuted(finding: &str, played: &Played) -> bool {
     let is_of_sweep = finding.starts_with("resonance: ") || finding.starts_with("sigma: ");
@@ -143,7 +143,7 @@ pub(crate) fn is_refuted(finding: &str, played: &Played) -> bool {
         let is_in_contact =
             matches!(phase, Phase::Run(RunPhase::Indentation | RunPhase::Dwell | RunPhase::Sweep));
         let fault = MENU[*row].1;
-        is_of_sweep && is_in_contact && (fault.lost_mm().is_some() || is_of_sense(fault))
+        is_of_sweep && is_in_contact && fault.lost_mm().is_some()
             || is_of_time && fault == Fault::Device("analyzer stuck-frequency")
     })
 }

@@ -21,7 +21,7 @@ pub use person::{Operator, Prompt, PromptAnswered, PromptAsked, RefusalAnswered,
 pub use resume::{Amended, Amendment, Change, GivenUp, Resumed};
 pub use start::{Action, Device, Expected, PlanSize, RunStarted, Sample, Source, StepStarted};
 pub use sweep::{
-    BenchSettings, Circuit, FitNoise, FitSettings, FitTiming, NearCircuit, ReadingFlag,
+    BenchSettings, Circuit, Extra, FitNoise, FitSettings, FitTiming, NearCircuit, ReadingFlag,
     ReadingRecord, Sweep, SweepOutcome, SweepPurpose,
 };
 pub use touch::{

@@ -28,7 +28,7 @@ pub use estimators::{Definition, Estimator, NoEstimate};
 pub use fit::{FitOptions, Fitter, fit};
 pub use noise::NoisePrior;
 pub use outcome::{
-    FitOutcome, ModelOrder, Resonance,
+    Extra, FitOutcome, ModelOrder, Resonance,
     refusal::{Limit, Reason, Refusal, Side},
 };
 pub use plan::{

@@ -59,6 +59,8 @@ pub struct Resonance {
     pub noise_degrees_of_freedom: f64,
     /// The model order that the readings require.
     pub model_order: ModelOrder,
+    /// What was fitted together with the circuit.
+    pub extra: Option<Extra>,
     /// The multiple of the mains frequency near which readings were disturbed and are down-weighted,
     /// Hz.
     pub mains_hz: Option<f64>,
@@ -158,6 +160,7 @@ impl Resonance {
             noise_at_ten_cycles: variance.sqrt(),
             noise_degrees_of_freedom: degrees,
             model_order,
+            extra: None,
             mains_hz: None,
             points: spread.count,
             covariance,
@@ -187,6 +190,43 @@ pub enum ModelOrder {
     Dispersion,
     /// Adds a phase error of the analyzer.
     AnalyzerPhase,
+}
+
+/// What settled readings on a given grid show beside the circuit, with its fitted values.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Extra {
+    /// A resonance that drifts linearly with time: its relative change from the middle of the first and
+    /// last reading to the last.
+    Drift {
+        /// As a part of the resonance.
+        change: f64,
+    },
+    /// An impedance in series with the sensor.
+    Stray {
+        /// Its resistance, ohm.
+        resistance_ohm: f64,
+        /// Its inductance, H.
+        inductance_h: f64,
+    },
+    /// A second series branch.
+    SecondMode {
+        /// Its series resonance, Hz.
+        resonance_hz: f64,
+        /// Its quality factor.
+        q: f64,
+        /// Its capacitance, F.
+        capacitance_farad: f64,
+    },
+    /// A static capacitance that changes with the frequency.
+    Dispersion {
+        /// Its relative change for each factor e of the frequency.
+        slope: f64,
+    },
+    /// A phase error of the analyzer.
+    AnalyzerPhase {
+        /// By how much measured phases are too large, rad.
+        phase_rad: f64,
+    },
 }
 
 /// Twice the log-likelihood that dielectric loss must gain to be fitted. At 1 its estimate equals its

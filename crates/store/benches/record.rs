@@ -76,6 +76,7 @@ fn sweep(readings: u32) -> Record {
             sigma_hz: 0.01,
             effective_time_s: None,
             circuit: None,
+            extra: None,
             left_out: 0,
         },
     })

@@ -34,12 +34,12 @@ pub use reader::{Interruption, ProbeWord, Reader, intact};
 pub use rig_record::{
     Action, Amended, Amendment, Axis, BenchSettings, BlackBox, Chain, ChainCheck, Change,
     CheckedSurface, Circuit, Clearance, ClockJumped, Device, Digest, Direction, Ending, Expected,
-    Fault, FitNoise, FitSettings, FitTiming, Flaw, Frame, GivenUp, Halfway, Intent, LostSurface,
-    Move, MoveReason, NearCircuit, Operator, Phase, PlanSize, Pose, Prompt, PromptAnswered,
-    PromptAsked, ReadingFlag, ReadingRecord, Record, RefusalAnswered, RefusalAsked, RefusedTouch,
-    Resumed, RetractTried, Run, RunFinished, RunId, RunKind, RunStarted, RunStatus, Sample, Source,
-    Stalled, StateChanged, StepStarted, StoredRecord, Surface, SurfaceReading, Sweep, SweepOutcome,
-    SweepPurpose, Touch, TouchPosition, TouchSettings,
+    Extra, Fault, FitNoise, FitSettings, FitTiming, Flaw, Frame, GivenUp, Halfway, Intent,
+    LostSurface, Move, MoveReason, NearCircuit, Operator, Phase, PlanSize, Pose, Prompt,
+    PromptAnswered, PromptAsked, ReadingFlag, ReadingRecord, Record, RefusalAnswered, RefusalAsked,
+    RefusedTouch, Resumed, RetractTried, Run, RunFinished, RunId, RunKind, RunStarted, RunStatus,
+    Sample, Source, Stalled, StateChanged, StepStarted, StoredRecord, Surface, SurfaceReading,
+    Sweep, SweepOutcome, SweepPurpose, Touch, TouchPosition, TouchSettings,
 };
 pub use salvage::{SalvagedRun, salvage};
 pub use schema::FORMAT;

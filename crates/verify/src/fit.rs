@@ -11,14 +11,21 @@
 //! free decay that turns against the drive, E at the conjugate of s, adds to the variance. Unknowns are
 //! found by the method of Levenberg and Marquardt.
 
+mod beside;
 #[cfg(test)]
 mod tests;
 mod trace;
 
 use std::f64::consts::TAU;
 
-use self::trace::{CIRCUIT, Trace, Unknowns, impedance, stays};
-use crate::record::{Circuit, FitNoise, Flag, Reading};
+use self::{
+    beside::Beside,
+    trace::{BESIDE, CIRCUIT, Trace, Unknowns, impedance, stays},
+};
+use crate::{
+    normal::Normal,
+    record::{Circuit, Extra, FitNoise, Flag, Reading},
+};
 
 /// Relative noise of a reading of ten cycles where nothing is known of it, and the number of readings
 /// that this is worth.
@@ -33,6 +40,8 @@ pub(crate) struct Fitted {
     pub(crate) circuit: Circuit,
     /// Standard deviations of its values, each relative but that of the loss tangent.
     pub(crate) circuit_sigma: Circuit,
+    /// The largest difference of what is beside the circuit from its statement, in standard deviations.
+    pub(crate) beside_sigmas: f64,
     /// Standard deviation of the resonance by the noise alone, Hz.
     pub(crate) sigma_hz: f64,
     /// The same, if there may be a second mode of any size; only with a free decay.
@@ -55,17 +64,24 @@ pub(crate) fn is_usable(reading: &Reading) -> bool {
     reading.flag == Flag::Normal && is_finite && reading.frequency_hz * reading.integration_s > 0.0
 }
 
-/// Fits usable readings from the neighbourhood of a stated circuit; `None` if that does not converge.
+/// A stated resonance, Hz, its circuit, and what is beside it, which a fit with free decay ignores.
+pub(crate) type Stated<'a> = (f64, &'a Circuit, Option<&'a Extra>);
+
+/// Fits usable readings from the neighbourhood of a statement; `None` if that does not converge.
 pub(crate) fn fit(
     readings: &[Reading],
     is_ringing: bool,
     noise: Option<FitNoise>,
-    (resonance_hz, stated): (f64, &Circuit),
+    (resonance_hz, stated, extra): Stated<'_>,
 ) -> Option<Fitted> {
     let first = readings.first()?;
     let noise = noise.unwrap_or(NOISE);
     let unit = 1.0 / (TAU * first.frequency_hz * impedance(first).norm());
-    let trace = Trace { stays: stays(readings, unit), is_ringing };
+    let extra = extra.filter(|_| !is_ringing);
+    let beside = extra.map(|extra| Beside::of(extra, stated, unit));
+    let (beside, stated_beside) =
+        beside.map_or((None, [0.0; BESIDE]), |(kind, at)| (Some(kind), at));
+    let trace = Trace { stays: stays(readings, unit), is_ringing, beside };
     let c0 = stated.static_capacitance_f / unit;
     // A little beside the stated circuit: a stated value that is no minimum moves away from it.
     let q = stated.quality_factor * 1.1;
@@ -77,13 +93,15 @@ pub(crate) fn fit(
             c0 * stated.capacitance_ratio,
             c0 * stated.loss_tangent,
         ],
+        beside: stated_beside,
         amplitudes: Vec::new(),
         steps: trace.stays.iter().map(|stay| vec![0.0; stay.samples.len() - 1]).collect(),
     };
     let mut variance = noise.at_ten_cycles.powi(2);
     at.amplitudes = trace.first_amplitudes(&at.circuit, variance);
     let rows = 2 * readings.len() + CIRCUIT - 1;
-    let degrees = rows.saturating_sub(CIRCUIT).max(1) as f64;
+    let unknowns = CIRCUIT + beside.map_or(0, Beside::count);
+    let degrees = rows.saturating_sub(unknowns).max(1) as f64;
     let (mut found, mut widest, mut mode_variance) = (None, 0.0, 0.0);
     let (mut scatter, mut effective_time_s) = (f64::NAN, None);
     for round in 0..ROUNDS {
@@ -101,14 +119,37 @@ pub(crate) fn fit(
         }
         found = Some(normal);
     }
-    let [ln_resonance, ln_q, c0, c1, g] = at.circuit;
-    let mode_sigma = f64::sqrt(mode_variance) / c1;
-    let resonance_hz = ln_resonance.exp();
     let found = found?;
+    let (circuit, circuit_sigma) = circuit(&at.circuit, &found, unit)?;
+    let mut beside_sigmas: f64 = 0.0;
+    let both = at.beside.into_iter().zip(stated_beside);
+    for (k, (value, stated)) in both.enumerate().take(beside.map_or(0, Beside::count)) {
+        let sigma = found.variance(CIRCUIT + k)?.sqrt();
+        beside_sigmas = beside_sigmas.max((value - stated).abs() / sigma);
+    }
+    let [ln_resonance, _, _, c1, _] = at.circuit;
+    let resonance_hz = ln_resonance.exp();
+    let sigma_hz = resonance_hz * found.variance(0)?.sqrt();
+    let fitted = Fitted {
+        resonance_hz,
+        circuit,
+        circuit_sigma,
+        beside_sigmas,
+        sigma_hz,
+        with_mode_hz: sigma_hz.max(resonance_hz * f64::sqrt(widest)),
+        mode_sigma: f64::sqrt(mode_variance) / c1,
+        scatter,
+        degrees,
+        effective_time_s,
+    };
+    (resonance_hz.is_finite() && sigma_hz.is_finite()).then_some(fitted)
+}
+
+/// The values of a circuit in units of the capacitance `unit`, and their standard deviations.
+fn circuit(at: &[f64; CIRCUIT], found: &Normal, unit: f64) -> Option<(Circuit, Circuit)> {
+    let [_, ln_q, c0, c1, g] = *at;
     let sigma = |unknown: usize| Some(found.variance(unknown)?.sqrt());
-    let sigma_hz = resonance_hz * sigma(0)?;
     let of_c0 = sigma(2)? / c0;
-    let with_mode_hz = sigma_hz.max(resonance_hz * f64::sqrt(widest));
     let circuit = Circuit {
         quality_factor: ln_q.exp(),
         static_capacitance_f: c0 * unit,
@@ -121,16 +162,5 @@ pub(crate) fn fit(
         capacitance_ratio: of_c0.hypot(sigma(3)? / c1),
         loss_tangent: sigma(4)? / c0,
     };
-    let fitted = Fitted {
-        resonance_hz,
-        circuit,
-        circuit_sigma,
-        sigma_hz,
-        with_mode_hz,
-        mode_sigma,
-        scatter,
-        degrees,
-        effective_time_s,
-    };
-    (resonance_hz.is_finite() && sigma_hz.is_finite()).then_some(fitted)
+    Some((circuit, circuit_sigma))
 }

@@ -1,8 +1,8 @@
 //! Normal equations of least squares with unknowns that concern everything and unknowns that concern
 //! one part of the data: the latter are eliminated part by part.
 
-/// Unknowns that concern everything: those of the circuit, and the size of a possible second mode.
-pub(crate) const GLOBAL: usize = 6;
+/// Unknowns that concern everything: those of the circuit, and three of what is beside it.
+pub(crate) const GLOBAL: usize = 8;
 
 /// Symmetric positive definite equations, as their lower triangular factor.
 struct Factor(Vec<Vec<f64>>);
@@ -134,6 +134,9 @@ impl Normal {
             let solved = factor.solve(&part.right);
             for i in 0..GLOBAL {
                 let column: Vec<f64> = part.mixed.iter().map(|row| row[i]).collect();
+                if column.iter().all(|cell| *cell == 0.0) {
+                    continue;
+                }
                 right[i] -= column.iter().zip(&solved).map(|(a, b)| a * b).sum::<f64>();
                 let solved = factor.solve(&column);
                 for (j, cell) in matrix[i].iter_mut().enumerate() {

@@ -222,6 +222,7 @@ pub(crate) enum Outcome {
         sigma_hz: f64,
         effective_time_s: Option<f64>,
         circuit: Option<Circuit>,
+        extra: Option<Extra>,
         #[serde(default)]
         left_out: usize,
     },
@@ -236,6 +237,17 @@ pub(crate) struct Circuit {
     pub(crate) static_capacitance_f: f64,
     pub(crate) capacitance_ratio: f64,
     pub(crate) loss_tangent: f64,
+}
+
+/// What was fitted together with the circuit.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub(crate) enum Extra {
+    Drift { change: f64 },
+    Stray { resistance_ohm: f64, inductance_h: f64 },
+    SecondMode { resonance_hz: f64, quality_factor: f64, capacitance_f: f64 },
+    Dispersion { slope: f64 },
+    AnalyzerPhase { phase_rad: f64 },
 }
 
 #[derive(Debug, Clone, Deserialize)]

@@ -80,7 +80,8 @@ fn determined(sweep: &Sweep, before: &Circuit, sigmas: f64) -> Option<Fitted> {
     let step_hz = (max_hz - min_hz) / f64::from(BEGINS);
     let begins = (0..BEGINS).map(|n| min_hz + (f64::from(n) + 0.5) * step_hz);
     let is_ringing = FitSettings::is_ringing(settings);
-    let fits = begins.filter_map(|hz| fit::fit(&readings, is_ringing, Some(noise), (hz, before)));
+    let fits =
+        begins.filter_map(|hz| fit::fit(&readings, is_ringing, Some(noise), (hz, before, None)));
     let found = fits.min_by(|a, b| a.scatter.total_cmp(&b.scatter))?;
     let linewidth_hz = found.resonance_hz / found.circuit.quality_factor;
     let sigma_hz = found.sigma_hz.max(found.with_mode_hz);

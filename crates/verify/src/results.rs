@@ -171,7 +171,7 @@ fn suspects(readings: &[Reading]) -> Vec<usize> {
 fn check_readings(accepted: &Accepted, readings: &[Reading]) -> (Findings, f64) {
     let Accepted { seq, sweep, is_survey } = accepted;
     let mut findings = Findings::default();
-    let Outcome::Accepted { resonance_hz, sigma_hz, circuit, .. } = &sweep.outcome else {
+    let Outcome::Accepted { resonance_hz, sigma_hz, circuit, extra, .. } = &sweep.outcome else {
         return (findings, f64::NAN);
     };
     let number = sweep.number;
@@ -184,7 +184,12 @@ fn check_readings(accepted: &Accepted, readings: &[Reading]) -> (Findings, f64) 
     let stated = circuit.as_ref().filter(|_| *sigma_hz > 0.0 && sigma_hz.is_finite());
     let bench = settings.and_then(|settings| settings.bench).filter(|_| is_ringing);
     let fit_at = |phase_rad: f64, circuit| {
-        fit::fit(&turned(readings, -phase_rad), is_ringing, noise, (*resonance_hz, circuit))
+        fit::fit(
+            &turned(readings, -phase_rad),
+            is_ringing,
+            noise,
+            (*resonance_hz, circuit, extra.as_ref()),
+        )
     };
     let phase_rad = bench.map_or(0.0, |bench| bench.phase_rad);
     let fitted = stated.and_then(|circuit| Some((fit_at(phase_rad, circuit)?, circuit)));
@@ -257,6 +262,11 @@ fn check_outcome(
             let limit = Some(format!("from {least} to {most}"));
             add(Check::Resonance, what, expected.to_string(), stated, limit);
         }
+    }
+    let (beside, limit) = (fitted.beside_sigmas, CIRCUIT_SIGMAS);
+    if beside.is_nan() || beside > limit {
+        let what = "what is beside the circuit, in standard deviations from the fit";
+        add(Check::Resonance, what, "0".to_owned(), beside, Some(limit.to_string()));
     }
 }
 

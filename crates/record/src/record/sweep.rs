@@ -109,6 +109,43 @@ pub struct Circuit {
     pub loss_tangent_sigma: Option<f64>,
 }
 
+/// What settled readings on a given grid showed beside the circuit; it was fitted together with it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum Extra {
+    /// The resonance changed evenly with time.
+    Drift {
+        /// Its relative change from the middle of the sweep to the last reading.
+        change: f64,
+    },
+    /// An impedance in series with the sensor.
+    Stray {
+        /// Its resistance, ohm.
+        resistance_ohm: f64,
+        /// Its inductance, H.
+        inductance_h: f64,
+    },
+    /// A second resonance, in parallel.
+    SecondMode {
+        /// Its series resonance, Hz.
+        resonance_hz: f64,
+        /// Its quality factor.
+        quality_factor: f64,
+        /// Its motional capacitance, F.
+        capacitance_f: f64,
+    },
+    /// The static capacitance changes with the frequency; C₀ is that at the resonance.
+    Dispersion {
+        /// Its relative change for each factor e of the frequency.
+        slope: f64,
+    },
+    /// A phase error of the analyzer.
+    AnalyzerPhase {
+        /// By how much measured phases are too large, rad.
+        phase_rad: f64,
+    },
+}
+
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
 const fn is_zero(count: &usize) -> bool {
     *count == 0
@@ -130,6 +167,9 @@ pub enum SweepOutcome {
         /// The circuit, when one was fitted.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         circuit: Option<Circuit>,
+        /// What was fitted together with the circuit.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        extra: Option<Extra>,
         /// Number of readings that were left out because they are far from the rest.
         #[serde(default, skip_serializing_if = "is_zero")]
         left_out: usize,

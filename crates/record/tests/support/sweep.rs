@@ -1,8 +1,8 @@
 //! A sweep for the tests of the crates that store and export records.
 
 use rig_record::{
-    Circuit, Direction, FitNoise, FitSettings, FitTiming, Pose, ReadingFlag, ReadingRecord, Sweep,
-    SweepOutcome, SweepPurpose,
+    Circuit, Direction, Extra, FitNoise, FitSettings, FitTiming, Pose, ReadingFlag, ReadingRecord,
+    Sweep, SweepOutcome, SweepPurpose,
 };
 
 pub(crate) const POSE: Pose = Pose { direction: Direction::Back, angle_deg: 30.0 };
@@ -58,6 +58,7 @@ pub(crate) fn sweep(number: u64, purpose: SweepPurpose, resonance_hz: f64) -> Sw
                 loss_tangent: 0.018,
                 loss_tangent_sigma: Some(0.000_41),
             }),
+            extra: Some(Extra::Drift { change: 0.002 }),
             left_out: 1,
         },
     }

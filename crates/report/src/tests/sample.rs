@@ -343,6 +343,7 @@ impl Recorder {
                 sigma_hz: 0.012,
                 effective_time_s: None,
                 circuit: Some(circuit),
+                extra: None,
                 left_out: 0,
             },
         }));

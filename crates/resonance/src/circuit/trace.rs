@@ -11,7 +11,7 @@ use rig_model::Reading;
 
 use super::points::weight;
 use crate::{
-    Circuit,
+    Circuit, Extra,
     circuit::dual::{Dual, Value},
     circuit::residual_transient::ResidualTransient,
     circuit::ringup::{Motion, Response, Visit, with_slopes},
@@ -457,6 +457,26 @@ impl ModelEstimate {
             g: circuit.loss_tangent * c0,
             extra_term: ExtraTerm::Nothing,
             extra: [0.0; 3],
+        }
+    }
+
+    /// The extra term in the units of a result; that of the motion before the first reading is none.
+    pub(crate) fn extra(&self, unit_farad: f64) -> Option<Extra> {
+        let [first, second, third] = self.extra;
+        match self.extra_term {
+            ExtraTerm::Nothing | ExtraTerm::Past => None,
+            ExtraTerm::Drift => Some(Extra::Drift { change: first }),
+            ExtraTerm::Stray => Some(Extra::Stray {
+                resistance_ohm: first / unit_farad,
+                inductance_h: second / unit_farad,
+            }),
+            ExtraTerm::SecondMode => Some(Extra::SecondMode {
+                resonance_hz: first.exp(),
+                q: second.exp(),
+                capacitance_farad: third * unit_farad,
+            }),
+            ExtraTerm::Dispersion => Some(Extra::Dispersion { slope: first / self.c0 }),
+            ExtraTerm::Phase => Some(Extra::AnalyzerPhase { phase_rad: first }),
         }
     }
 

@@ -404,7 +404,7 @@ impl Model {
             widened: self.widened * at.resonance_hz.powi(2),
         };
         let found = Resonance::new(&at.circuit(farad), &spread, self.order, options.noise.as_ref());
-        Some(Resonance { mains_hz: self.mains_hz, ..found })
+        Some(Resonance { mains_hz: self.mains_hz, extra: at.extra(farad), ..found })
     }
 
     /// Standard deviation of the result from noise alone, Hz.

@@ -16,7 +16,8 @@ use rig_store as store;
 use rig_store::Record;
 
 use self::values::{
-    circuit_of, clearance_of, ending_of, fit_settings, phase_of, pose_of, reading_of, size, tried,
+    circuit_of, clearance_of, ending_of, extra_of, fit_settings, phase_of, pose_of, reading_of,
+    size, tried,
 };
 use super::{Setting, resume};
 use crate::{hint, protocol_file::LoadedProtocol};
@@ -308,6 +309,7 @@ impl Recorder {
                     loss_tangent_sigma: resonance.loss_tangent_sigma(),
                     ..circuit_of(&resonance.circuit())
                 }),
+                extra: resonance.extra.as_ref().map(extra_of),
                 left_out: usable(finished).saturating_sub(resonance.points),
             },
             FitOutcome::Refused(refusal) => {

@@ -1,7 +1,7 @@
 use num_complex::Complex64;
 
 use super::*;
-use crate::normal::Step;
+use crate::normal::{GLOBAL, Step};
 
 /// Readings of a sensor at rest before each, one frequency after the other.
 fn steady(resonance_hz: f64, q: f64, c0: f64, ratio: f64, loss: f64) -> Vec<Reading> {
@@ -34,10 +34,113 @@ const STATED: Circuit = Circuit {
 #[test]
 fn the_circuit_behind_steady_readings_is_found_from_a_wrong_start() {
     let readings = steady(141.3, 34.0, 21e-9, 0.09, 0.01);
-    let found = fit(&readings, false, None, (140.9, &STATED)).unwrap();
+    let found = fit(&readings, false, None, (140.9, &STATED, None)).unwrap();
     assert!((found.resonance_hz - 141.3).abs() < 2e-3, "{found:?}");
     assert!((found.circuit.quality_factor - 34.0).abs() < 0.05, "{found:?}");
     assert!(found.scatter < 0.2 && found.sigma_hz > 0.0, "{found:?}");
+}
+
+/// The same readings as an analyzer shows them that sees this too.
+fn with_extra(readings: &[Reading], resonance_hz: f64, c0: f64, extra: Extra) -> Vec<Reading> {
+    let last = readings.len() - 1;
+    let seen = |(k, reading): (usize, &Reading)| {
+        let omega = TAU * reading.frequency_hz;
+        let drive = Complex64::new(0.0, omega);
+        let mut reading = *reading;
+        let mut z = impedance(&reading);
+        match extra {
+            Extra::Drift { change } => {
+                let when = 2.0 * k as f64 / last as f64 - 1.0;
+                reading = steady(resonance_hz * (1.0 + change * when), 34.0, c0, 0.09, 0.01)[k];
+                z = impedance(&reading);
+            }
+            Extra::Stray { resistance_ohm, inductance_h } => {
+                z += resistance_ohm + drive * inductance_h;
+            }
+            Extra::SecondMode { resonance_hz, quality_factor, capacitance_f } => {
+                let u = reading.frequency_hz / resonance_hz;
+                let branch = Complex64::new(1.0 - u * u, u / quality_factor).inv();
+                z = (z.inv() + drive * capacitance_f * branch).inv();
+            }
+            Extra::Dispersion { slope } => {
+                let folds = (reading.frequency_hz / resonance_hz).ln();
+                z = (z.inv() + drive * c0 * slope * folds).inv();
+            }
+            Extra::AnalyzerPhase { phase_rad } => z *= Complex64::cis(phase_rad),
+        }
+        Reading { resistance_ohm: Some(z.re), reactance_ohm: Some(z.im), ..reading }
+    };
+    readings.iter().enumerate().map(seen).collect()
+}
+
+/// What can be beside a circuit, and the same with other values.
+fn extras() -> [[Extra; 2]; 5] {
+    let second = |resonance_hz, quality_factor, capacitance_f| Extra::SecondMode {
+        resonance_hz,
+        quality_factor,
+        capacitance_f,
+    };
+    let stray = |resistance_ohm, inductance_h| Extra::Stray { resistance_ohm, inductance_h };
+    [
+        [Extra::Drift { change: 0.004 }, Extra::Drift { change: 0.012 }],
+        [stray(1500.0, 0.5), stray(500.0, 3.5)],
+        [second(147.0, 60.0, 0.3e-9), second(150.0, 20.0, 0.5e-9)],
+        [Extra::Dispersion { slope: 0.08 }, Extra::Dispersion { slope: -0.08 }],
+        [Extra::AnalyzerPhase { phase_rad: 0.04 }, Extra::AnalyzerPhase { phase_rad: -0.03 }],
+    ]
+}
+
+#[test]
+fn what_is_beside_the_circuit_is_fitted_with_it_and_a_wrong_statement_of_it_shows() {
+    let (resonance_hz, q, c0) = (141.3, 34.0, 21e-9);
+    for [extra, other] in extras() {
+        let readings = steady(resonance_hz, q, c0, 0.09, 0.01);
+        let readings = with_extra(&readings, resonance_hz, c0, extra);
+        let plain = fit(&readings, false, None, (resonance_hz, &STATED, None)).unwrap();
+        let found = fit(&readings, false, None, (resonance_hz, &STATED, Some(&extra))).unwrap();
+        let context = format!("{extra:?}: {found:?}; without: {plain:?}");
+        assert!((found.resonance_hz - resonance_hz).abs() < 5e-3, "{context}");
+        assert!(found.beside_sigmas < 1.0 && found.scatter < 0.2, "{context}");
+        assert!(plain.scatter > 4.0 * found.scatter, "{context}");
+        if let Some(found) = fit(&readings, false, None, (resonance_hz, &STATED, Some(&other))) {
+            assert!(found.beside_sigmas > 5.0, "{other:?}: {found:?}");
+        }
+    }
+}
+
+#[test]
+fn slopes_by_what_is_beside_the_circuit_agree_with_differences() {
+    let readings: Vec<Reading> =
+        steady(141.3, 34.0, 21e-9, 0.09, 0.01).iter().step_by(5).copied().collect();
+    for [extra, _] in extras() {
+        let (kind, beside) = Beside::of(&extra, &STATED, 20e-9);
+        let stays = stays(&readings, 20e-9);
+        let count = stays.len();
+        let trace = Trace { stays, is_ringing: false, beside: Some(kind) };
+        let at = Unknowns {
+            circuit: [141.0_f64.ln(), 30.0_f64.ln(), 1.0, 0.1, 0.02],
+            beside,
+            amplitudes: vec![Complex64::ZERO; count],
+            steps: vec![Vec::new(); count],
+        };
+        let weights = trace.weights(&at, 0.005 * 0.005);
+        let normal = trace.normal(&at, &weights, None);
+        for unknown in 0..CIRCUIT + kind.count() {
+            let scale = if kind == Beside::Stray && unknown >= CIRCUIT { 1e-6 } else { 1.0 };
+            let cost = |h: f64| {
+                let mut step = Step { global: [0.0; GLOBAL], local: vec![Vec::new(); count] };
+                step.global[unknown] = h * scale;
+                trace.normal(&at.moved(&step, &weights), &weights, None).cost
+            };
+            let h = 1e-6;
+            let found = (cost(h) - cost(-h)) / (2.0 * h);
+            let slope = normal.right(unknown) * scale;
+            assert!(
+                (found + 2.0 * slope).abs() < 1e-3 * slope.abs().max(1.0),
+                "{extra:?} {unknown}: {found} {slope}"
+            );
+        }
+    }
 }
 
 #[test]
@@ -49,16 +152,17 @@ fn slopes_agree_with_differences() {
         let first = two[0];
         two.insert(k, Reading { settle_s: first.settle_s + after_s, ..first });
     }
-    let trace = Trace { stays: stays(&two, 20e-9), is_ringing: true };
+    let trace = Trace { stays: stays(&two, 20e-9), is_ringing: true, beside: None };
     let at = Unknowns {
         circuit: [141.0_f64.ln(), 30.0_f64.ln(), 1.0, 0.1, 0.02],
+        beside: [0.0; BESIDE],
         amplitudes: trace.stays.iter().map(|_| Complex64::new(300.0, -200.0)).collect(),
         steps: trace.stays.iter().map(|stay| vec![0.3; stay.samples.len() - 1]).collect(),
     };
     let weights = trace.weights(&at, 0.005 * 0.005);
     let cost = |step: Step| trace.normal(&at.moved(&step, &weights), &weights, None).cost;
     let still = || Step {
-        global: [0.0; CIRCUIT + 1],
+        global: [0.0; GLOBAL],
         local: trace.stays.iter().map(|stay| vec![0.0; stay.samples.len() + 1]).collect(),
     };
     let normal = trace.normal(&at, &weights, None);
@@ -84,10 +188,10 @@ fn slopes_agree_with_differences() {
 
 #[test]
 fn no_fit_is_made_of_nothing() {
-    assert!(fit(&[], true, None, (140.0, &STATED)).is_none());
+    assert!(fit(&[], true, None, (140.0, &STATED, None)).is_none());
     let one = steady(141.3, 34.0, 21e-9, 0.09, 0.01)[0];
     // What is known beforehand decides then; it must not be called precise.
-    if let Some(found) = fit(&[one], true, None, (140.0, &STATED)) {
+    if let Some(found) = fit(&[one], true, None, (140.0, &STATED, None)) {
         assert!(found.sigma_hz > 1.0, "{found:?}");
     }
 }
@@ -104,7 +208,7 @@ fn a_second_mode_shifts_a_resonance_by_no_more_than_its_widened_deviation() {
             let z = (impedance(reading).inv() + Complex64::new(0.0, omega * c0) * branch).inv();
             (reading.resistance_ohm, reading.reactance_ohm) = (Some(z.re), Some(z.im));
         }
-        let found = fit(&readings, true, None, (resonance_hz, &STATED)).unwrap();
+        let found = fit(&readings, true, None, (resonance_hz, &STATED, None)).unwrap();
         let error_hz = (found.resonance_hz - resonance_hz).abs();
         let context = format!("{share} at {place}: {error_hz} {found:?}");
         assert!(found.sigma_hz < found.with_mode_hz, "{context}");
@@ -120,7 +224,7 @@ fn a_resonance_that_moves_evenly_has_the_value_of_the_fit_at_the_effective_time(
         let moving = |k: usize| steady(at(k as f64 + 0.57), 34.0, 21e-9, 0.09, 0.01)[k];
         // A part of the sweep, so that the resonance is not passed in its middle.
         let readings: Vec<Reading> = (0..15).map(moving).collect();
-        let found = fit(&readings, true, None, (at(11.0), &STATED)).unwrap();
+        let found = fit(&readings, true, None, (at(11.0), &STATED, None)).unwrap();
         let time_s = found.effective_time_s.unwrap();
         let error_hz = (found.resonance_hz - at(time_s)).abs();
         let by_drift_hz = (drift_hz_per_s * 14.0).abs();

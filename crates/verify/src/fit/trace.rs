@@ -5,7 +5,8 @@ use std::f64::consts::{PI, TAU};
 use num_complex::Complex64;
 
 use crate::{
-    normal::{Normal, Part, Step},
+    fit::beside::{self, Beside, Place},
+    normal::{GLOBAL, Normal, Part, Step},
     record::Reading,
 };
 
@@ -20,8 +21,10 @@ const AMPLITUDE_SHARE: f64 = 0.75;
 const EXPECTED: [(f64, f64); 4] = [(3.401, 1.0), (1.0, 1.0), (0.0, 0.15), (0.0, 0.03)];
 /// Unknowns of the circuit.
 pub(super) const CIRCUIT: usize = 5;
-/// The unknown after them: the capacitance of a second mode.
+/// The unknown after them: the capacitance of a possible second mode.
 const MODE: usize = CIRCUIT;
+/// Unknowns of what is beside the circuit.
+pub(super) const BESIDE: usize = GLOBAL - CIRCUIT;
 /// Places of possible second modes, in linewidths from the resonance on both sides.
 const MODES_AT: [f64; 8] = [0.75, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0];
 /// Steps of one descent; a sound sweep needs three to ten.
@@ -44,6 +47,8 @@ pub(super) struct Sample {
     integration_s: f64,
     /// From the change of frequency to the begin of the integration, s.
     settle_s: f64,
+    /// The middle of the integration, from −1 at the first reading to 1 at the last.
+    when: f64,
     /// Impedance times the unit of capacitance, s.
     z: Complex64,
 }
@@ -61,12 +66,16 @@ pub(super) struct Stay {
 pub(super) fn stays(readings: &[Reading], unit: f64) -> Vec<Stay> {
     let mut stays: Vec<Stay> = Vec::new();
     let mut before: Option<&Reading> = None;
+    let middle_s = |reading: &Reading| reading.begin_s() + 0.5 * reading.integration_s;
+    let [first_s, last_s] =
+        [readings.first(), readings.last()].map(|reading| reading.map_or(0.0, middle_s));
     for reading in readings {
         let after_s = before.map_or(0.0, |before| reading.begin_s() - before.begin_s());
         let mut sample = Sample {
             start_s: 0.0,
             integration_s: reading.integration_s,
             settle_s: reading.settle_s,
+            when: 2.0 * (middle_s(reading) - first_s) / (last_s - first_s) - 1.0,
             z: impedance(reading) * unit,
         };
         let is_same = before.is_some_and(|before| before.frequency_hz == reading.frequency_hz);
@@ -103,6 +112,8 @@ pub(super) fn stays(readings: &[Reading], unit: f64) -> Vec<Stay> {
 pub(super) struct Unknowns {
     /// ln f, ln Q, C0, C1, C0 tan δ.
     pub(super) circuit: [f64; CIRCUIT],
+    /// Those of what is beside it.
+    pub(super) beside: [f64; BESIDE],
     /// The free decay of each stay at its first reading.
     pub(super) amplitudes: Vec<Complex64>,
     /// Errors of the times between the readings of each stay, in standard deviations.
@@ -112,7 +123,7 @@ pub(super) struct Unknowns {
 impl Unknowns {
     pub(super) fn moved(&self, step: &Step, weights: &Weights) -> Self {
         let mut moved = self.clone();
-        for (value, by) in moved.circuit.iter_mut().zip(step.global) {
+        for (value, by) in moved.circuit.iter_mut().chain(&mut moved.beside).zip(step.global) {
             *value += by;
         }
         for (k, local) in step.local.iter().enumerate().filter(|(_, local)| !local.is_empty()) {
@@ -136,6 +147,8 @@ pub(super) struct Weights {
 pub(super) struct Trace {
     pub(super) stays: Vec<Stay>,
     pub(super) is_ringing: bool,
+    /// What is beside the circuit; only without a free decay.
+    pub(super) beside: Option<Beside>,
 }
 
 /// The circuit with what follows from it.
@@ -299,7 +312,9 @@ impl Trace {
             let kind = Row::Moving { middle_s: begin_s + 0.5 * end_s };
             self.add_stay(k, at, weights, (&branch, None, kind), &mut normal);
         }
-        normal.expect(MODE, 0.0, 1.0);
+        for unknown in MODE..GLOBAL {
+            normal.expect(unknown, 0.0, 1.0);
+        }
         for (i, (_, sigma)) in EXPECTED.into_iter().enumerate() {
             normal.expect(i + 1, 0.0, sigma);
         }
@@ -347,8 +362,9 @@ impl Trace {
             });
             self.add_stay(k, at, weights, (&branch, mode, Row::Measured), &mut normal);
         }
-        if mode.is_none() {
-            normal.expect(MODE, 0.0, 1.0);
+        let free = mode.map_or_else(|| self.beside.map_or(0, Beside::count), |_| 1);
+        for unknown in MODE + free..GLOBAL {
+            normal.expect(unknown, 0.0, 1.0);
         }
         for (i, (expected, sigma)) in EXPECTED.into_iter().enumerate() {
             normal.expect(i + 1, at.circuit[i + 1] - expected, sigma);
@@ -367,30 +383,45 @@ impl Trace {
         let (stay, size, amplitude) = (&self.stays[k], weights.sizes[k], at.amplitudes[k]);
         let unknowns = if self.is_ringing { 1 + stay.samples.len() } else { 0 };
         let mut part = Part::new(unknowns);
-        let [.., c1, _] = at.circuit;
+        let [_, _, c0, c1, g] = at.circuit;
         let drive = Complex64::new(0.0, stay.omega);
-        let (response, by_f, by_q) = branch.response(stay.omega);
-        let steady = Self::steady(&at.circuit, branch, stay.omega);
         for (i, (sample, t)) in stay.samples.iter().zip(self.times(at, k)).enumerate() {
+            let shift = self.beside.map_or(0.0, |kind| kind.ln_shift(&at.beside, sample.when));
+            let (response, by_f, by_q) = branch.response(stay.omega * (-shift).exp());
+            let moving = -drive * c1 * response * response;
+            let place = Place {
+                omega: stay.omega,
+                when: sample.when,
+                z: sample.z,
+                resonance: branch.omega,
+                by_f: moving * by_f,
+            };
+            let beside = beside::seen(self.beside, &at.beside, &place);
+            let steady = Complex64::new(stay.omega * g, stay.omega * c0) + drive * c1 * response;
             let lambda = branch.s - drive;
             let (mean, by_lambda) = decay(lambda, t, sample.integration_s);
-            let model = steady + amplitude * mean;
+            let model = steady + beside.y + amplitude * mean;
             let scale = weights.variances[k][i].sqrt().recip();
-            let sum = sample.z * model + 1.0;
-            let r = 2.0 * (sample.z * model - 1.0) / sum * scale;
-            let slope = 4.0 * sample.z / (sum * sum) * scale;
-            let moving = drive * c1 * response * response;
-            let global = [
-                slope * (amplitude * by_lambda * branch.s - moving * by_f),
-                slope * (amplitude * by_lambda * branch.by_q - moving * by_q),
+            let sum = beside.z * model + 1.0;
+            let r = 2.0 * (beside.z * model - 1.0) / sum * scale;
+            let slope = 4.0 * beside.z / (sum * sum) * scale;
+            let slope_of_z = 4.0 * model / (sum * sum) * scale;
+            let mut global = [Complex64::ZERO; GLOBAL];
+            global[..CIRCUIT].copy_from_slice(&[
+                slope * (amplitude * by_lambda * branch.s + moving * by_f + beside.by_f),
+                slope * (amplitude * by_lambda * branch.by_q + moving * by_q),
                 slope * drive,
                 slope * drive * response,
                 slope * stay.omega,
-                mode.map_or(Complex64::ZERO, |Mode { branch: mode, steady, rest }| {
-                    let rest = if self.is_ringing { rest } else { Complex64::ZERO };
-                    slope * (steady + rest * decay(mode.s - drive, t, sample.integration_s).0)
-                }),
-            ];
+            ]);
+            for (unknown, by) in global[CIRCUIT..].iter_mut().enumerate() {
+                *by = slope * beside.y_by[unknown] + slope_of_z * beside.z_by[unknown];
+            }
+            if let Some(Mode { branch: mode, steady, rest }) = mode {
+                let rest = if self.is_ringing { rest } else { Complex64::ZERO };
+                let of_mode = steady + rest * decay(mode.s - drive, t, sample.integration_s).0;
+                global[MODE] = slope * of_mode;
+            }
             let mut local = vec![Complex64::ZERO; unknowns];
             if self.is_ringing {
                 local[0] = slope * mean * size;

@@ -3,7 +3,7 @@
 use rig_engine::{FinishedSweep, RunStatus};
 use rig_model::{Clearance, Direction, Mm, Position, Reading, ReadingFlag};
 use rig_protocol::{Phase, Pose};
-use rig_resonance::{Circuit, Past, Timing};
+use rig_resonance::{Circuit, Extra, Past, Timing};
 use rig_store as store;
 
 pub(super) const fn ending_of(status: RunStatus) -> store::Ending {
@@ -50,6 +50,23 @@ pub(super) fn circuit_of(circuit: &Circuit) -> store::Circuit {
         capacitance_ratio: circuit.c1_farad / circuit.c0_farad,
         loss_tangent: circuit.loss_tangent,
         loss_tangent_sigma: None,
+    }
+}
+
+/// What was fitted together with a circuit.
+pub(super) const fn extra_of(extra: &Extra) -> store::Extra {
+    match *extra {
+        Extra::Drift { change } => store::Extra::Drift { change },
+        Extra::Stray { resistance_ohm, inductance_h } => {
+            store::Extra::Stray { resistance_ohm, inductance_h }
+        }
+        Extra::SecondMode { resonance_hz, q, capacitance_farad } => store::Extra::SecondMode {
+            resonance_hz,
+            quality_factor: q,
+            capacitance_f: capacitance_farad,
+        },
+        Extra::Dispersion { slope } => store::Extra::Dispersion { slope },
+        Extra::AnalyzerPhase { phase_rad } => store::Extra::AnalyzerPhase { phase_rad },
     }
 }
 
