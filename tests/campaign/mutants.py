@@ -4,6 +4,7 @@ until it fails. Prints the first seed that notices and what it says. The exit co
 mutant was noticed. A row that does not apply ends the program.
 
     tests/campaign/mutants.py [--only WORD] [--seeds N] [--jobs J]
+    tests/campaign/mutants.py --check    only sees that every row applies
 """
 
 import argparse
@@ -60,6 +61,7 @@ def main():
     parser.add_argument("--only", default="")
     parser.add_argument("--seeds", type=int, default=6000)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--check", action="store_true")
     arguments = parser.parse_args()
     rows = tomllib.loads((ROOT / "tests/campaign/mutants.toml").read_text())["mutant"]
     tree = SCRATCH / "tree"
@@ -68,6 +70,9 @@ def main():
     for row in rows:
         apply(tree, row["edits"])
         copy_sources(tree)
+    if arguments.check:
+        print(f"{len(rows)} mutants apply")
+        return
     survivors = 0
     for row in (row for row in rows if arguments.only in row["name"]):
         begun = time.monotonic()
