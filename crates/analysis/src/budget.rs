@@ -6,7 +6,7 @@
 //! # Source
 //! JCGM 100:2008, Guide to the expression of uncertainty in measurement, equation (10).
 
-use rig_contact::inverse::OneTouch;
+use rig_contact::inverse::{LogVariances, OneTouch, TiltInference};
 
 use crate::stiffness::{Compensation, PosedTouch};
 
@@ -21,14 +21,16 @@ pub enum Part {
     Surface,
     /// The depth below the surface.
     Depth,
-    /// The contact angle.
+    /// The contact angle. Where it is inferred, that of angle and azimuth as far as the touches leave them
+    /// unknown.
     Angle,
     /// The constants of the sensor: the factor that samples of known stiffness give, or the assumed error
     /// of the description.
     Sensor,
     /// The model: the terms that were learnt, and the misfit of the main touches.
     Model,
-    /// The scatter of the touches of a sample beyond all of these.
+    /// The sample: its variation between the points of a site whose angle is inferred, and the scatter of
+    /// its touches or sites beyond all of these.
     Sample,
 }
 
@@ -100,6 +102,24 @@ impl Budget {
         parts
     }
 
+    /// The parts of a site alone, whose angle was inferred. The variance of the depth is split as that of a
+    /// touch; a depth error that the touches share is that of the surface, which is found once.
+    pub(crate) fn of_site(model: &Compensation, found: &TiltInference) -> Self {
+        let LogVariances { resonance, reference, sample, own_depth, shared_depth, tilt } =
+            found.log_variances;
+        let surface = share(model.surface_sigma_mm, model.depth_sigma_mm);
+        let mut parts = Self::default();
+        parts.0[..=Part::Angle as usize].copy_from_slice(&[
+            resonance,
+            reference,
+            shared_depth + own_depth * surface,
+            own_depth * (1.0 - surface),
+            tilt,
+        ]);
+        parts.0[Part::Sample as usize] = sample;
+        parts
+    }
+
     /// The parts of a mean with these weights, whose touches are independent.
     pub(crate) fn mean(all: impl Iterator<Item = (f64, Self)>) -> Self {
         let (mut sum, mut parts) = (0.0, [0.0; Part::ALL.len()]);
@@ -116,4 +136,78 @@ impl Budget {
 /// The part of a variance.
 fn share(sigma: f64, whole: f64) -> f64 {
     if whole > 0.0 { (sigma / whole).powi(2).min(1.0) } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use rig_contact::{
+        Contact, Depth, Pose, SensorDescription, Tier,
+        inverse::{AzimuthPrior, ShiftSigmas, SiteTouch},
+    };
+
+    use super::*;
+
+    const DEPTH: Depth = Depth::Indentation { along_probe_mm: 0.4 };
+
+    /// The budget of three directions of one site at 20°.
+    fn budget(model: &Compensation, sigmas: ShiftSigmas) -> (Budget, f64) {
+        let tissue = rig_contact::Tissue::soft(0.32).unwrap();
+        let touches = [0.0_f64, 90.0, 180.0].map(|degrees| {
+            let spin_rad = degrees.to_radians();
+            let contact = Contact::new(Pose::new(0.35, -spin_rad).unwrap(), DEPTH);
+            let shift_hz =
+                model.models.predict(Tier::Reference, &tissue, &contact).unwrap().shift_hz;
+            SiteTouch { shift_hz, sigmas, spin_rad, depth: DEPTH }
+        });
+        let found = model.of_site(&touches, 45.0_f64.to_radians(), AzimuthPrior::Unknown).unwrap();
+        (Budget::of_site(model, &found), found.young_mpa.sigma / found.young_mpa.value)
+    }
+
+    #[test]
+    fn a_site_has_the_parts_of_the_causes_that_it_has_and_no_others() {
+        let described = Compensation {
+            shared_depth_sigma_mm: 0.0,
+            depth_sigma_mm: 0.0,
+            surface_sigma_mm: 0.0,
+            ..Compensation::new(&SensorDescription::reference(), 0.0)
+        };
+        let own = |mm: f64, surface_mm: f64| Compensation {
+            depth_sigma_mm: mm,
+            surface_sigma_mm: surface_mm,
+            ..described.clone()
+        };
+        let shared = Compensation { shared_depth_sigma_mm: 0.01, ..described.clone() };
+        let sweep = ShiftSigmas::of_resonance(0.1);
+        let (reference_hz, sample_hz) = (0.1, 0.2);
+        let rows = [
+            (described.clone(), sweep, vec![Part::Sweep]),
+            (
+                described.clone(),
+                ShiftSigmas { reference_hz, ..sweep },
+                vec![Part::Sweep, Part::Reference],
+            ),
+            (
+                described.clone(),
+                ShiftSigmas { sample_hz, ..sweep },
+                vec![Part::Sweep, Part::Sample],
+            ),
+            (own(0.01, 0.0), sweep, vec![Part::Sweep, Part::Depth]),
+            (own(0.01, 0.01), sweep, vec![Part::Sweep, Part::Surface]),
+            (own(0.01, 0.005), sweep, vec![Part::Sweep, Part::Surface, Part::Depth]),
+            (shared, sweep, vec![Part::Sweep, Part::Surface]),
+        ];
+        for (model, sigmas, expected) in rows {
+            let (budget, sigma_rel) = budget(&model, sigmas);
+            for part in Part::ALL {
+                // Shifts with an error leave the angle uncertain.
+                let is_there = expected.contains(&part) || part == Part::Angle;
+                assert_eq!(
+                    budget.of(part) > 1e-6,
+                    is_there,
+                    "{part:?} of {expected:?}: {budget:?}"
+                );
+            }
+            assert!((budget.total() / sigma_rel - 1.0).abs() < 1e-9, "{budget:?}");
+        }
+    }
 }

@@ -9,7 +9,10 @@ mod fit;
 mod judge;
 mod linear;
 
-use rig_contact::{Depth, Friction, Sensor, SensorDesign, inverse::InverseError};
+use rig_contact::{
+    Depth, Friction, Sensor, SensorDesign,
+    inverse::{InverseError, TiltInference},
+};
 
 pub use judge::{Evidence, ModelCheck, Pattern, Residual, Verdict};
 
@@ -140,16 +143,24 @@ pub struct RunModel {
     check: Option<ModelCheck>,
 }
 
-/// The stiffness of a touch before the calibration.
+/// The stiffness of a touch or a site before the calibration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelReading {
-    /// Young's modulus with the uncertainty of the touch alone.
+    /// Young's modulus with the uncertainty of the touch or site alone.
     pub young: Young,
-    /// The parts of that uncertainty; `None` if the angle was found together with the stiffness.
-    pub budget: Option<Budget>,
+    /// The parts of that uncertainty.
+    pub budget: Budget,
     /// The change of its logarithm for a unit of each learnt term, and of the exponent of the depth if the
-    /// stage holds the depth.
+    /// stage holds the depth; empty for a site, which learns nothing.
     pub gradient: Vec<f64>,
+}
+
+impl ModelReading {
+    /// The stiffness of a site whose angle was inferred with the model by the rig file.
+    pub fn of_site(described: &Compensation, found: &TiltInference) -> Self {
+        let young = Young { mpa: found.young_mpa.value, sigma_mpa: found.young_mpa.sigma };
+        Self { young, budget: Budget::of_site(described, found), gradient: Vec::new() }
+    }
 }
 
 impl RunModel {
@@ -227,7 +238,7 @@ impl RunModel {
             self.compensation.log_sunk(&self.terms.touch(touch), one.young_mpa).unwrap_or(0.0)
         }));
         let young = Young { mpa: one.young_mpa, sigma_mpa: one.sigma_mpa };
-        let budget = Some(Budget::of_touch(&self.compensation, touch, &one));
+        let budget = Budget::of_touch(&self.compensation, touch, &one);
         Ok(ModelReading { young, budget, gradient })
     }
 }

@@ -37,8 +37,8 @@ pub struct RunYoung {
     pub own: Young,
     /// Relative standard deviation that other touches share: of calibration and model.
     pub common_rel: f64,
-    /// The whole uncertainty by cause; `None` if the angle was found together with the stiffness.
-    pub budget: Option<Budget>,
+    /// The whole uncertainty by cause.
+    pub budget: Budget,
 }
 
 impl RunYoung {
@@ -58,8 +58,8 @@ pub struct RunSample {
     pub young_mpa: f64,
     /// Its standard deviation, those of calibration and model included, MPa.
     pub sigma_mpa: f64,
-    /// The same by cause; `None` if the angles were found together with the stiffness.
-    pub budget: Option<Budget>,
+    /// The same by cause.
+    pub budget: Budget,
     /// Standard deviation of the touches about it, MPa, when there are several.
     pub spread_mpa: Option<f64>,
     /// Known Young's modulus, MPa.

@@ -297,7 +297,7 @@ impl Compensation {
 
 #[cfg(test)]
 mod tests {
-    use rig_contact::Direction;
+    use rig_contact::{Direction, inverse::ShiftSigmas};
 
     use super::*;
 
@@ -390,7 +390,8 @@ mod tests {
             let contact = Contact::new(pose, MOVED);
             let shift_hz =
                 compensation.models.predict(Tier::Reference, &tissue, &contact).unwrap().shift_hz;
-            SiteTouch { shift_hz, sigma_hz: 0.1, spin_rad, depth: MOVED }
+            let sigmas = ShiftSigmas::of_resonance(0.1);
+            SiteTouch { shift_hz, sigmas, spin_rad, depth: MOVED }
         });
         let found =
             compensation.of_site(&spins, 45.0_f64.to_radians(), AzimuthPrior::Unknown).unwrap();

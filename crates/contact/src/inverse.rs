@@ -9,7 +9,8 @@ mod tilt;
 
 pub use one_touch::{OneTouch, TouchSigmas};
 pub use tilt::{
-    AnglePrior, AzimuthPrior, Interval, SiteTouch, TiltInference, TouchModel, infer_tilt,
+    AnglePrior, AzimuthPrior, Interval, LogVariances, ShiftSigmas, SiteTouch, TiltInference,
+    TouchModel, infer_tilt,
 };
 
 use crate::{Refusal, Tissue, TissueError};

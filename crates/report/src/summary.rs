@@ -98,7 +98,7 @@ pub struct StiffnessSummary {
     pub stiffness_mpa: Option<f64>,
     /// Its standard deviation, those of calibration and model included, MPa.
     pub sigma_mpa: Option<f64>,
-    /// The same by cause; none if the contact angles are unknown.
+    /// The same by cause.
     pub budget: Option<StiffnessBudget>,
     /// Known Young's modulus, MPa.
     pub known_mpa: Option<f64>,
@@ -234,8 +234,7 @@ impl RunResults {
                 sample: data.samples()[sample].name.clone(),
                 stiffness_mpa: found.map(|found| found.young_mpa),
                 sigma_mpa: found.map(|found| found.sigma_mpa),
-                budget: found
-                    .and_then(|found| Some(StiffnessBudget::of(&found.budget?, found.young_mpa))),
+                budget: found.map(|found| StiffnessBudget::of(&found.budget, found.young_mpa)),
                 known_mpa: data.samples()[sample].stiffness_mpa,
                 used: basis.used,
                 planned: basis.planned,

@@ -342,7 +342,20 @@ fn unknown_angles_are_found_with_the_stiffness_or_said_to_be_lost() {
         let (found_mpa, sigma_mpa) = (found.stiffness_mpa.unwrap(), found.sigma_mpa.unwrap());
         assert!((found_mpa - known_mpa).abs() < 3.0 * sigma_mpa, "{found:?}");
         assert!(sigma_mpa > known.sigma_mpa.unwrap(), "{found:?} {known:?}");
+        check_budget(&found.budget.unwrap(), sigma_mpa);
     }
+    let of_angle = |row: &TouchRow| row.budget.unwrap().angle_mpa / row.stiffness_mpa.unwrap();
+    for (found, known) in found.touch_results.iter().zip(&known.touch_results) {
+        check_budget(&found.budget.unwrap(), found.stiffness_sigma_mpa.unwrap());
+        assert!(found.budget.unwrap().sample_mpa > 0.0, "{found:?}");
+        // One touch says nothing about its angle.
+        let is_blind = found.phase == "blind";
+        assert!(!is_blind || of_angle(found) > 3.0 * of_angle(known), "{found:?} {known:?}");
+    }
+    let budget =
+        inside(&html, "<caption>Standard deviations of the stiffness by cause", "</table>");
+    assert_eq!(budget.matches("<tr><th scope=\"row\">").count(), 5);
+    assert!(html.contains("fig-budget"));
 }
 
 #[test]

@@ -5,8 +5,8 @@ use std::{f64::consts::PI, io::Write, str::FromStr};
 use rig_contact::{
     Models, Tier,
     inverse::{
-        AnglePrior, AzimuthPrior, Interval, SiteTouch, TiltInference, TouchModel, TouchSigmas,
-        infer_tilt,
+        AnglePrior, AzimuthPrior, Interval, LogVariances, ShiftSigmas, SiteTouch, TiltInference,
+        TouchModel, TouchSigmas, infer_tilt,
     },
 };
 use serde::Serialize;
@@ -100,6 +100,10 @@ struct SiteAnswer {
     status: &'static str,
     tier: &'static str,
     stiffness_mpa: IntervalAnswer,
+    sigma_of_shift_mpa: f64,
+    sigma_of_depth_mpa: f64,
+    /// Of angle and azimuth, as far as the touches leave them unknown.
+    sigma_of_angle_mpa: f64,
     angle_deg: IntervalAnswer,
     azimuth_deg: IntervalAnswer,
     is_angle_identified: bool,
@@ -131,10 +135,16 @@ impl IntervalAnswer {
 
 impl SiteAnswer {
     fn of(tier: Tier, found: &TiltInference) -> Self {
+        let LogVariances { resonance, reference, sample, own_depth, shared_depth, tilt } =
+            found.log_variances;
+        let sigma_mpa = |variance: f64| found.young_mpa.value * variance.sqrt();
         Self {
             status: "ok",
             tier: tier.name(),
             stiffness_mpa: IntervalAnswer::scaled(found.young_mpa, 1.0),
+            sigma_of_shift_mpa: sigma_mpa(resonance + reference + sample),
+            sigma_of_depth_mpa: sigma_mpa(own_depth + shared_depth),
+            sigma_of_angle_mpa: sigma_mpa(tilt),
             angle_deg: IntervalAnswer::scaled(found.angle_rad, 180.0 / PI),
             azimuth_deg: IntervalAnswer::scaled(found.azimuth_rad, 180.0 / PI),
             is_angle_identified: found.is_angle_identified,
@@ -187,10 +197,15 @@ fn one(
     let answer = answer?;
     let (value, sigma) = (answer.stiffness_mpa, answer.sigma_mpa);
     writeln!(out, "stiffness {value:.6} MPa, standard deviation {sigma:.6} MPa")?;
+    let parts = [answer.sigma_of_shift_mpa, answer.sigma_of_depth_mpa, answer.sigma_of_angle_mpa];
+    write_parts(parts, out)
+}
+
+/// The parts of a standard deviation due to shift, depth and angle, MPa.
+fn write_parts([shift, depth, angle]: [f64; 3], out: &mut impl Write) -> Result<(), StudyError> {
     writeln!(
         out,
-        "of which {:.6} due to the shift, {:.6} due to the depth, {:.6} due to the angle",
-        answer.sigma_of_shift_mpa, answer.sigma_of_depth_mpa, answer.sigma_of_angle_mpa
+        "of which {shift:.6} due to the shift, {depth:.6} due to the depth, {angle:.6} due to the angle"
     )?;
     Ok(())
 }
@@ -201,7 +216,7 @@ fn site(args: &Args, models: &Models, out: &mut impl Write) -> Result<(), StudyE
         .iter()
         .map(|&TouchArg([spin_deg, depth_mm, shift_hz])| SiteTouch {
             shift_hz,
-            sigma_hz: args.shift_sigma_hz,
+            sigmas: ShiftSigmas::of_resonance(args.shift_sigma_hz),
             spin_rad: spin_deg.to_radians(),
             depth: args.contact.depth(depth_mm),
         })
@@ -246,6 +261,8 @@ fn site(args: &Args, models: &Models, out: &mut impl Write) -> Result<(), StudyE
              [{low_95:.5}, {high_95:.5}] {unit}{doubt}"
         )?;
     }
+    let parts = [answer.sigma_of_shift_mpa, answer.sigma_of_depth_mpa, answer.sigma_of_angle_mpa];
+    write_parts(parts, out)?;
     let correlation = answer.correlation_of_stiffness_and_angle;
     writeln!(out, "correlation of stiffness and angle {correlation:+.2}")?;
     let (chi, freedom) = (answer.chi_squared, answer.freedom);
@@ -296,6 +313,12 @@ mod tests {
         );
         assert!((answer["angle_deg"]["value"].as_f64().unwrap() - 30.0).abs() < 1.5, "{answer}");
         assert_eq!(answer["is_angle_identified"], true);
+        let parts = ["shift", "depth", "angle"]
+            .map(|part| answer[format!("sigma_of_{part}_mpa")].as_f64().unwrap());
+        assert!(parts.iter().all(|part| *part > 0.0), "{answer}");
+        let sigma = answer["stiffness_mpa"]["sigma"].as_f64().unwrap();
+        let together = parts.iter().map(|part| part * part).sum::<f64>().sqrt();
+        assert!((together / sigma - 1.0).abs() < 1e-9, "{answer}");
     }
 
     #[test]

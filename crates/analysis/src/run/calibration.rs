@@ -136,7 +136,7 @@ impl RunCalibration {
         let Young { mpa, sigma_mpa } = found.young;
         let own = Young { mpa: mpa / self.factor, sigma_mpa: sigma_mpa / self.factor };
         let model_rel = self.model_rel(&found.gradient);
-        let budget = found.budget.map(|own| self.whole(own, model_rel));
+        let budget = self.whole(found.budget, model_rel);
         Ok(RunYoung { own, common_rel: model_rel.hypot(self.sigma_rel), budget })
     }
 
@@ -156,14 +156,12 @@ impl RunCalibration {
         let model_rel = self.model_rel(&mean_gradient(readings.clone()));
         let weighted = |reading: &ModelReading| {
             let Young { mpa, sigma_mpa } = reading.young;
-            Some(((mpa / sigma_mpa).powi(2), reading.budget?))
+            ((mpa / sigma_mpa).powi(2), reading.budget)
         };
-        let weighted: Option<Vec<(f64, Budget)>> = readings.map(weighted).collect();
-        let budget = weighted.map(|weighted| {
-            let own = Budget::mean(weighted.into_iter());
-            let beyond = (own_mpa / young_mpa).powi(2) - own.total().powi(2);
-            self.whole(own.with(Part::Sample, beyond.max(0.0).sqrt()), model_rel)
-        });
+        let own = Budget::mean(readings.map(weighted));
+        let beyond = ((own_mpa / young_mpa).powi(2) - own.total().powi(2)).max(0.0);
+        let of_sample = own.of(Part::Sample).hypot(beyond.sqrt());
+        let budget = self.whole(own.with(Part::Sample, of_sample), model_rel);
         RunSample {
             sample: found.sample,
             young_mpa,

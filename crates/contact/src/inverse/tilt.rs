@@ -24,12 +24,35 @@ use grid::Posterior;
 pub struct SiteTouch {
     /// The measured shift, Hz.
     pub shift_hz: f64,
-    /// Standard deviation of the shift, Hz.
-    pub sigma_hz: f64,
+    /// Standard deviations of the shift.
+    pub sigmas: ShiftSigmas,
     /// Turn of the probe about its own axis, from the front towards the left, rad.
     pub spin_rad: f64,
     /// Depth along the probe.
     pub depth: Depth,
+}
+
+/// The standard deviations of a shift by cause. The causes are independent.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct ShiftSigmas {
+    /// From the resonance in contact, Hz.
+    pub resonance_hz: f64,
+    /// From the reference, Hz.
+    pub reference_hz: f64,
+    /// From the variation of the sample from one point to the next, Hz.
+    pub sample_hz: f64,
+}
+
+impl ShiftSigmas {
+    /// A shift whose only error is that of its resonance in contact, Hz.
+    pub const fn of_resonance(resonance_hz: f64) -> Self {
+        Self { resonance_hz, reference_hz: 0.0, sample_hz: 0.0 }
+    }
+
+    /// The standard deviation of all causes together, Hz.
+    pub fn whole_hz(&self) -> f64 {
+        self.resonance_hz.hypot(self.reference_hz).hypot(self.sample_hz)
+    }
 }
 
 /// The model of the touches and the uncertainty of their depths.
@@ -95,11 +118,44 @@ impl Interval {
     }
 }
 
+/// The variance of ln E by cause.
+///
+/// The first five are variances of the stiffness at a known tilt, averaged over the tilts that the touches
+/// leave. The last is the variance of that stiffness over these tilts. Their sum is the whole variance.
+///
+/// # Source
+/// The law of total variance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LogVariances {
+    /// From the resonances in contact.
+    pub resonance: f64,
+    /// From the references.
+    pub reference: f64,
+    /// From the variation of the sample from one point to the next.
+    pub sample: f64,
+    /// From the independent depth error of each touch.
+    pub own_depth: f64,
+    /// From the depth error that all touches share.
+    pub shared_depth: f64,
+    /// From the angle and the azimuth, as far as the touches leave them unknown.
+    pub tilt: f64,
+}
+
+impl LogVariances {
+    /// The variance of all causes together.
+    pub fn sum(&self) -> f64 {
+        let Self { resonance, reference, sample, own_depth, shared_depth, tilt } = *self;
+        resonance + reference + sample + own_depth + shared_depth + tilt
+    }
+}
+
 /// The joint result of several touches.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TiltInference {
     /// Young's modulus, MPa; its value is the geometric mean.
     pub young_mpa: Interval,
+    /// The variance of the logarithm of Young's modulus by cause.
+    pub log_variances: LogVariances,
     /// The contact angle, rad.
     pub angle_rad: Interval,
     /// The azimuth at zero spin, rad, within π of its value. A known azimuth is returned as given.
@@ -174,6 +230,7 @@ pub fn infer_tilt(
     };
     Ok(TiltInference {
         young_mpa,
+        log_variances: posterior.log_variances(),
         angle_rad,
         azimuth_rad,
         is_angle_identified: angle_rad.sigma < IDENTIFIED_BELOW * angle_before,
@@ -228,13 +285,23 @@ fn check(
             Err(InverseError::NotPositive { what, found })
         }
     };
+    let not_negative = |what, found: f64| {
+        if found.is_finite() && found >= 0.0 {
+            Ok(())
+        } else {
+            Err(InverseError::NotPositive { what, found })
+        }
+    };
     for touch in touches {
-        positive("standard deviation of a shift", touch.sigma_hz)?;
+        let ShiftSigmas { resonance_hz, reference_hz, sample_hz } = touch.sigmas;
+        let what = "standard deviation of a shift";
+        [resonance_hz, reference_hz, sample_hz]
+            .into_iter()
+            .try_for_each(|found| not_negative(what, found))?;
+        positive(what, touch.sigmas.whole_hz())?;
     }
     for found in [touch_model.shared_depth_sigma_mm, touch_model.depth_sigma_mm] {
-        if !(found.is_finite() && found >= 0.0) {
-            return Err(InverseError::NotPositive { what: "standard deviation of a depth", found });
-        }
+        not_negative("standard deviation of a depth", found)?;
     }
     match angle {
         AnglePrior::Known { sigma_rad, .. } => {

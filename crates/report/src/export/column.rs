@@ -141,7 +141,7 @@ impl TableName {
 /// The first column of a table of several runs.
 pub(super) const RUN: Column = text("run", "short name of the run");
 
-const TOUCH: [Column; 41] = [
+const TOUCH: [Column; 42] = [
     text(
         "step",
         "address of the step: `main/<sample>/<direction>/<angle>/<repeat>` or `blind/<number>`",
@@ -189,7 +189,12 @@ const TOUCH: [Column; 41] = [
     number("sigma_of_reference_mpa", "MPa", "the part from the reference"),
     number("sigma_of_surface_mpa", "MPa", "the part from the surface found"),
     number("sigma_of_depth_mpa", "MPa", "the part from the depth below the surface"),
-    number("sigma_of_angle_mpa", "MPa", "the part from the contact angle"),
+    number(
+        "sigma_of_angle_mpa",
+        "MPa",
+        "the part from the contact angle; from what the touches leave unknown of it with \
+         `angle = \"unknown\"`",
+    ),
     number(
         "sigma_of_sensor_mpa",
         "MPa",
@@ -199,6 +204,11 @@ const TOUCH: [Column; 41] = [
         "sigma_of_model_mpa",
         "MPa",
         "the part from what was learnt, and from a misfit of the model",
+    ),
+    number(
+        "sigma_of_sample_mpa",
+        "MPa",
+        "the part from the variation of the sample from one point to the next; 0 at a known angle",
     ),
     text("model_verdict", "whether the model behind it holds: `holds`, `strained` or `rejected`"),
     number(

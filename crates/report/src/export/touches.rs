@@ -9,7 +9,7 @@ pub(super) fn touch<'a>(
     row: &'a TouchRow,
     run_id: &'a str,
     is_simulated: bool,
-) -> [TableValue<'a>; 41] {
+) -> [TableValue<'a>; 42] {
     let [no_load, no_load_sigma] = pair(row.no_load_hz, row.no_load_sigma_hz);
     let [resonance, sigma] = pair(row.resonance_hz, row.sigma_hz);
     let [shift, shift_sigma] = pair(row.shift_hz, row.shift_sigma_hz);
@@ -51,6 +51,7 @@ pub(super) fn touch<'a>(
         part(|budget| budget.angle_mpa),
         part(|budget| budget.sensor_mpa),
         part(|budget| budget.model_mpa),
+        part(|budget| budget.sample_mpa),
         TableValue::of(row.model_verdict, TableValue::Text),
         TableValue::of(row.model_residual, TableValue::Exact),
         TableValue::of(row.class.as_deref(), TableValue::Text),

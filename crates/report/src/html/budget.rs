@@ -1,10 +1,7 @@
 //! The uncertainty budget of the samples: one bar for each.
 
 use maud::{Markup, html};
-use rig_analysis::{
-    budget::{Budget, Part},
-    run::RunSample,
-};
+use rig_analysis::{budget::Part, run::RunSample};
 use rig_chart::{Axis, Band, BandEdge, Chart};
 
 use super::{
@@ -27,21 +24,13 @@ const BARS: [(&str, &[Part]); rig_chart::COLOURS] = [
     ("sample", &[Part::Sample]),
 ];
 
-/// The samples with a budget: none if the angles were found together with the stiffness.
-fn budgets(stiffness: &Stiffness) -> Vec<(&RunSample, Budget)> {
-    stiffness.samples.iter().filter_map(|sample| Some((sample, sample.budget?))).collect()
-}
-
 /// A bar for each sample. Its height is the relative standard deviation, its parts have the proportions of
 /// their variances.
 pub(super) fn bars(data: &RunData, stiffness: &Stiffness) -> Markup {
-    let budgets = budgets(stiffness);
-    if budgets.is_empty() {
-        return html! {};
-    }
-    let ticks: Vec<f64> = (1..=budgets.len()).map(|number| number as f64).collect();
+    let samples = &stiffness.samples;
+    let ticks: Vec<f64> = (1..=samples.len()).map(|number| number as f64).collect();
     let names: Vec<&str> =
-        budgets.iter().map(|(sample, _)| data.samples()[sample.sample].name.as_str()).collect();
+        samples.iter().map(|sample| data.samples()[sample.sample].name.as_str()).collect();
     let mut chart = Chart::new(
         "Uncertainty budget",
         "The relative standard deviation of the stiffness of each sample by its causes, one bar for each \
@@ -50,7 +39,7 @@ pub(super) fn bars(data: &RunData, stiffness: &Stiffness) -> Markup {
         Axis::linear("standard deviation (%)").including(0.0),
     );
     chart.size_px = HALF_PX;
-    for (&x, (_, budget)) in ticks.iter().zip(&budgets) {
+    for (&x, RunSample { budget, .. }) in ticks.iter().zip(samples) {
         let total = budget.total();
         let mut low = 0.0;
         for (colour, (name, parts)) in BARS.into_iter().enumerate() {
@@ -68,23 +57,19 @@ pub(super) fn bars(data: &RunData, stiffness: &Stiffness) -> Markup {
 
 /// The parts of each sample. They are on the screen only: the print has the bars.
 pub(super) fn parts(data: &RunData, stiffness: &Stiffness) -> Markup {
-    let budgets = budgets(stiffness);
-    if budgets.is_empty() {
-        return html! {};
-    }
     let mut heads = vec!["sample"];
     heads.extend(Part::ALL.map(Part::name));
     heads.push("together");
     let percent = |relative: f64| text(fixed(100.0 * relative, 2));
-    let row = |(sample, budget): &(&RunSample, Budget)| {
-        let mut row = vec![text(&data.samples()[sample.sample].name)];
+    let row = |RunSample { sample, budget, .. }: &RunSample| {
+        let mut row = vec![text(&data.samples()[*sample].name)];
         row.extend(Part::ALL.map(|part| percent(budget.of(part))));
         row.push(percent(budget.total()));
         row
     };
-    let rows: Vec<_> = budgets.iter().map(row).collect();
+    let rows: Vec<_> = stiffness.samples.iter().map(row).collect();
     let caption = "Standard deviations of the stiffness by cause, %. Their squares add up. The sensor stands \
-                   for the calibration by known samples, or for its description; the sample for the scatter \
-                   of its touches beyond the other causes.";
+                   for the calibration by known samples, or for its description; the angle for what is not \
+                   known of it; the sample for its variation between points.";
     html! { div.screen { (table(caption, &heads, &rows)) } }
 }

@@ -45,9 +45,7 @@ pub(super) fn section(results: &RunResults, stiffness: &Stiffness) -> Markup {
         (samples(results, stiffness))
         (model(results, stiffness))
         (calibration(&stiffness.calibration, angle))
-        @if is_known || recognition.is_some() || stiffness.sites.is_none() {
-            (figure_row(&charts, caption))
-        }
+        (figure_row(&charts, caption))
         (parts(data, stiffness))
         @if let Some(found) = &stiffness.sites { (sites(data, stiffness, found)) }
     }

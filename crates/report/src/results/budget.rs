@@ -16,13 +16,14 @@ pub struct StiffnessBudget {
     pub surface_mpa: f64,
     /// From the depth below the surface, MPa.
     pub depth_mpa: f64,
-    /// From the contact angle, MPa.
+    /// From the contact angle, MPa. If it is inferred, from what the touches leave unknown of it.
     pub angle_mpa: f64,
     /// From the sensor: of the calibration by known samples, or of the description without any, MPa.
     pub sensor_mpa: f64,
     /// From the model: of what was learnt, and of the misfit, MPa.
     pub model_mpa: f64,
-    /// From the scatter of the touches of a sample beyond all of these, MPa; 0 for a touch.
+    /// From the sample, MPa: the scatter of its touches beyond all of these; 0 for a touch at a known angle. If
+    /// the angle is inferred, also the variation of the sample from one point to the next.
     pub sample_mpa: f64,
 }
 

@@ -250,11 +250,7 @@ impl Reader<'_> {
         };
         let reading = |sample: usize, found: Result<TiltInference, InverseError>| Reading {
             sample,
-            found: found.map(|found| ModelReading {
-                young: Young { mpa: found.young_mpa.value, sigma_mpa: found.young_mpa.sigma },
-                budget: None,
-                gradient: Vec::new(),
-            }),
+            found: found.map(|found| ModelReading::of_site(&self.compensation, &found)),
         };
         let repeated = |&(touch, posed): &Touched<'_>| RepeatedTouch {
             touch: posed,

@@ -63,7 +63,7 @@ pub struct TouchRow {
     pub stiffness_mpa: Option<f64>,
     /// Its standard deviation, those of calibration and model included, MPa.
     pub stiffness_sigma_mpa: Option<f64>,
-    /// The same by cause; `None` if the contact angle is unknown.
+    /// The same by cause.
     pub budget: Option<StiffnessBudget>,
     /// Whether the model behind the stiffness holds: `holds`, `strained` or `rejected`.
     pub model_verdict: Option<&'static str>,
@@ -184,7 +184,7 @@ impl TouchRow {
         match stiffness.and_then(|stiffness| stiffness.of_touch(&self.step)) {
             Some(Ok(found)) => {
                 let young = found.whole();
-                self.budget = found.budget.map(|parts| StiffnessBudget::of(&parts, young.mpa));
+                self.budget = Some(StiffnessBudget::of(&found.budget, young.mpa));
                 self.stiffness_mpa = Some(young.mpa);
                 self.stiffness_sigma_mpa = Some(young.sigma_mpa);
                 let verdict = stiffness.and_then(Stiffness::verdict);

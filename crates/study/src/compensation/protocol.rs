@@ -8,7 +8,7 @@ use rig_analysis::{
 };
 use rig_contact::{
     ContactLaw, Depth, Direction, Models, Pose, SensorDescription, Tier,
-    inverse::{AzimuthPrior, InverseError, SiteTouch, TiltInference},
+    inverse::{AzimuthPrior, InverseError, ShiftSigmas, SiteTouch, TiltInference},
 };
 
 use super::truth::{ENCODER_MM, MAX_ANGLE_RAD, NUISANCES, TruthModel};
@@ -186,7 +186,7 @@ impl Site<'_> {
         let point = TruthModel::point(self.sample, random);
         let touch = |&depth_mm: &f64| SiteTouch {
             shift_hz: self.truth.measure_hz(&point, self.angle_rad, azimuth_rad, depth_mm, random),
-            sigma_hz: NUISANCES.shift_hz,
+            sigmas: ShiftSigmas::of_resonance(NUISANCES.shift_hz),
             spin_rad: 0.0,
             depth: Depth::Indentation { along_probe_mm: depth_mm },
         };
@@ -204,7 +204,8 @@ impl Site<'_> {
             let at_rad = azimuth_rad - spin_rad;
             let shift_hz =
                 self.truth.measure_hz(&point, self.angle_rad, at_rad, INDENTATION_MM, random);
-            SiteTouch { shift_hz, sigma_hz: NUISANCES.shift_hz, spin_rad, depth: DEPTH }
+            let sigmas = ShiftSigmas::of_resonance(NUISANCES.shift_hz);
+            SiteTouch { shift_hz, sigmas, spin_rad, depth: DEPTH }
         });
         let azimuth = AzimuthPrior::Unknown;
         let found = analysis.compensation.of_site(&touches, MAX_ANGLE_RAD, azimuth);
@@ -220,8 +221,11 @@ impl Site<'_> {
             let at_rad = direction.azimuth_rad();
             let shift_hz = self.truth.measure_hz(&point, angle_rad, at_rad, INDENTATION_MM, random);
             // A shift grows at most as fast as the stiffness.
-            let sigma_hz = NUISANCES.shift_hz.hypot(NUISANCES.young_rel * shift_hz);
-            SiteTouch { shift_hz, sigma_hz, spin_rad: -at_rad, depth: DEPTH }
+            let sigmas = ShiftSigmas {
+                sample_hz: NUISANCES.young_rel * shift_hz.abs(),
+                ..ShiftSigmas::of_resonance(NUISANCES.shift_hz)
+            };
+            SiteTouch { shift_hz, sigmas, spin_rad: -at_rad, depth: DEPTH }
         });
         let azimuth = AzimuthPrior::Unknown;
         let found = analysis.across_points.of_site(&touches, MAX_ANGLE_RAD, azimuth);

@@ -4,7 +4,9 @@ use std::f64::consts::FRAC_PI_4;
 
 use rig_contact::{
     Contact, ContactLaw, Friction, Models, Pose, Sensor, Tier,
-    inverse::{AnglePrior, AzimuthPrior, SiteTouch, TissueKind, TouchModel, infer_tilt},
+    inverse::{
+        AnglePrior, AzimuthPrior, ShiftSigmas, SiteTouch, TissueKind, TouchModel, infer_tilt,
+    },
 };
 
 use crate::{
@@ -128,7 +130,7 @@ fn infer(
                 .predict(Tier::E1, &tissue(SAMPLES_MPA[2]), &contact)
                 .expect("the protocols' depths are within the contact law")
                 .shift_hz;
-            SiteTouch { shift_hz, sigma_hz: SIGMA_HZ, spin_rad, depth }
+            SiteTouch { shift_hz, sigmas: ShiftSigmas::of_resonance(SIGMA_HZ), spin_rad, depth }
         })
         .collect();
     let touch_model = TouchModel {

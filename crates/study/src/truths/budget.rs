@@ -76,8 +76,7 @@ fn of_run(
         let (Ok(found), Ok(without)) = (model.of_touch(touch), model.of_touch(undisturbed)) else {
             continue;
         };
-        let Some(budget) = found.budget else { continue };
-        sums.0 += parts.iter().map(|part| budget.of(*part).powi(2)).sum::<f64>();
+        sums.0 += parts.iter().map(|part| found.budget.of(*part).powi(2)).sum::<f64>();
         sums.1 += (found.young.mpa / without.young.mpa).ln().powi(2);
         sums.2 += 1;
     }

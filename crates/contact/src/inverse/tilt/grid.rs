@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::{AnglePrior, AzimuthPrior, Interval, Problem, node::Node};
+use super::{AnglePrior, AzimuthPrior, Interval, LogVariances, Problem, node::Node};
 
 /// Rows of angles and columns of azimuths of the first grid.
 const ROWS: u32 = 8;
@@ -104,6 +104,20 @@ impl Posterior {
         };
         let reach = REACH * variance.sqrt();
         interval(value, variance, (value - reach, value + reach), below)
+    }
+
+    /// The variance of ln E by cause.
+    pub(super) fn log_variances(&self) -> LogVariances {
+        let value = self.mean(|cell| cell.node.log_young);
+        let of = |part: fn(&LogVariances) -> f64| self.mean(|cell| part(&cell.node.variances));
+        LogVariances {
+            resonance: of(|all| all.resonance),
+            reference: of(|all| all.reference),
+            sample: of(|all| all.sample),
+            own_depth: of(|all| all.own_depth),
+            shared_depth: of(|all| all.shared_depth),
+            tilt: self.mean(|cell| (cell.node.log_young - value).powi(2)),
+        }
     }
 
     /// The posterior of the angle.

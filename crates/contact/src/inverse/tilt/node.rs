@@ -1,6 +1,6 @@
 //! The stiffness at one angle and azimuth, by least squares.
 
-use super::{Problem, SiteTouch, TouchModel};
+use super::{LogVariances, Problem, SiteTouch, TouchModel};
 use crate::{Contact, Depth};
 
 /// The best stiffness at one angle and azimuth, and how well it explains the touches.
@@ -10,6 +10,8 @@ pub(super) struct Node {
     pub(super) log_young: f64,
     /// Variance of ln E.
     pub(super) variance: f64,
+    /// The same by cause, without one from the tilt: it is known here.
+    pub(super) variances: LogVariances,
     /// Sum of squared deviations over their variances, including the shared depth.
     pub(super) chi_squared: f64,
     /// The logarithm of the likelihood of the touches at this angle and azimuth.
@@ -21,6 +23,8 @@ struct Linear {
     residual: f64,
     per_log: f64,
     per_mm: f64,
+    /// The inverse of the variance of the shift, in which is the touch's own depth error.
+    weight: f64,
 }
 
 /// Gauss–Newton steps. The shift is nearly a power of the stiffness, so that two steps usually
@@ -67,7 +71,8 @@ struct Normal {
     chi_squared: f64,
     /// Sum of the logarithms of the variances of the touches, which depend on angle and azimuth.
     log_variances: f64,
-    has_depth: bool,
+    /// The touches, in their order.
+    linears: Vec<Linear>,
 }
 
 impl Normal {
@@ -78,48 +83,42 @@ impl Normal {
         log_young: f64,
         depth_mm: f64,
     ) -> Option<Self> {
-        let touch_model = problem.touch_model;
-        let shared = touch_model.shared_depth_sigma_mm;
+        let shared = problem.touch_model.shared_depth_sigma_mm;
         let has_depth = shared > 0.0;
         let mut normal = Self {
             log_log: 0.0,
             log_depth: 0.0,
-            depth_depth: 0.0,
+            // Without a shared error the depth stays at zero.
+            depth_depth: if has_depth { shared.powi(-2) } else { 1.0 },
             log_right: 0.0,
-            depth_right: 0.0,
-            chi_squared: 0.0,
+            depth_right: if has_depth { -depth_mm * shared.powi(-2) } else { 0.0 },
+            chi_squared: if has_depth { (depth_mm / shared).powi(2) } else { 0.0 },
             log_variances: 0.0,
-            has_depth,
+            linears: Vec::with_capacity(problem.touches.len()),
         };
-        if has_depth {
-            normal.depth_depth = shared.powi(-2);
-            normal.depth_right = -depth_mm * shared.powi(-2);
-            normal.chi_squared = (depth_mm / shared).powi(2);
-        }
         for touch in problem.touches {
             let linear = linear(problem, touch, angle_rad, azimuth_rad, log_young, depth_mm)?;
-            let Linear { residual, per_log, per_mm } = linear;
-            let own = per_mm * touch_model.depth_sigma_mm;
-            let variance = touch.sigma_hz * touch.sigma_hz + own * own;
-            let weight = variance.recip();
+            let Linear { residual, per_log, per_mm, weight } = linear;
             normal.log_log += weight * per_log * per_log;
             normal.log_right += weight * per_log * residual;
             normal.chi_squared += weight * residual * residual;
-            normal.log_variances += variance.ln();
+            normal.log_variances -= weight.ln();
             if has_depth {
                 normal.log_depth += weight * per_log * per_mm;
                 normal.depth_depth += weight * per_mm * per_mm;
                 normal.depth_right += weight * per_mm * residual;
             }
+            normal.linears.push(linear);
         }
         Some(normal)
     }
 
+    fn determinant(&self) -> f64 {
+        self.log_log * self.depth_depth - self.log_depth * self.log_depth
+    }
+
     fn step(&self) -> (f64, f64) {
-        if !self.has_depth {
-            return (self.log_right / self.log_log, 0.0);
-        }
-        let determinant = self.log_log * self.depth_depth - self.log_depth * self.log_depth;
+        let determinant = self.determinant();
         (
             (self.log_right * self.depth_depth - self.depth_right * self.log_depth) / determinant,
             (self.depth_right * self.log_log - self.log_right * self.log_depth) / determinant,
@@ -136,19 +135,41 @@ impl Normal {
         angle_rad: f64,
     ) -> Node {
         let chi_squared = self.chi_squared - self.log_right * step - self.depth_right * depth_step;
-        let (variance, log_determinant) = self.covariance();
-        let log_evidence = 0.5 * (log_determinant - chi_squared - self.log_variances)
+        let determinant = self.determinant();
+        let log_evidence = -0.5 * (determinant.ln() + chi_squared + self.log_variances)
             + problem.log_prior(angle_rad);
-        Node { log_young, variance, chi_squared, log_evidence }
+        let variance = self.depth_depth / determinant;
+        Node { log_young, variance, variances: self.variances(problem), chi_squared, log_evidence }
     }
 
-    /// The variance of ln E, and the logarithm of the determinant of the covariance.
-    fn covariance(&self) -> (f64, f64) {
-        if !self.has_depth {
-            return (self.log_log.recip(), -self.log_log.ln());
+    /// The variance of ln E by cause, by its gain over each shift and over the shared depth.
+    fn variances(&self, problem: &Problem<'_>) -> LogVariances {
+        let TouchModel { shared_depth_sigma_mm, depth_sigma_mm, .. } = *problem.touch_model;
+        let determinant = self.determinant();
+        // The prior of the shared depth is one more observation, of a depth of zero.
+        let of_shared = if shared_depth_sigma_mm > 0.0 {
+            self.log_depth / (determinant * shared_depth_sigma_mm)
+        } else {
+            0.0
+        };
+        let mut variances = LogVariances {
+            resonance: 0.0,
+            reference: 0.0,
+            sample: 0.0,
+            own_depth: 0.0,
+            shared_depth: of_shared * of_shared,
+            tilt: 0.0,
+        };
+        for (touch, linear) in problem.touches.iter().zip(&self.linears) {
+            let Linear { per_log, per_mm, weight, .. } = *linear;
+            let right = per_log * self.depth_depth - per_mm * self.log_depth;
+            let gain = weight * right / determinant;
+            variances.resonance += (gain * touch.sigmas.resonance_hz).powi(2);
+            variances.reference += (gain * touch.sigmas.reference_hz).powi(2);
+            variances.sample += (gain * touch.sigmas.sample_hz).powi(2);
+            variances.own_depth += (gain * per_mm * depth_sigma_mm).powi(2);
         }
-        let determinant = self.log_log * self.depth_depth - self.log_depth * self.log_depth;
-        (self.depth_depth / determinant, -determinant.ln())
+        variances
     }
 }
 
@@ -180,6 +201,7 @@ fn linear(
         residual: touch.shift_hz - here,
         per_log: (shift(young_mpa * (1.0 + LOG_STEP), &contact)? - here) / LOG_STEP,
         per_mm,
+        weight: (touch.sigmas.whole_hz().powi(2) + (per_mm * depth_sigma_mm).powi(2)).recip(),
     })
 }
 

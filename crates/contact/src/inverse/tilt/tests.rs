@@ -33,7 +33,7 @@ fn touches(
             let contact = Contact::new(pose, depth);
             let tissue = TissueKind::SOFT.with(young_mpa).unwrap();
             let shift_hz = models.predict(Tier::E1, &tissue, &contact).unwrap().shift_hz;
-            SiteTouch { shift_hz, sigma_hz: 0.1, spin_rad, depth }
+            SiteTouch { shift_hz, sigmas: ShiftSigmas::of_resonance(0.1), spin_rad, depth }
         })
         .collect()
 }
@@ -141,7 +141,7 @@ fn touches_that_no_tilt_explains_are_refused() {
     let models = models();
     let with_error = |sigmas: f64| {
         let mut touches = touches(&models, 0.235, 20.0, 0.3, &FOUR_SPINS);
-        touches[1].shift_hz += sigmas * touches[1].sigma_hz;
+        touches[1].shift_hz += sigmas * touches[1].sigmas.whole_hz();
         infer(&models, &touches, AzimuthPrior::Unknown)
     };
     assert!(with_error(2.0).is_ok());
@@ -163,7 +163,7 @@ fn questions_without_an_answer_are_refused() {
         infer_tilt(&models, touches, touch_model, angle, AzimuthPrior::Unknown)
     };
     assert_eq!(ask(&[], &TOUCH_MODEL, TO_45), Err(InverseError::NoTouches));
-    let bare = [SiteTouch { sigma_hz: 0.0, ..good[0] }];
+    let bare = [SiteTouch { sigmas: ShiftSigmas::default(), ..good[0] }];
     assert!(matches!(ask(&bare, &TOUCH_MODEL, TO_45), Err(InverseError::NotPositive { .. })));
     let touch_model = TouchModel { depth_sigma_mm: -1.0, ..TOUCH_MODEL };
     assert!(matches!(ask(&good, &touch_model, TO_45), Err(InverseError::NotPositive { .. })));
@@ -171,7 +171,7 @@ fn questions_without_an_answer_are_refused() {
     assert!(matches!(ask(&good, &TOUCH_MODEL, none), Err(InverseError::NotPositive { .. })));
     let clear = [SiteTouch { shift_hz: -0.2, ..good[0] }];
     assert!(matches!(ask(&clear, &TOUCH_MODEL, TO_45), Err(InverseError::NoContact { .. })));
-    let noise = [SiteTouch { sigma_hz: 100.0, ..good[0] }];
+    let noise = [SiteTouch { sigmas: ShiftSigmas::of_resonance(100.0), ..good[0] }];
     assert!(matches!(ask(&noise, &TOUCH_MODEL, TO_45), Err(InverseError::TooUncertain { .. })));
     let deep = [SiteTouch { depth: Depth::Indentation { along_probe_mm: 1.5 }, ..good[0] }];
     assert!(matches!(ask(&deep, &TOUCH_MODEL, TO_45), Err(InverseError::Refused(Refusal::Law(_)))));
@@ -196,7 +196,7 @@ fn nineteen_in_twenty_intervals_hold_stiffness_and_angle() {
         let mut touches = touches(&models, young_mpa, degrees, azimuth, &ways);
         for touch in &mut touches {
             touch.depth = Depth::Indentation { along_probe_mm: 0.5 };
-            touch.sigma_hz = 0.3;
+            touch.sigmas = ShiftSigmas::of_resonance(0.3);
             touch.shift_hz += 0.3 * random.normal();
         }
         let found =
@@ -210,3 +210,5 @@ fn nineteen_in_twenty_intervals_hold_stiffness_and_angle() {
         assert!((0.917..0.983).contains(&share), "seed {SEED}, {what}: {share}");
     }
 }
+
+mod parts;

@@ -2,7 +2,7 @@
 //! from several directions as if the probe had been turned about its own axis.
 
 use rig_analysis::stiffness::{Compensation, PosedTouch};
-use rig_contact::inverse::{AzimuthPrior, InverseError, SiteTouch, TiltInference};
+use rig_contact::inverse::{AzimuthPrior, InverseError, ShiftSigmas, SiteTouch, TiltInference};
 
 /// The result of the touches of a site together.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -73,13 +73,23 @@ impl UnknownAngle<'_> {
     ) -> Result<TiltInference, InverseError> {
         let touch = |touch: &PosedTouch| SiteTouch {
             shift_hz: touch.shift_hz,
-            // Each direction touches a point of its own. No shift grows faster than stiffness does.
-            sigma_hz: touch.sigma_hz.hypot(self.sample_rel * touch.shift_hz),
+            sigmas: self.sigmas(touch),
             // A surface that leans to the left looks to the front when the probe has turned there.
             spin_rad: -touch.pose.azimuth_rad(),
             depth: touch.depth,
         };
         let touches: Vec<SiteTouch> = touches.into_iter().map(touch).collect();
         self.compensation.of_site(&touches, self.max_angle_rad, AzimuthPrior::Unknown)
+    }
+
+    fn sigmas(&self, touch: &PosedTouch) -> ShiftSigmas {
+        let PosedTouch { shift_hz, sigma_hz, reference_sigma_hz, .. } = *touch;
+        let reference_hz = reference_sigma_hz.min(sigma_hz);
+        ShiftSigmas {
+            resonance_hz: (sigma_hz * sigma_hz - reference_hz * reference_hz).sqrt(),
+            reference_hz,
+            // Each direction touches a point of its own. No shift grows faster than stiffness does.
+            sample_hz: self.sample_rel * shift_hz.abs(),
+        }
     }
 }
