@@ -67,7 +67,7 @@ pub(crate) fn records(disk: &MemoryDisk) -> Vec<String> {
     let records = reader.events_after(0, u32::MAX).expect("the journal can be read");
     let line = |record: &rig_store::StoredRecord| {
         let seconds = record.rig_us as f64 / 1e6;
-        let payload: String = record.payload.chars().take(400).collect();
+        let payload: String = record.payload.chars().take(4000).collect();
         format!("{:4} {} {seconds:10.3} {payload}", record.seq, record.epoch)
     };
     records.iter().map(line).collect()
@@ -111,9 +111,12 @@ pub(crate) fn differences(bench: &Bench, played: &Played, undisturbed: &Touches)
     differences
 }
 
-/// Whether a fault is one of the contact sense: no contact is felt, or one always.
+/// No contact is felt, or one always.
+const CONTACT_SENSES: [&str; 2] = ["analyzer blind-contact", "analyzer stuck-contact"];
+
+/// Whether a fault is one of the contact sense.
 fn is_of_sense(fault: Fault) -> bool {
-    matches!(fault, Fault::Device(words) if words.ends_with("-contact"))
+    CONTACT_SENSES.into_iter().any(|words| fault == Fault::Device(words))
 }
 
 /// Why a wrong shift is known not to be noticed: what would show it is measured after the touch, or not at
@@ -123,6 +126,13 @@ pub(crate) fn is_beyond_notice(played: &Played, has_slip_check: bool) -> Option<
         played.begun.iter().filter(|(_, phase)| phase.is_in_touch()).map(|(row, _)| MENU[*row].1);
     if played.latches + played.kills > 0 && in_touch.clone().any(is_of_sense) {
         return Some("a contact sense that is repaired before the last touch is confirmed");
+    }
+    // A confirmation follows the touch at once.
+    let during = |words| played.begun.iter().any(|(row, _)| MENU[*row].1 == Fault::Device(words));
+    if in_touch.clone().any(is_of_sense) && CONTACT_SENSES.into_iter().all(during) {
+        return Some(
+            "a contact sense that fails in a touch and the other way round before it is confirmed",
+        );
     }
     let lost_mm: Vec<f64> = in_touch.filter_map(Fault::lost_mm).collect();
     if !has_slip_check && !lost_mm.is_empty() {

@@ -127,6 +127,39 @@ fn a_touch_whose_contact_sense_fails_in_its_sweep_is_refused() {
     assert_eq!(played.refuted, 0);
 }
 
+/// Seed 55698 of the menu 30cc4ed8a2037c43: as if in contact in the sweep, and as if free when the clear probe
+/// is confirmed. Nothing that the rig reads differs from a touch on a stiffer sample.
+#[test]
+fn contact_senses_that_fail_both_ways_are_beyond_notice_and_each_alone_is_not() {
+    let bench = Bench::new(93);
+    let stuck = device("analyzer: feels a contact always", RunPhase::Indentation, 0.777);
+    let blind = device("analyzer: feels no contact", RunPhase::Confirmation, 0.0);
+    let undisturbed = life::play(&bench, &[], true);
+    for one in [&stuck, &blind] {
+        let played = life::play(&bench, std::slice::from_ref(one), false);
+        assert_eq!(judge::differences(&bench, &played, &undisturbed.touches), Vec::<String>::new());
+    }
+    let both = life::play(&bench, &[stuck, blind], false);
+    assert_eq!(judge::differences(&bench, &both, &undisturbed.touches).len(), 1);
+    assert!(
+        judge::is_beyond_notice(&both, true).is_some_and(|why| why.contains("other way round"))
+    );
+}
+
+/// Seed 40448 of the menu 30cc4ed8a2037c43: after a cut reply the analyzer was set up anew, and the first
+/// reading was of a sensor that rang, which looked like a contact.
+#[test]
+fn steps_lost_before_a_check_of_slip_are_noticed_whichever_reply_of_the_check_is_cut() {
+    let bench = Bench::new(352);
+    let lost = device(UPWARDS, RunPhase::Indentation, 0.0);
+    for nth in 1..12 {
+        let cut = Trouble { nth, ..device("analyzer: reply cut", RunPhase::SlipCheck, 0.146) };
+        let played = life::play(&bench, &[lost.clone(), cut], false);
+        let context = format!("reply {nth}: {:?}", played.touches);
+        assert!(matches!(outcome(&played), Outcome::Refused(_)), "{context}");
+    }
+}
+
 /// Seed 13932 of the menu 30cc4ed8a2037c43: the disk was full before the first record of a session was on it, and rigd
 /// had told the id of that session.
 #[test]

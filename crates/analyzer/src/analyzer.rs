@@ -147,19 +147,24 @@ impl Analyzer {
         let (mut done, mut tries) = (0, 0);
         while done < points.len() && tries < TRIES {
             let rest = &points[done..];
-            let more = match commands {
-                _ if stop.is_raised() => Vec::new(),
-                CommandSet::Trace => self.retry(async |this| this.try_trace(rest).await).await?,
-                CommandSet::Points(commands) => {
-                    let (mut point, mut is_again) = (rest[0], false);
-                    self.retry(async |this| {
-                        if std::mem::replace(&mut is_again, true) {
-                            point.settle_s = point.settle_s.max(SETTLE_AGAIN_S);
+            let (mut first, mut is_again) = (rest[0], false);
+            let more = if stop.is_raised() {
+                Vec::new()
+            } else {
+                self.retry(async |this| {
+                    let is_again = std::mem::replace(&mut is_again, true);
+                    if is_again {
+                        first.settle_s = first.settle_s.max(SETTLE_AGAIN_S);
+                    }
+                    match commands {
+                        CommandSet::Trace if is_again => this.try_trace(&[first]).await,
+                        CommandSet::Trace => this.try_trace(rest).await,
+                        CommandSet::Points(commands) => {
+                            this.try_point(commands, &first, stop).await
                         }
-                        this.try_point(commands, &point, stop).await
-                    })
-                    .await?
-                }
+                    }
+                })
+                .await?
             };
             if more.is_empty() {
                 return Err(AnalyzerError::Stopped { done, points: points.len() });

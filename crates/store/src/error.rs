@@ -39,6 +39,12 @@ pub enum StoreError {
     /// The system failed to read or write.
     #[error("input or output failed")]
     Io(#[source] SqliteError),
+    /// There is no write-ahead log, so that readers would hold up the writer.
+    #[error("SQLite keeps its journal in mode `{mode}`; rigd needs `wal`")]
+    NoLog {
+        /// The mode that it keeps.
+        mode: String,
+    },
     /// The database file is damaged.
     #[error("the database is damaged")]
     Damaged(#[source] SqliteError),

@@ -88,7 +88,14 @@ pub(crate) fn database(directory: &Path) -> PathBuf {
 
 /// Opens the database to write, and makes its tables where they are missing.
 pub(crate) fn open_to_write(path: &Path) -> Result<Connection, StoreError> {
-    set_up(Connection::open(path)?)
+    with_log(set_up(Connection::open(path)?)?)
+}
+
+/// The connection, if it has a write-ahead log: SQLite keeps another mode without an error where it cannot have
+/// one.
+pub(crate) fn with_log(connection: Connection) -> Result<Connection, StoreError> {
+    let mode: String = connection.pragma_query_value(None, "journal_mode", |row| row.get(0))?;
+    if mode == "wal" { Ok(connection) } else { Err(StoreError::NoLog { mode }) }
 }
 
 /// Prepares a database for writing, and makes its tables where they are missing.

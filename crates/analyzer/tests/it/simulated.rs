@@ -101,6 +101,36 @@ async fn an_overload_is_measured_again_and_one_that_stays_is_given_up() {
     }
 }
 
+/// The analyzer was set up anew, with its own frequency in between, and the sensor rings.
+#[tokio::test(start_paused = true)]
+async fn a_reading_after_a_cut_reply_is_one_of_a_settled_sensor() {
+    let brief = SweepPoint { settle_s: 0.0, ..point(140.2, 2) };
+    for (model, dialect, volt) in MAKES {
+        for nth in 0..6 {
+            let mut rig = bench(model);
+            let mut analyzer = analyzer_on(&mut rig, dialect).await;
+            analyzer.configure(DriveLevel { volt }).await.unwrap();
+            let stop = StopSignal::new();
+            let settled = analyzer.measure(&[point(140.2, 2)], &stop).await.unwrap();
+            rig.handle().with(|now, rig| {
+                let fault = format!("fault analyzer truncate nth={}", nth + 1);
+                control::execute(now, rig, &fault).unwrap();
+            });
+            let after = analyzer.measure(&[brief, brief], &stop).await.unwrap();
+            for after in after {
+                let [one, two] = [settled[0], after].map(|reading| reading.impedance().unwrap());
+                let off = (one.resistance_ohm - two.resistance_ohm)
+                    .hypot(one.reactance_ohm - two.reactance_ohm);
+                assert!(
+                    off < 1e-3 * one.magnitude_ohm(),
+                    "{} {nth}: {one:?} {two:?}",
+                    dialect.make
+                );
+            }
+        }
+    }
+}
+
 #[tokio::test(start_paused = true)]
 async fn a_tonghui_is_left_alone_while_it_measures() {
     let mut rig = bench(AnalyzerMake::TonghuiTh283x);

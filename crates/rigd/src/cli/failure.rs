@@ -226,6 +226,10 @@ impl Failure {
                     "the run is in the journal; `rigd report RUN --out FILE` writes its report to FILE",
                 )
             }
+            Self::Data { source: StoreError::NoLog { .. }, .. }
+            | Self::Open(OpenError::Data { source: StoreError::NoLog { .. }, .. }) => {
+                Some("try again, or name a directory on a disk of this computer with --data")
+            }
             Self::Data { source: StoreError::NoJournal, .. } => {
                 Some("name the directory of an earlier run with --data")
             }

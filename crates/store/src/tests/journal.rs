@@ -315,3 +315,18 @@ fn a_run_that_ends_while_it_is_read_is_not_taken_for_a_broken_one() {
     writer.join().unwrap();
     assert!(running > 0 && ended > 0, "{running} seen running, {ended} ended");
 }
+
+#[test]
+fn a_file_system_without_shared_memory_holds_no_journal() {
+    let directory = Directory::new();
+    let path = crate::schema::database(directory.path());
+    // This file system of SQLite has no shared memory, as some of networks.
+    let flags = rusqlite::OpenFlags::default();
+    let connection = rusqlite::Connection::open_with_flags_and_vfs(path, flags, "unix-dotfile");
+    let refused =
+        crate::schema::set_up(connection.unwrap()).and_then(crate::schema::with_log).err();
+    assert!(
+        matches!(&refused, Some(StoreError::NoLog { mode }) if mode == "delete"),
+        "{refused:?}"
+    );
+}
