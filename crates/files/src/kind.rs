@@ -11,6 +11,8 @@ pub enum FileKind {
     Protocol,
     /// The contents of a simulated bench.
     Scene,
+    /// The settings of the daemon.
+    Service,
     /// The readings of a sweep, CSV or Touchstone.
     Sweep,
 }
@@ -33,6 +35,7 @@ impl Complaint for OtherKind {
             (FileKind::Protocol, FileKind::Sweep) => "`rigd fit` takes sweeps",
             (FileKind::Protocol, _) => "give a protocol file",
             (FileKind::Scene, _) => "name a scene file in [simulation] of the rig file",
+            (FileKind::Service, _) => "name the service file with --config",
             (FileKind::Sweep, _) => "give the readings of a sweep, as CSV or Touchstone",
         };
         Some(suggestion.to_owned())
@@ -46,6 +49,7 @@ impl FileKind {
             Self::Rig => "rig file",
             Self::Protocol => "protocol file",
             Self::Scene => "scene file",
+            Self::Service => "service file",
             Self::Sweep => "sweep file",
         }
     }
@@ -58,6 +62,7 @@ impl FileKind {
                 &["directions", "angles_deg", "touch", "approach", "no_load_sweep", "contact_sweep"]
             }
             Self::Scene => &["orientation", "contact", "place", "nuisances"],
+            Self::Service => &["listen", "allow_hosts", "token_file", "release_queue", "tls"],
             Self::Sweep => &[],
         }
     }
@@ -69,9 +74,10 @@ impl FileKind {
         }
         let names = top_names(text);
         let count = |kind: Self| kind.marks().iter().filter(|mark| names.contains(*mark)).count();
-        let mut counts = [Self::Rig, Self::Protocol, Self::Scene].map(|kind| (count(kind), kind));
+        let kinds = [Self::Rig, Self::Protocol, Self::Scene, Self::Service];
+        let mut counts = kinds.map(|kind| (count(kind), kind));
         counts.sort_by_key(|&(count, _)| count);
-        let [_, (second, _), (most, kind)] = counts;
+        let [.., (second, _), (most, kind)] = counts;
         // A single key may be a mistake.
         (most >= 2 && second < most).then_some(kind)
     }
@@ -131,6 +137,7 @@ mod tests {
     const RIG: &str = include_str!("../../../config/rigs/bench.toml");
     const PROTOCOL: &str = include_str!("../../../config/protocols/smoke.toml");
     const SCENE: &str = include_str!("../../../config/scenes/paper.toml");
+    const SERVICE: &str = include_str!("../../../config/service/service.toml");
 
     #[test]
     fn a_file_of_another_kind_is_known_by_its_keys_also_when_it_is_faulty() {
@@ -138,6 +145,7 @@ mod tests {
             (FileKind::Rig, RIG),
             (FileKind::Protocol, PROTOCOL),
             (FileKind::Scene, SCENE),
+            (FileKind::Service, SERVICE),
             (FileKind::Sweep, "frequency_hz,resistance_ohm,reactance_ohm\n140,1,2\n"),
             (FileKind::Sweep, "\n! a network analyzer\n# HZ S RI R 50\n"),
             (FileKind::Sweep, "Freq (Hz);Rs;X\n"),
@@ -146,7 +154,7 @@ mod tests {
             assert_eq!(FileKind::of(text), Some(kind), "{text}");
             // With the quotation marks gone, nothing is TOML any more.
             assert_eq!(FileKind::of(&text.replace('"', "")), Some(kind), "{text}");
-            for expected in [FileKind::Rig, FileKind::Protocol, FileKind::Scene, FileKind::Sweep] {
+            for (expected, _) in kinds {
                 assert_eq!(expected.expect("x", text).is_ok(), expected == kind, "{text}");
             }
         }

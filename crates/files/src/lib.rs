@@ -7,6 +7,7 @@
 //!   their values are types of these crates.
 //! - [`rig_file`] is the description of a rig; [`sensor`] and [`samples`] are the sections that it
 //!   shares with scene files.
+//! - [`service_file`] has the settings of the daemon.
 //! - [`sweep_file`] is a sweep of any instrument, for the fit.
 //! - [`FileKind`] recognises a file of another kind than the expected one.
 
@@ -17,6 +18,7 @@ mod kind;
 pub mod rig_file;
 pub mod samples;
 pub mod sensor;
+pub mod service_file;
 pub mod settings;
 pub mod sweep_file;
 

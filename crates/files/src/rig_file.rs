@@ -14,7 +14,11 @@ mod tests;
 
 use std::path::{Path, PathBuf};
 
-use crate::{Faults, Location, samples::KnownSample, settings};
+use crate::{
+    Faults, Location,
+    samples::KnownSample,
+    settings::{self, InForce},
+};
 use rig_contact::SensorDescription;
 use rig_model::{AnalyzerMake, Deg, DriveMake, LineSettings, Mm, RigLimits, Scale, Terminator};
 
@@ -149,6 +153,15 @@ impl RigFile {
     pub fn read(file: &str, text: &str) -> Result<Self, Faults> {
         let (rig, faults) = settings::read(file, text, sections::rig);
         faults.finish(rig)
+    }
+
+    /// The values in force of a rig file, each with its place.
+    ///
+    /// # Errors
+    /// All faults of the file.
+    pub fn in_force(file: &str, text: &str) -> Result<Vec<InForce>, Faults> {
+        let (_, faults, values) = settings::in_force(file, text, sections::rig);
+        faults.finish(values)
     }
 
     /// The JSON Schema of rig files.

@@ -29,6 +29,7 @@
 //! Each value is a [`Setting`] with its [`Location`], so that a later check (a protocol against a
 //! rig) also names the line and column of the key. The meaning of the values is not checked here.
 
+mod in_force;
 mod keys;
 mod kind;
 mod schema;
@@ -42,6 +43,7 @@ mod value_fault;
 #[cfg(test)]
 mod tests;
 
+pub use in_force::{InForce, in_force};
 pub use kind::{Choice, Flag, Integer, Interval, Kind, List, Number, Section, Text};
 pub use schema::schema;
 pub use setting::Setting;

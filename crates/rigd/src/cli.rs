@@ -5,6 +5,7 @@
 mod args;
 mod check;
 mod client;
+mod config;
 mod daemon;
 mod doctor;
 mod export;
@@ -30,6 +31,7 @@ mod schema;
 mod screen;
 mod serve;
 mod session;
+mod settings;
 mod signals;
 mod table;
 mod token;
@@ -75,6 +77,8 @@ enum CliCommand {
     Rehearse(rehearse::RehearseArgs),
     /// Serve the rig over HTTP, with a protocol loaded
     Serve(serve::ServeArgs),
+    /// Show the settings in force, each with where it comes from
+    Config(config::ConfigArgs),
     /// Show the rig of a running daemon, and what it asks for
     Status(daemon::StatusArgs),
     /// Follow a run of a daemon to its end
@@ -159,6 +163,7 @@ pub fn main() -> ExitCode {
         #[cfg(feature = "simulator")]
         CliCommand::Rehearse(args) => rehearse::rehearse_protocol(&args),
         CliCommand::Serve(args) => serve::serve(&args),
+        CliCommand::Config(args) => config::config(&args),
         CliCommand::Status(args) => daemon::status(&args),
         CliCommand::Watch(args) => watch::watch(&args),
         CliCommand::Pause(args) => daemon::order(&args, Order::Pause),

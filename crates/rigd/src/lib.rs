@@ -13,6 +13,7 @@ mod interruption;
 pub mod loaded_rig;
 mod local_time;
 pub mod operator;
+mod place;
 mod predict;
 pub mod protocol_file;
 mod queue;

@@ -24,9 +24,14 @@ pub struct OperatorError;
 impl Operator {
     /// The user who is logged in, as the environment says; otherwise the number of the user.
     pub fn login() -> Self {
-        let named =
-            ["LOGNAME", "USER"].into_iter().find_map(|name| env::var(name).ok()?.parse().ok());
-        named.unwrap_or_else(|| Self(format!("uid {}", rustix::process::getuid())))
+        Self::logged_in().0
+    }
+
+    /// The same, with the variable that says it.
+    pub(crate) fn logged_in() -> (Self, Option<&'static str>) {
+        let name = |variable| Some((env::var(variable).ok()?.parse().ok()?, Some(variable)));
+        let named = ["LOGNAME", "USER"].into_iter().find_map(name);
+        named.unwrap_or_else(|| (Self(format!("uid {}", rustix::process::getuid())), None))
     }
 
     /// The name, 1 to 64 characters.

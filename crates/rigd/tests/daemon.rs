@@ -137,8 +137,8 @@ fn answer(bench: &Bench, folder: &Path) {
         .spawn()
         .unwrap();
     let mut said = BufReader::new(daemon.stderr.take().unwrap());
-    let mut line = String::new();
-    said.read_line(&mut line).unwrap();
+    let mut lines = said.by_ref().lines().map(Result::unwrap);
+    let line = lines.find(|line| line.contains("listening on")).unwrap();
     let address = line.split_once("http://").unwrap().1.trim().trim_end_matches('/').to_owned();
     let mut watching = Terminal::open(&["watch".as_ref(), "--data".as_ref(), &data], 80);
     watching.wait_for_text("idle");

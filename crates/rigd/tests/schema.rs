@@ -8,7 +8,7 @@ use std::{
     process::Command,
 };
 
-use rig_files::rig_file::RigFile;
+use rig_files::{rig_file::RigFile, service_file::ServiceFile};
 use rig_protocol::Protocol;
 use serde_json::Value;
 use tempfile::TempDir;
@@ -30,22 +30,24 @@ fn is_read(kind: &str, text: &str) -> bool {
     match kind {
         "protocol" => Protocol::read("file", text).faults().iter().next().is_none(),
         "rig" => RigFile::read("file", text).is_ok(),
+        "service" => ServiceFile::read(Path::new("file"), text).is_ok(),
         _ => rig_sim::scene::read("file", text).is_ok(),
     }
 }
 
-const FILES: [(&str, &str); 6] = [
+const FILES: [(&str, &str); 7] = [
     ("protocol", "protocols/smoke.toml"),
     ("protocol", "protocols/three-direction.toml"),
     ("rig", "rigs/simulated.toml"),
     ("rig", "rigs/bench.toml"),
     ("scene", "scenes/paper.toml"),
     ("scene", "scenes/matched.toml"),
+    ("service", "service/service.toml"),
 ];
 
 #[test]
 fn the_committed_schemas_are_those_of_the_program_and_every_shipped_file_names_one() {
-    for kind in ["protocol", "rig", "scene"] {
+    for kind in ["protocol", "rig", "scene", "service"] {
         let committed = repository().join(format!("docs/schemas/{kind}.json"));
         let known = fs::read_to_string(&committed).unwrap_or_default();
         let (is_done, text) = rigd(&["schema", kind]);

@@ -34,7 +34,7 @@ pub(super) fn rig(table: &mut Table<'_>) -> RigFile {
     let bus = bus.required();
     let geometry = table.section("geometry", geometry).required().value;
     let limits = table.section("limits", limits).required().value;
-    let recovery = table.section("recovery", recovery).optional();
+    let recovery = table.section("recovery", recovery).or(PATIENCE_S).value;
     let sensor = sensor::sensor(table, geometry.is_sound.then_some(&geometry.geometry));
     let samples = samples(table, Presence::Optional, |_, known| known);
 
@@ -68,7 +68,7 @@ pub(super) fn rig(table: &mut Table<'_>) -> RigFile {
         rotary: rotary.file,
         sensor,
         samples,
-        recovery_patience_s: recovery.map_or(PATIENCE_S, |recovery| recovery.value),
+        recovery_patience_s: recovery,
     }
 }
 

@@ -211,3 +211,23 @@ fn two_samples_of_one_name_are_refused() {
     let faults = RigFile::read("rig.toml", &text).unwrap_err().to_string();
     assert!(faults.ends_with("there are two samples named \"1\"; remove one"), "{faults}");
 }
+
+#[test]
+fn every_key_of_the_schema_that_is_in_force_is_listed_with_its_line() {
+    let values = RigFile::in_force("rig.toml", SIMULATED).unwrap();
+    let line = |name: &str| {
+        let value = values.iter().find(|value| value.name == name);
+        let value = value.unwrap_or_else(|| panic!("{name} is not listed"));
+        (value.text.clone(), value.location.map(|at| at.line))
+    };
+    let (text, at) = line("analyzer.dialect");
+    assert_eq!(text.as_deref(), Some("\"hioki-im3536\""));
+    let written = SIMULATED.lines().nth(at.unwrap() - 1).unwrap();
+    assert!(written.starts_with("dialect = "), "{written}");
+    assert_eq!(line("analyzer.terminator"), (None, None));
+    assert_eq!(line("analyzer.port.baud").0.as_deref(), Some("38400"));
+    let without = SIMULATED.replace("patience_s = 120", "").replace("[recovery]", "");
+    let values = RigFile::in_force("rig.toml", &without).unwrap();
+    let patience = values.iter().find(|value| value.name == "recovery.patience_s").unwrap();
+    assert_eq!((patience.text.as_deref(), patience.location), (Some("120"), None));
+}

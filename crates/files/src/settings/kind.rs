@@ -6,7 +6,7 @@ use serde_json::{Map, Value, json};
 use toml::{Spanned, de::DeValue};
 
 use super::{
-    Setting, Table,
+    InForce, Setting, Table,
     keys::{nearest, shortened},
     schema::TABLE,
     source::Source,
@@ -31,6 +31,16 @@ pub trait Kind: sealed::Sealed {
     /// What the value at this path may be, as JSON Schema.
     #[doc(hidden)]
     fn schema(&self, path: &str) -> Value;
+
+    /// The value as TOML; `None` if it has no form of its own, as a table.
+    #[doc(hidden)]
+    fn written(&self, value: &Self::Value) -> Option<String>;
+
+    /// Whether it is a table or a list of tables, whose values are recorded one by one.
+    #[doc(hidden)]
+    fn has_tables(&self) -> bool {
+        false
+    }
 }
 
 mod sealed {
@@ -67,6 +77,12 @@ impl Slot<'_> {
     fn refuse<T>(&self, fault: &ValueFault) -> Option<T> {
         self.source.refuse(self.location, fault);
         None
+    }
+
+    /// Records a default in force.
+    pub(crate) fn record(&self, text: Option<String>) {
+        let value = || InForce { name: self.path.clone(), text, location: None };
+        self.source.record(value);
     }
 
     fn expected<T>(&self, expected: &'static str, value: &Spanned<DeValue<'_>>) -> Option<T> {
@@ -125,6 +141,10 @@ impl Kind for Number {
             .collect::<Map<_, _>>()
             .into()
     }
+
+    fn written(&self, value: &f64) -> Option<String> {
+        Some(value.to_string())
+    }
 }
 
 /// A whole number.
@@ -164,6 +184,10 @@ impl<T: Copy + fmt::Display + TryFrom<i128> + Into<i128>> Kind for Integer<T> {
         let limit = |value: T| u64::try_from(value.into()).unwrap_or_default();
         json!({ "type": "integer", "minimum": limit(self.min), "maximum": limit(self.max) })
     }
+
+    fn written(&self, value: &T) -> Option<String> {
+        Some(value.to_string())
+    }
 }
 
 /// `true` or `false`.
@@ -183,6 +207,10 @@ impl Kind for Flag {
 
     fn schema(&self, _: &str) -> Value {
         json!({ "type": "boolean" })
+    }
+
+    fn written(&self, value: &bool) -> Option<String> {
+        Some(value.to_string())
     }
 }
 
@@ -226,6 +254,10 @@ impl Kind for Text {
             "pattern": r"^[^\p{Cc}]*[^\p{Cc}\s][^\p{Cc}]*$",
         })
     }
+
+    fn written(&self, value: &String) -> Option<String> {
+        Some(Value::from(value.as_str()).to_string())
+    }
 }
 
 /// One of a few words.
@@ -234,7 +266,7 @@ pub struct Choice<T> {
     pub(crate) words: Vec<(&'static str, T)>,
 }
 
-impl<T: Clone> Kind for Choice<T> {
+impl<T: Clone + PartialEq> Kind for Choice<T> {
     type Value = T;
 
     fn read<'d>(&self, slot: &Slot<'d>, value: &'d Spanned<DeValue<'d>>) -> Option<T> {
@@ -257,6 +289,11 @@ impl<T: Clone> Kind for Choice<T> {
     fn schema(&self, _: &str) -> Value {
         let words: Vec<_> = self.words.iter().map(|(word, _)| *word).collect();
         json!({ "enum": words })
+    }
+
+    fn written(&self, value: &T) -> Option<String> {
+        let (word, _) = self.words.iter().find(|(_, meaning)| meaning == value)?;
+        Some(format!("\"{word}\""))
     }
 }
 
@@ -292,13 +329,24 @@ impl<K: Kind> Kind for List<K> {
 
     fn placeholder(&self, slot: &Slot<'_>) -> Self::Value {
         // This registers the keys of a section that the file does not have.
-        self.items.placeholder(&Slot { path: format!("[{}]", slot.path), ..slot.clone() });
+        let item = Slot { path: format!("[{}]", slot.path), ..slot.clone() };
+        slot.source.idly(|| _ = self.items.placeholder(&item));
         Vec::new()
     }
 
     fn schema(&self, path: &str) -> Value {
         let items = self.items.schema(&format!("[{path}]"));
         json!({ "type": "array", "minItems": 1, "maxItems": self.max_items, "items": items })
+    }
+
+    fn written(&self, value: &Self::Value) -> Option<String> {
+        let items: Option<Vec<_>> =
+            value.iter().map(|item| self.items.written(&item.value)).collect();
+        Some(format!("[{}]", items?.join(", ")))
+    }
+
+    fn has_tables(&self) -> bool {
+        self.items.has_tables()
     }
 }
 
@@ -330,6 +378,10 @@ impl Kind for Interval {
     fn schema(&self, path: &str) -> Value {
         json!({ "type": "array", "minItems": 2, "maxItems": 2, "items": self.ends.schema(path) })
     }
+
+    fn written(&self, (least, most): &(f64, f64)) -> Option<String> {
+        Some(format!("[{least}, {most}]"))
+    }
 }
 
 /// A table with its own keys.
@@ -358,6 +410,14 @@ impl<T, F: Fn(&mut Table<'_>) -> T> Kind for Section<F> {
     fn schema(&self, path: &str) -> Value {
         json!({ TABLE: path })
     }
+
+    fn written(&self, _: &T) -> Option<String> {
+        None
+    }
+
+    fn has_tables(&self) -> bool {
+        true
+    }
 }
 
 impl<'d> Slot<'d> {
@@ -368,6 +428,13 @@ impl<'d> Slot<'d> {
         value: Option<&'d Spanned<DeValue<'d>>>,
     ) -> Setting<K::Value> {
         let is_broken = self.source.is_broken(self.location);
+        if let Some(given) = value.filter(|_| !self.is_item && !kind.has_tables()) {
+            self.source.record(|| {
+                let words = self.source.written(given.span()).split_whitespace();
+                let text = Some(words.collect::<Vec<_>>().join(" "));
+                InForce { name: self.path.clone(), text, location: Some(self.location) }
+            });
+        }
         let read = value.filter(|_| !is_broken).and_then(|value| kind.read(self, value));
         let is_sound = read.is_some();
         let value = read.unwrap_or_else(|| kind.placeholder(self));

@@ -1,13 +1,20 @@
 //! The text of a file: the locations of its bytes, and the faults of its syntax.
 
-use std::{cell::RefCell, collections::BTreeSet, ops::Range};
+use std::{
+    cell::{Cell, RefCell},
+    collections::BTreeSet,
+    ops::Range,
+};
 
 use toml::{
     Spanned,
     de::{DeTable, Error},
 };
 
-use super::keys::{self, TableKeys};
+use super::{
+    InForce,
+    keys::{self, TableKeys},
+};
 use crate::{Complaint, Faults, Location};
 
 /// A file during the reading.
@@ -25,6 +32,8 @@ pub(crate) struct Source<'a> {
     findings: RefCell<Findings>,
     /// Whether a schema is made of the keys that the reader asks for.
     pub(crate) is_described: bool,
+    /// Whether values are recorded: those in force, while they are asked for.
+    pub(crate) is_recorded: Cell<bool>,
 }
 
 /// Faults and keys found during the reading.
@@ -32,6 +41,7 @@ pub(crate) struct Source<'a> {
 struct Findings {
     faults: Faults,
     tables: Vec<TableKeys>,
+    in_force: Vec<InForce>,
 }
 
 /// A fault of the syntax.
@@ -60,7 +70,8 @@ impl<'a> Source<'a> {
     pub(crate) fn parse(file: &str, text: &'a str) -> (Self, Spanned<DeTable<'a>>) {
         let (tree, errors) = DeTable::parse_recoverable(text);
         let newlines = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n');
-        let findings = Findings { faults: Faults::new(file), tables: Vec::new() };
+        let findings =
+            Findings { faults: Faults::new(file), tables: Vec::new(), in_force: Vec::new() };
         let mut source = Self {
             text,
             lines: std::iter::once(0).chain(newlines.map(|(at, _)| at + 1)).collect(),
@@ -69,6 +80,7 @@ impl<'a> Source<'a> {
             may_misplace_keys: false,
             findings: RefCell::new(findings),
             is_described: false,
+            is_recorded: Cell::new(false),
         };
         for error in &errors {
             source.note_syntax(error);
@@ -137,6 +149,29 @@ impl<'a> Source<'a> {
         self.findings.borrow_mut().tables.push(table);
     }
 
+    /// Records a value in force.
+    pub(crate) fn record(&self, value: impl FnOnce() -> InForce) {
+        if self.is_recorded.get() {
+            self.findings.borrow_mut().in_force.push(value());
+        }
+    }
+
+    /// Number of values recorded so far.
+    pub(crate) fn recorded(&self) -> usize {
+        self.findings.borrow().in_force.len()
+    }
+
+    /// Reads a table that is not in force, for its keys alone.
+    pub(crate) fn idly(&self, read: impl FnOnce()) {
+        let before = self.is_recorded.replace(false);
+        read();
+        self.is_recorded.set(before);
+    }
+
+    pub(crate) fn take_in_force(&self) -> Vec<InForce> {
+        std::mem::take(&mut self.findings.borrow_mut().in_force)
+    }
+
     /// The tables that were read, after the last one is closed.
     pub(crate) fn into_tables(self) -> Vec<TableKeys> {
         self.findings.into_inner().tables
@@ -144,7 +179,7 @@ impl<'a> Source<'a> {
 
     /// All faults, after the last table is closed.
     pub(crate) fn into_faults(self) -> Faults {
-        let Findings { mut faults, tables } = self.findings.into_inner();
+        let Findings { mut faults, tables, .. } = self.findings.into_inner();
         for (location, complaint) in keys::complaints(&tables) {
             let is_doubtful =
                 if complaint.is_missing() { self.may_hide_keys } else { self.may_misplace_keys };

@@ -87,7 +87,7 @@ impl<'d> Table<'d> {
     ///
     /// # Panics
     /// If there are no words.
-    pub fn choice<T: Clone>(
+    pub fn choice<T: Clone + PartialEq>(
         &mut self,
         key: &'static str,
         words: impl IntoIterator<Item = (&'static str, T)>,
@@ -168,21 +168,30 @@ impl<'t, 'd, K: Kind> Entry<'t, 'd, K> {
         let slot = self.slot(value);
         if value.is_none() {
             // This registers the keys of a section that the file does not have.
-            self.kind.placeholder(&slot);
+            slot.source.idly(|| _ = self.kind.placeholder(&slot));
+            if !self.kind.has_tables() {
+                slot.record(None);
+            }
         }
         value.map(|value| slot.setting(&self.kind, Some(value)))
     }
 
     /// The value, or `default` if the table does not have the key.
-    pub fn or(self, default: K::Value) -> Setting<K::Value> {
-        let (key, location, is_sound) = (self.key, self.table.location(), self.table.is_there());
-        self.optional().unwrap_or(Setting {
-            value: default,
-            location,
-            key,
-            is_item: false,
-            is_sound,
-        })
+    pub fn or(mut self, default: K::Value) -> Setting<K::Value> {
+        self.describe(false);
+        let value = self.find();
+        let slot = self.slot(value);
+        if value.is_some() {
+            return slot.setting(&self.kind, value);
+        }
+        let recorded = slot.source.recorded();
+        // This registers the keys of a section that the file does not have.
+        self.kind.placeholder(&slot);
+        if slot.source.recorded() == recorded {
+            slot.record(self.kind.written(&default));
+        }
+        let (location, is_sound) = (self.table.location(), self.table.is_there());
+        Setting { value: default, location, key: self.key, is_item: false, is_sound }
     }
 
     /// A list of 1 to 1000 such values.

@@ -1,6 +1,6 @@
 //! The faults of a file, as a person reads them.
 
-use super::{Setting, Table, read};
+use super::{InForce, Setting, Table, in_force, read};
 use crate::{Complaint, Faults};
 
 /// A file with every kind of value.
@@ -280,4 +280,49 @@ fn faults_stay_in_the_order_of_the_lines_when_a_later_check_adds_one() {
     touch.angles_deg.value[0].check(&mut faults, complaint);
     let columns: Vec<_> = faults.iter().map(|fault| fault.location.column).collect();
     assert_eq!(columns, [15, 27]);
+}
+
+#[test]
+fn values_in_force_have_their_place_also_those_that_the_file_leaves_out() {
+    fn file(table: &mut Table<'_>) {
+        table.text("name").required();
+        table.number("angles_deg").list().required();
+        table.number("speed").or(1.5);
+        table.choice("order", [("listed", 'l'), ("random", 'r')]).or('r');
+        table.whole("seed").optional();
+        table.section("sweep", |table| _ = table.number("low_hz").interval().or((1.0, 2.0))).or(());
+        table.section("unused", |table| _ = table.flag("is_used").or(true)).optional();
+        let sample = |table: &mut Table<'_>| {
+            table.text("label").required();
+            table.flag("is_blind").or(false);
+        };
+        table.section("samples", sample).list().or(Vec::new());
+    }
+    let text = "angles_deg = [0,\n  15]\nname = \"a\"\n[[samples]]\nlabel = \"x\"\n[[samples]]\n\
+                is_blind = true\nlabel = \"y\"\n";
+    let ((), faults, values) = in_force("f.toml", text, file);
+    assert!(faults.is_empty(), "{faults}");
+    let shown = |value: InForce| {
+        let text = value.text.unwrap_or_else(|| "not given".to_owned());
+        let line = value.location.map_or("default".to_owned(), |at| format!("line {}", at.line));
+        format!("{} = {text}, {line}", value.name)
+    };
+    let shown: Vec<_> = values.into_iter().map(shown).collect();
+    let expected = [
+        "name = \"a\", line 3",
+        "angles_deg = [0, 15], line 1",
+        "speed = 1.5, default",
+        "order = \"random\", default",
+        "seed = not given, default",
+        "sweep.low_hz = [1, 2], default",
+        "samples[0].label = \"x\", line 5",
+        "samples[0].is_blind = false, default",
+        "samples[1].label = \"y\", line 8",
+        "samples[1].is_blind = true, line 7",
+    ];
+    assert_eq!(shown, expected);
+    // A list of tables that is left out.
+    let (.., values) = in_force("f.toml", "name = \"a\"\nangles_deg = [0]\n", file);
+    let last = values.last().unwrap();
+    assert_eq!((last.name.as_str(), last.text.as_deref()), ("samples", Some("[]")));
 }

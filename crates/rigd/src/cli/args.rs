@@ -3,28 +3,32 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use rig_store::{Reader, Run, Store, StoreError};
+use rig_store::{Reader, Run, Store};
 
-use super::Failure;
-use crate::{loaded_rig::LoadedRig, operator::Operator, rig::TouchOrder};
-
-/// The rig file that is meant where none is given: the shipped one, below the current directory.
-pub(super) const DEFAULT_RIG: &str = "config/rigs/simulated.toml";
+use super::{Failure, table::note};
+use crate::{
+    loaded_rig::LoadedRig,
+    operator::Operator,
+    place::{Place, PlaceKind},
+    rig::TouchOrder,
+};
 
 /// The rig to use.
 #[derive(Debug, Args)]
 pub(super) struct RigArgs {
-    /// Rig file of the bench
-    #[arg(long, value_name = "RIG", default_value = DEFAULT_RIG)]
-    pub(super) rig: PathBuf,
+    /// Rig file of the bench [default: the first of /etc/rigd/rig.toml, ~/.config/rigd/rig.toml and
+    /// config/rigs/simulated.toml]
+    #[arg(long, value_name = "RIG")]
+    pub(super) rig: Option<PathBuf>,
 }
 
 /// Data directory with the journal.
 #[derive(Debug, Args)]
 pub(super) struct DataArgs {
-    /// Directory of the journal and the reports
-    #[arg(long, value_name = "DIR", default_value = "data")]
-    pub(super) data: PathBuf,
+    /// Directory of the journal and the reports [default: that of the rig file that is found:
+    /// /var/lib/rigd, ~/.local/share/rigd or data]
+    #[arg(long, value_name = "DIR")]
+    pub(super) data: Option<PathBuf>,
 }
 
 /// The operator of a command.
@@ -100,23 +104,38 @@ impl TouchArgs {
 }
 
 impl DataArgs {
+    /// The directory that is given, or that of the place that is found.
+    pub(super) fn dir(&self) -> PathBuf {
+        self.data.clone().unwrap_or_else(|| Place::found().data)
+    }
+
     /// Opens the journal to read.
     pub(super) fn journal(&self) -> Result<Reader, Failure> {
-        Reader::open(&self.data).map_err(|source| self.failure(source))
+        let data = self.dir();
+        Reader::open(&data).map_err(|source| Failure::Data { data, source })
     }
 
     /// Opens the journal to write.
     pub(super) fn store(&self) -> Result<Store, Failure> {
-        Store::open(&self.data).map_err(|source| self.failure(source))
-    }
-
-    fn failure(&self, source: StoreError) -> Failure {
-        Failure::Data { data: self.data.clone(), source }
+        let data = self.dir();
+        Store::open(&data).map_err(|source| Failure::Data { data, source })
     }
 }
 
 impl RigArgs {
+    /// The file that is given, or that of the place that is found. A file elsewhere than below the current
+    /// directory is said: it may be that of a real bench.
+    pub(super) fn path(&self) -> PathBuf {
+        self.rig.clone().unwrap_or_else(|| {
+            let place = Place::found();
+            if place.kind != PlaceKind::Checkout {
+                note(&format!("rig file: {}, found without --rig", place.rig.display()));
+            }
+            place.rig
+        })
+    }
+
     pub(super) fn load(&self) -> Result<LoadedRig, Failure> {
-        Ok(LoadedRig::load(&self.rig)?)
+        Ok(LoadedRig::load(&self.path())?)
     }
 }

@@ -1,7 +1,7 @@
 //! `rigd check`: whether a protocol can run on a rig, without moving anything, and whether its sweeps
 //! look where the resonances will be.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use rig_files::FileKind;
@@ -106,7 +106,8 @@ struct WarningView {
 }
 
 pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
-    match load(args) {
+    let path = args.rig.path();
+    match load(args, &path) {
         Ok((rig, protocol)) => {
             let predictions = Predictions::of(&protocol.plan, &rig);
             let checked =
@@ -129,7 +130,7 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
             if let (FileError::Faults(faults), true) = (&error, args.output.json) {
                 print_json(&CheckView {
                     protocol: args.protocol.display().to_string(),
-                    rig: args.rig.rig.display().to_string(),
+                    rig: path.display().to_string(),
                     is_runnable: false,
                     faults: faults.iter().map(FaultView::of).collect(),
                     plan: None,
@@ -142,8 +143,8 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
 
 /// Reads both files. When the rig file has faults, those that the protocol has on any rig are said
 /// too.
-fn load(args: &CheckArgs) -> Result<(LoadedRig, LoadedProtocol), FileError> {
-    match LoadedRig::load(&args.rig.rig) {
+fn load(args: &CheckArgs, rig: &Path) -> Result<(LoadedRig, LoadedProtocol), FileError> {
+    match LoadedRig::load(rig) {
         Ok(rig) => {
             let protocol = LoadedProtocol::load(&args.protocol, &rig.facts())?;
             Ok((rig, protocol))

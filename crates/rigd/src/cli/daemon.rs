@@ -88,7 +88,7 @@ const SETTLE_TIME: Duration = Duration::from_secs(60);
 pub(super) fn status(args: &StatusArgs) -> Result<(), Failure> {
     let operator = crate::operator::Operator::login();
     let view: Value =
-        over_http(async { Client::find(&args.data.data, &operator)?.get("/api/v1/rig").await })?;
+        over_http(async { Client::find(&args.data.dir(), &operator)?.get("/api/v1/rig").await })?;
     if args.output.json {
         return print_json(&view);
     }
@@ -148,7 +148,7 @@ pub(super) fn answer(args: &AnswerArgs) -> Result<(), Failure> {
 
 impl DaemonArgs {
     pub(super) fn client(&self) -> Result<Client, DaemonError> {
-        Client::find(&self.data.data, &self.operator.name())
+        Client::find(&self.data.dir(), &self.operator.name())
     }
 }
 

@@ -45,7 +45,7 @@ struct FindingView {
 pub(super) fn doctor(args: &DoctorArgs) -> Result<(), Failure> {
     let rig = args.rig.load()?;
     let name = rig.file.name.clone();
-    let findings = doctor::findings(&args.data.data, &name, &rig::inspect(rig)?);
+    let findings = doctor::findings(&args.data.dir(), &name, &rig::inspect(rig)?);
     let count = |level| findings.iter().filter(|finding| finding.level == level).count();
     let (problems, warnings) = (count(Level::Problem), count(Level::Warning));
     if args.output.json {

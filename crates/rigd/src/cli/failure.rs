@@ -12,12 +12,13 @@ use rig_report::export::ExportError;
 use rig_store::StoreError;
 use rig_verify::JournalError;
 
-use super::{args::DEFAULT_RIG, client::DaemonError};
+use super::client::DaemonError;
 use crate::{
     doctor::advice,
     endpoint::EndpointError,
     http::{access::TokenError, tls::TlsError},
     loaded_rig::FileError,
+    place::SHIPPED_RIG,
     rig::{OpenError, RequestRefusal, ResumeRefusal},
     run_files::RunFilesError,
     sweep_form::SweepFaults,
@@ -252,10 +253,10 @@ impl Failure {
                 "`rigd serve --data DIR` starts one; `rigd runs --data DIR` lists the runs without one",
             ),
             Self::Open(error) => advice::on_rig(error),
-            Self::BadFile(FileError::Missing { path, .. }) if path == Path::new(DEFAULT_RIG) => {
+            Self::BadFile(FileError::Missing { path, .. }) if path == Path::new(SHIPPED_RIG) => {
                 Some(
-                    "give a rig file with --rig; without --rig, rigd looks for the shipped one \
-                      here",
+                    "give a rig file with --rig; without --rig, rigd looks in /etc/rigd, in \
+                     ~/.config/rigd, and for the shipped one here",
                 )
             }
             _ => None,

@@ -84,7 +84,8 @@ pub(super) fn measure(args: &MeasureArgs) -> Result<(), Failure> {
         linear: args.at_mm.map(|mm| linear_target(&limits, mm)).transpose()?,
         rotary: args.angle_deg.map(|deg| rotary_target(&limits, deg)).transpose()?,
     };
-    let (data, rest) = (&args.bench.data.data, limits.linear.rest_target().position());
+    let data = &args.bench.data.dir();
+    let rest = limits.linear.rest_target().position();
     let operator = args.bench.operator.name();
     let measured = with_rig(rig, data, &operator, LeftInContact::Refuse, async |session| {
         if let Some(target) = order.rotary {

@@ -68,7 +68,7 @@ pub(super) fn to(args: &MoveArgs) -> Result<(), Failure> {
     show(
         &with_rig(
             rig,
-            &args.bench.data.data,
+            &args.bench.data.dir(),
             &args.bench.operator.name(),
             LeftInContact::Refuse,
             moved,
@@ -86,7 +86,7 @@ pub(super) fn home(args: &HomeArgs) -> Result<(), Failure> {
     } else {
         LeftInContact::Retract
     };
-    show(&with_rig(rig, &args.bench.data.data, &operator, left, homed)?, &args.output)
+    show(&with_rig(rig, &args.bench.data.dir(), &operator, left, homed)?, &args.output)
 }
 
 /// A height within the soft limits. It is checked before the rig is opened, so that a mistyped

@@ -87,7 +87,7 @@ impl BenchKind {
 }
 
 pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
-    let data = &args.bench.data.data;
+    let data = &args.bench.data.dir();
     let (order, rig, left) = match (&args.resume, &args.protocol) {
         (Some(wanted), _) => {
             let run = args.bench.data.journal()?.find(wanted)?;
@@ -119,7 +119,8 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
 
 /// Measures one touch of a run again.
 pub(super) fn redo(args: &RedoArgs) -> Result<(), Failure> {
-    let (data, rig) = (&args.touch.run.data.data, args.rig.load()?);
+    let data = &args.touch.run.data.dir();
+    let rig = args.rig.load()?;
     let touch = args.touch.order()?;
     let (run, bench, operator) = (touch.run, BenchKind::of(&rig), args.touch.operator.name());
     let order = Order::Redo { touch, is_confirmed: args.accept_changes };

@@ -139,14 +139,14 @@ pub(super) fn list(args: &RunsArgs) -> Result<(), Failure> {
 
 pub(super) fn show(args: &ShowArgs) -> Result<(), Failure> {
     let (reader, run) = args.run.find()?;
-    print_run(&args.run.data.data, &reader, &run, args.output.json)
+    print_run(&args.run.data.dir(), &reader, &run, args.output.json)
 }
 
 /// Prints the results of a run for a person.
 pub(super) fn show_run(data: &DataArgs, run: &str) -> Result<(), Failure> {
     let reader = data.journal()?;
     let run = reader.find(run)?;
-    print_run(&data.data, &reader, &run, false)
+    print_run(&data.dir(), &reader, &run, false)
 }
 
 fn print_run(data: &Path, reader: &Reader, run: &Run, is_json: bool) -> Result<(), Failure> {
@@ -156,7 +156,7 @@ fn print_run(data: &Path, reader: &Reader, run: &Run, is_json: bool) -> Result<(
 }
 
 pub(super) fn report(args: &ReportArgs) -> Result<(), Failure> {
-    let data = &args.run.data.data;
+    let data = &args.run.data.dir();
     let (reader, run) = args.run.find()?;
     let path = match &args.out {
         Some(path) => {
@@ -173,7 +173,7 @@ pub(super) fn report(args: &ReportArgs) -> Result<(), Failure> {
 pub(super) fn give_up(args: &GiveUpArgs) -> Result<(), Failure> {
     let (_, run) = args.run.find()?;
     args.run.data.store()?.give_up(run.id, 0, args.operator.name().as_str())?;
-    run_files::write(&args.run.data.data, run.id)?;
+    run_files::write(&args.run.data.dir(), run.id)?;
     note(&format!("{} is given up and sealed", run.short_name()));
     Ok(())
 }
@@ -203,15 +203,16 @@ const NOTES: &str = "notes.json";
 
 /// Copies a journal that may be written meanwhile, and checks the copy.
 pub(super) fn back_up(args: &BackupArgs) -> Result<(), Failure> {
+    let from = args.data.dir();
     let data_error = |source| {
         let data = match &source {
             StoreError::NotEmpty => &args.to,
-            _ => &args.data.data,
+            _ => &from,
         };
         Failure::Data { data: data.clone(), source }
     };
-    let runs = rig_store::back_up(&args.data.data, &args.to).map_err(data_error)?;
-    let (notes, copy) = (args.data.data.join(NOTES), args.to.join(NOTES));
+    let runs = rig_store::back_up(&from, &args.to).map_err(data_error)?;
+    let (notes, copy) = (from.join(NOTES), args.to.join(NOTES));
     if notes.exists() {
         fs::copy(&notes, &copy).map_err(|source| Failure::File { path: copy, source })?;
     }
@@ -228,14 +229,15 @@ pub(super) fn back_up(args: &BackupArgs) -> Result<(), Failure> {
 
 /// Copies what verifies of a damaged journal.
 pub(super) fn salvage(args: &SalvageArgs) -> Result<(), Failure> {
+    let from = args.data.dir();
     let data_error = |source| {
         let data = match &source {
             StoreError::NotEmpty => &args.to,
-            _ => &args.data.data,
+            _ => &from,
         };
         Failure::Data { data: data.clone(), source }
     };
-    let salvaged = rig_store::salvage(&args.data.data, &args.to).map_err(data_error)?;
+    let salvaged = rig_store::salvage(&from, &args.to).map_err(data_error)?;
     let view = |run: rig_store::SalvagedRun| SalvagedView {
         run_id: run.id,
         name: run.name,
@@ -268,7 +270,7 @@ pub(super) fn skip(args: &TouchArgs) -> Result<(), Failure> {
     let (data, touch) = (&args.run.data, args.order()?);
     rig::skip(&data.store()?, &touch, args.operator.name().as_str(), 0)
         .map_err(RequestRefusal::from)?;
-    run_files::write(&data.data, touch.run)?;
+    run_files::write(&data.dir(), touch.run)?;
     note(&format!("{} is left out; its readings stay in the journal", touch.step));
     Ok(())
 }

@@ -9,7 +9,7 @@ use std::{
 };
 
 use clap::{Args, Subcommand, ValueEnum};
-use rig_files::rig_file::RigFile;
+use rig_files::{rig_file::RigFile, service_file::ServiceFile};
 use rig_protocol::Protocol;
 use serde_json::Value;
 
@@ -38,6 +38,8 @@ enum FileKind {
     #[cfg(feature = "simulator")]
     /// Sensor, samples and nuisances of a simulated bench
     Scene,
+    /// The settings of the daemon
+    Service,
 }
 
 #[derive(Debug, Args)]
@@ -60,6 +62,7 @@ struct NewProtocolArgs {
 
 const PROTOCOL: &str = include_str!("../../../../config/protocols/three-direction.toml");
 const RIG: &str = include_str!("../../../../config/rigs/simulated.toml");
+const SERVICE: &str = include_str!("../../../../config/service/service.toml");
 #[cfg(feature = "simulator")]
 const SCENE: &str = include_str!("../../../../config/scenes/paper.toml");
 
@@ -70,6 +73,7 @@ pub(super) fn schema(args: &SchemaArgs) -> Result<(), Failure> {
         FileKind::Rig => (RigFile::schema(), RIG),
         #[cfg(feature = "simulator")]
         FileKind::Scene => (rig_sim::scene::schema(), SCENE),
+        FileKind::Service => (ServiceFile::schema(), SERVICE),
     };
     let comments = comments(manual);
     let schema = described(schema, "", &comments);

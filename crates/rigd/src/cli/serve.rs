@@ -3,13 +3,14 @@
 use std::{
     collections::BTreeSet,
     io,
-    net::{Ipv4Addr, SocketAddr, ToSocketAddrs},
+    net::{Ipv4Addr, SocketAddr},
     path::PathBuf,
     time::Duration,
 };
 
 use axum::Router;
 use clap::Args;
+use rig_files::service_file::TlsFile;
 use rig_model::with_causes;
 use tokio::{
     net::{TcpListener, TcpSocket},
@@ -26,15 +27,18 @@ use super::{
     manager,
     screen::{say, say_clearly},
     session::{left, open},
+    settings::{ServiceArgs, Settings},
     signals::Signals,
 };
 use crate::{
     endpoint::{Announced, Endpoint},
     http::{
         self,
-        access::{Access, HostName, Token},
+        access::{Access, Token},
         tls::Tls,
     },
+    loaded_rig::LoadedRig,
+    operator::Operator,
     protocol_file::LoadedProtocol,
     queue,
     rig::Status,
@@ -48,35 +52,8 @@ pub(super) struct ServeArgs {
     protocol: Option<PathBuf>,
     #[command(flatten)]
     bench: BenchArgs,
-    /// Address and port to listen on. Any but a loopback address needs tokens (`rigd token new`)
-    #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:8137", value_parser = address)]
-    listen: SocketAddr,
-    /// Another name by which clients may call this computer; can be given several times
-    #[arg(long, value_name = "NAME")]
-    allow_host: Vec<HostName>,
-    /// File with the token that clients must send as `Authorization: Bearer`
-    #[arg(long, value_name = "FILE")]
-    token_file: Option<PathBuf>,
-    /// Begin what waits in the queue without waiting for `rigd queue release`, unless a person or a
-    /// fault has held it
-    #[arg(long)]
-    release_queue: bool,
     #[command(flatten)]
-    tls: TlsArgs,
-}
-
-/// Whether clients must speak TLS.
-#[derive(Debug, Args)]
-struct TlsArgs {
-    /// Speak TLS, with a certificate that the daemon makes for itself in its data directory
-    #[arg(long, conflicts_with = "tls_certificate")]
-    tls: bool,
-    /// Speak TLS, with the certificate chain in this file (PEM), which is read again when it changes
-    #[arg(long, value_name = "FILE", requires = "tls_key")]
-    tls_certificate: Option<PathBuf>,
-    /// File with the key of the certificate (PEM)
-    #[arg(long, value_name = "FILE", requires = "tls_certificate")]
-    tls_key: Option<PathBuf>,
+    service: ServiceArgs,
 }
 
 /// Journals are read on threads of their own. With more of them the disk would be no faster.
@@ -86,9 +63,11 @@ const READING_TIME: Duration = Duration::from_secs(1);
 
 pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
     let secret = Secret::new().map_err(|source| Failure::System { what: "secret", source })?;
-    let access = access(args, &secret)?;
-    let tls = tls(args)?;
-    let rig = args.bench.rig.load()?;
+    let settings = Settings::settle(&args.bench, &args.service)?;
+    settings.say();
+    let access = access(&settings, args.bench.operator.name(), &secret)?;
+    let tls = tls(&settings)?;
+    let rig = LoadedRig::load(&settings.rig.value)?;
     let facts = rig.facts();
     let loaded =
         args.protocol.as_ref().map(|path| LoadedProtocol::load(path, &facts)).transpose()?;
@@ -98,24 +77,24 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
         .enable_all()
         .build()
         .map_err(|source| Failure::System { what: "runtime", source })?;
-    let data = args.bench.data.data.clone();
+    let data = settings.data.value.clone();
     let served = runtime.block_on(async {
         let mut signals = Signals::new()?;
         // The address is bound first: a daemon that cannot be reached must not move anything.
-        let door = Door::open(args.listen, tls)?;
+        let door = Door::open(settings.listen.value, tls)?;
         let (handle, thread) = open(rig, data.clone(), &mut signals).await?;
         watch_over_http(Handle::current(), handle.clone())?;
         let closing = CancellationToken::new();
         tokio::spawn(write_ended_runs(handle.status(), data.clone()));
         let shared =
             http::Shared::new(handle.clone(), facts, loaded, data.clone(), access, closing.clone());
-        let opened = shared.open_queue(args.release_queue).await;
+        let opened = shared.open_queue(settings.release_queue.value).await;
         opened.map_err(|source| Failure::File { path: data.join(queue::FILE), source })?;
         let no_more_runs = CancellationToken::new();
         tokio::spawn(shared.clone().run_queue(no_more_runs.clone()));
         let telling = tokio::spawn(manager::feed(shared.clone()));
         let keeping = tokio::spawn(shared.clone().keep_uses());
-        let announced = door.announce(args, &secret);
+        let announced = door.announce(&settings, &secret);
         let (name, router) = (door.name(), http::router(shared));
         let mut serving = door.serve(router, &closing);
         let mut has_http_ended = false;
@@ -182,10 +161,10 @@ impl Door {
     }
 
     /// Writes the file by which commands of this computer find the daemon.
-    fn announce(&self, args: &ServeArgs, secret: &Secret) -> Option<Announced> {
+    fn announce(&self, settings: &Settings, secret: &Secret) -> Option<Announced> {
         let address = self.local.as_ref().map_or(self.address, |(_, address)| *address);
-        let endpoint = Endpoint::of(address, args.token_file.as_deref(), Some(secret));
-        match endpoint.and_then(|endpoint| endpoint.announce(&args.bench.data.data)) {
+        let endpoint = Endpoint::of(address, settings.token_file.value.as_deref(), Some(secret));
+        match endpoint.and_then(|endpoint| endpoint.announce(&settings.data.value)) {
             Ok(announced) => Some(announced),
             Err(error) => {
                 say(&format!(
@@ -233,31 +212,6 @@ async fn write_ended_runs(mut status: watch::Receiver<Status>, data: PathBuf) {
     }
 }
 
-/// An address that cannot be listened on.
-#[derive(Debug, thiserror::Error)]
-enum BadAddress {
-    #[error("expected an address or a name and a port, such as 127.0.0.1:8137 or localhost:8137")]
-    Form,
-    #[error("the name `{name}` has no address here; give an address of this computer")]
-    Unknown { name: String },
-}
-
-/// An address, or the first one of a name. For a local name an IPv4 address is preferred, because
-/// clients use it most often.
-fn address(text: &str) -> Result<SocketAddr, BadAddress> {
-    if let Ok(address) = text.parse() {
-        return Ok(address);
-    }
-    let (name, port) = text.rsplit_once(':').ok_or(BadAddress::Form)?;
-    let port: u16 = port.parse().map_err(|_| BadAddress::Form)?;
-    if name.is_empty() || name.contains(':') {
-        return Err(BadAddress::Form);
-    }
-    let unknown = || BadAddress::Unknown { name: name.to_owned() };
-    let addresses = (name, port).to_socket_addrs().map_err(|_| unknown())?;
-    addresses.min_by_key(SocketAddr::is_ipv6).ok_or_else(unknown)
-}
-
 /// Connections that the system holds until they are accepted. Beyond this number a client waits for
 /// a second before it tries again, even to stop the rig.
 const BACKLOG: u32 = 1024;
@@ -293,51 +247,31 @@ fn called(address: SocketAddr, has_tls: bool) -> String {
 }
 
 /// The certificate, where clients must speak TLS.
-fn tls(args: &ServeArgs) -> Result<Option<Tls>, Failure> {
-    let files = args.tls.tls_certificate.as_ref().zip(args.tls.tls_key.as_ref());
-    if let Some((certificate, key)) = files {
-        return Ok(Some(Tls::open(certificate, key)?));
+fn tls(settings: &Settings) -> Result<Option<Tls>, Failure> {
+    match &settings.tls.value {
+        TlsFile::Off => return Ok(None),
+        TlsFile::Files { certificate, key } => return Ok(Some(Tls::open(certificate, key)?)),
+        TlsFile::SelfSigned => {}
     }
-    if !args.tls.tls {
-        return Ok(None);
-    }
-    let listening = args.listen.ip();
+    let listening = settings.listen.value.ip();
     let address = (!listening.is_unspecified()).then(|| listening.to_string());
-    let allowed = args.allow_host.iter().map(ToString::to_string);
+    let allowed = settings.allow_hosts.value.iter().map(ToString::to_string);
     let known = ["localhost", "127.0.0.1", "::1"].map(str::to_owned);
     let names: BTreeSet<_> = known.into_iter().chain(allowed).chain(address).collect();
-    let tls = Tls::own(&args.bench.data.data, names.into_iter().collect())?;
+    let tls = Tls::own(&settings.data.value, names.into_iter().collect())?;
     say(&format!("rigd: clients can trust {}", tls.certificate().display()));
     Ok(Some(tls))
 }
 
 /// The access rules. Another computer needs a token.
-fn access(args: &ServeArgs, secret: &Secret) -> Result<Access, Failure> {
-    let address = args.listen.ip().to_canonical();
-    let token = args.token_file.as_ref().map(|path| Token::read(path)).transpose()?;
-    let tokens = Tokens::open(&args.bench.data.data)?;
+fn access(settings: &Settings, operator: Operator, secret: &Secret) -> Result<Access, Failure> {
+    let listen = settings.listen.value;
+    let address = listen.ip().to_canonical();
+    let token = settings.token_file.value.as_ref().map(|path| Token::read(path)).transpose()?;
+    let tokens = Tokens::open(&settings.data.value)?;
     if !address.is_loopback() && token.is_none() && !tokens.is_in_use() {
-        return Err(Failure::NoToken { listen: args.listen });
+        return Err(Failure::NoToken { listen });
     }
-    let names = args.allow_host.iter().cloned();
-    Ok(Access::new(address, names, token, args.bench.operator.name()).with_tokens(tokens, secret))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_address_to_listen_on_may_be_a_name() {
-        let local: SocketAddr = "127.0.0.1:8140".parse().unwrap();
-        assert_eq!(address("127.0.0.1:8140").unwrap(), local);
-        assert_eq!(address("localhost:8140").unwrap(), local);
-        assert_eq!(address("[::1]:80").unwrap(), "[::1]:80".parse().unwrap());
-        for text in
-            ["", "8140", ":8140", "localhost", "localhost:", "localhost:x", "::1", "a:99999"]
-        {
-            assert!(matches!(address(text), Err(BadAddress::Form)), "{text}");
-        }
-        assert!(matches!(address("no-such-host.invalid:1"), Err(BadAddress::Unknown { .. })));
-    }
+    let names = settings.allow_hosts.value.iter().cloned();
+    Ok(Access::new(address, names, token, operator).with_tokens(tokens, secret))
 }

@@ -66,7 +66,7 @@ struct TokenView {
 pub(super) fn token(args: &TokenArgs) -> Result<(), Failure> {
     match &args.command {
         TokenCommand::New { name, role, data } => {
-            let secret = tokens::make(&data.data, name, *role)?;
+            let secret = tokens::make(&data.dir(), name, *role)?;
             print(secret.reveal())?;
             note(&format!(
                 "token of {name} with the role {}; rigd does not keep it, so that it cannot be shown \
@@ -77,7 +77,7 @@ pub(super) fn token(args: &TokenArgs) -> Result<(), Failure> {
         }
         TokenCommand::List { data, output } => list(data, output),
         TokenCommand::Revoke { name, data } => {
-            tokens::revoke(&data.data, name)?;
+            tokens::revoke(&data.dir(), name)?;
             note(&format!("the token of {name} opens nothing from now on"));
             Ok(())
         }
@@ -85,7 +85,7 @@ pub(super) fn token(args: &TokenArgs) -> Result<(), Failure> {
 }
 
 fn list(data: &DataArgs, output: &OutputArgs) -> Result<(), Failure> {
-    let (tokens, uses) = (tokens::read(&data.data)?, tokens::uses(&data.data));
+    let (tokens, uses) = (tokens::read(&data.dir())?, tokens::uses(&data.dir()));
     let views: Vec<_> = tokens
         .into_iter()
         .map(|token| TokenView {
@@ -128,7 +128,7 @@ struct Link {
 
 pub(super) fn open(args: &OpenArgs) -> Result<(), Failure> {
     let (client, link) = over_http(async {
-        let client = Client::find(&args.data.data, &Operator::login())?;
+        let client = Client::find(&args.data.dir(), &Operator::login())?;
         let link: Link = client.make("/api/v1/links").await?;
         Ok((client, link))
     })?;
@@ -164,7 +164,7 @@ pub(super) struct LeaseArgs {
 
 pub(super) fn lease(args: &LeaseArgs) -> Result<(), Failure> {
     let rig: RigView = over_http(async {
-        let client = Client::find(&args.data.data, &args.operator.name())?;
+        let client = Client::find(&args.data.dir(), &args.operator.name())?;
         if args.take_over {
             client.post_json("/api/v1/lease", r#"{"take_over": true}"#).await?;
         } else if args.give_back {

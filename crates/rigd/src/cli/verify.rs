@@ -39,7 +39,7 @@ pub(super) struct VerifyArgs {
 
 pub(super) fn verify(args: &VerifyArgs) -> Result<(), Failure> {
     let (reader, run) = args.run.find()?;
-    let data = &args.run.data.data;
+    let data = &args.run.data.dir();
     let verdict = rig_verify::verify(data, &run.id.to_string())
         .map_err(|source| Failure::Unchecked { data: data.clone(), source })?;
     let folder = run_files::folder(data, &run);
