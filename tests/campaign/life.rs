@@ -315,9 +315,8 @@ impl Life<'_> {
             !is_due
         });
         for trouble in begun {
-            if let Some(phase) = phase {
-                self.played.begun.push((trouble.row, phase));
-            }
+            // Between phases it counts as of its own.
+            self.played.begun.push((trouble.row, phase.unwrap_or(trouble.phase)));
             self.begin(handle, status, &trouble).await;
             self.all.push(trouble);
         }
