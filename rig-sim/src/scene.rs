@@ -56,7 +56,6 @@ pub fn matched() -> Scene {
 fn scene(table: &mut Table<'_>) -> Scene {
     let samples = samples(table, Presence::Required, sample);
     let contact = table.section("contact", contact).required().value;
-    let design = |table: &mut Table<'_>| DesignKeys::read(table, Presence::Required, None);
     let section = table.section("sensor", design).required();
     let sensor = section.value.sensor(table, &section);
     Scene {
@@ -82,6 +81,18 @@ const ORIENTATIONS: [(&str, Orientation); 2] = [
     (Orientation::FrontBack.name(), Orientation::FrontBack),
     (Orientation::Left.name(), Orientation::Left),
 ];
+
+/// Furthest that a ball may be from the axis of its probe, mm: further than any probe is bent.
+const BALL_OFFSET_MAX_MM: f64 = 5.0;
+
+/// Reads the sensor. A rig file describes a ball on the axis of its probe, a scene may have it beside.
+fn design(table: &mut Table<'_>) -> DesignKeys {
+    let mut keys = DesignKeys::read(table, Presence::Required, None);
+    let range = -BALL_OFFSET_MAX_MM..=BALL_OFFSET_MAX_MM;
+    let mut offset_mm = |key| table.number(key).range(range.clone()).or(0.0).value;
+    keys.design.probe_offset_mm = [offset_mm("ball_along_mm"), offset_mm("ball_across_mm")];
+    keys
+}
 
 fn sample(table: &mut Table<'_>, known: KnownSample) -> Sample {
     let KnownSample { name, stiffness_mpa } = known;
@@ -223,6 +234,24 @@ mod tests {
         let scene = read("s.toml", &short).unwrap();
         assert_eq!(scene.nuisances, Nuisances::NONE);
         assert_eq!(scene.sensor, matched().sensor);
+    }
+
+    #[test]
+    fn a_ball_may_be_beside_the_axis_of_its_probe() {
+        let text = include_str!("../../config/scenes/matched.toml");
+        let keys = "ball_along_mm = 0";
+        assert!(text.contains(keys));
+        let scene = read("s.toml", &text.replacen(keys, "ball_along_mm = 0.3", 1)).unwrap();
+        assert_eq!(scene.sensor.design.probe_offset_mm, [0.3, 0.0]);
+        let across = text.replacen("ball_across_mm = 0", "ball_across_mm = -0.2", 1);
+        let scene = read("s.toml", &across).unwrap();
+        assert_eq!(scene.sensor.design.probe_offset_mm, [0.0, -0.2]);
+        assert!(crate::world::World::new(scene, 1).is_ok());
+        check(keys, "ball_along_mm = 300", "ball_along_mm = 300");
+        check(keys, "ball_along_mm = -6", "ball_along_mm = -6");
+        // Without the keys the ball is on the axis.
+        let without = text.replacen(keys, "", 1).replacen("ball_across_mm = 0", "", 1);
+        assert_eq!(read("s.toml", &without).unwrap().sensor, matched().sensor);
     }
 
     #[test]

@@ -295,6 +295,24 @@ mod tests {
         assert!(crash_hz.is_finite() && crash_hz > front_hz, "{crash_hz}");
     }
 
+    /// The end of the beam turns by 2.3° for each millimetre that it moves, so that a ball further from the
+    /// clamp moves more. A ball across the beam only twists it.
+    #[test]
+    fn a_ball_beside_the_axis_feels_another_stiffness() {
+        let shift_hz = |probe_offset_mm: [f64; 2]| {
+            let mut scene = SensorScene { deflects: false, ..matched().sensor };
+            scene.design.probe_offset_mm = probe_offset_mm;
+            let free = SensorModel::new(scene, 0.649, 1.0).unwrap().circuit(None, 0.0);
+            touching(scene, 0.1, 0.0).series_resonance_hz - free.series_resonance_hz
+        };
+        let on_axis_hz = shift_hz([0.0; 2]);
+        let ratio = |offset_mm: [f64; 2]| shift_hz(offset_mm) / on_axis_hz;
+        let (out, back) = (ratio([0.3, 0.0]), ratio([-0.3, 0.0]));
+        assert!((1.01..1.03).contains(&out) && (0.97..0.99).contains(&back), "{out} {back}");
+        let across = ratio([0.0, 0.3]);
+        assert!((0.99..1.0).contains(&across), "{across}");
+    }
+
     /// A choice is taken over for the same contacts and tolerance only.
     #[test]
     fn each_tolerance_has_the_model_that_it_would_have_alone() {
