@@ -2,11 +2,15 @@
 //!
 //! `config/service/service.toml` is the manual of its keys. Paths in it begin at its directory.
 
+mod notifications;
+
 use std::path::{Path, PathBuf};
+
+pub use notifications::{Address, EventKind, NotificationsFile, TargetFile, Url, Via};
 
 use crate::{
     Complaint, Faults,
-    settings::{self, Setting, Table},
+    settings::{self, InForce, Setting, Table},
 };
 
 /// A checked service file. What it leaves out is `None`.
@@ -22,6 +26,8 @@ pub struct ServiceFile {
     pub release_queue: Option<Setting<bool>>,
     /// How the daemon speaks TLS.
     pub tls: Option<Setting<TlsFile>>,
+    /// Who is told what happens on the rig.
+    pub notifications: Option<Setting<NotificationsFile>>,
 }
 
 /// How the daemon speaks TLS.
@@ -73,6 +79,19 @@ impl ServiceFile {
         faults.finish(file)
     }
 
+    /// The values in force of the section `[notifications]` of a service file, each with its place.
+    ///
+    /// # Errors
+    /// All faults of the file.
+    pub fn in_force(path: &Path, text: &str) -> Result<Vec<InForce>, Faults> {
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let name = path.display().to_string();
+        let (_, faults, mut values) =
+            settings::in_force(&name, text, |table| service(table, folder));
+        values.retain(|value| value.name.starts_with("notifications."));
+        faults.finish(values)
+    }
+
     /// The JSON Schema of service files.
     pub fn schema() -> serde_json::Value {
         settings::schema("service file of rigd", |table| service(table, Path::new("")))
@@ -92,6 +111,9 @@ fn service(table: &mut Table<'_>, folder: &Path) -> ServiceFile {
         token_file: path(table, "token_file", folder),
         release_queue: table.flag("release_queue").optional(),
         tls: table.section("tls", |table| tls(table, folder)).optional(),
+        notifications: table
+            .section("notifications", |table| notifications::notifications(table, folder))
+            .optional(),
     }
 }
 

@@ -6,16 +6,30 @@ use rig_protocol::{Action, Phase, Plan, Pose, Prompt};
 /// The text of a prompt.
 pub(crate) fn prompt(plan: &Plan, prompt: &Prompt) -> String {
     match *prompt {
-        Prompt::PlaceSample { sample } => {
-            format!("Put sample {} under the probe.", sample_name(plan, sample))
-        }
-        Prompt::TurnSensor { orientation: Orientation::FrontBack } => {
-            "Turn the sensor so that the stage leans it front and back.".to_owned()
-        }
-        Prompt::TurnSensor { orientation: Orientation::Left } => {
-            "Turn the sensor a quarter to the left about its own axis.".to_owned()
-        }
+        Prompt::PlaceSample { sample } => place(sample_name(plan, sample)),
+        Prompt::TurnSensor { orientation } => turn(orientation.name()),
     }
+}
+
+/// The text of a prompt of the journal.
+pub(crate) fn recorded_prompt(prompt: &rig_store::Prompt) -> String {
+    match prompt {
+        rig_store::Prompt::PlaceSample { sample } => place(sample),
+        rig_store::Prompt::TurnSensor { orientation } => turn(orientation),
+    }
+}
+
+fn place(sample: &str) -> String {
+    format!("Put sample {sample} under the probe.")
+}
+
+fn turn(orientation: &str) -> String {
+    let how = if orientation == Orientation::Left.name() {
+        "a quarter to the left about its own axis"
+    } else {
+        "so that the stage leans it front and back"
+    };
+    format!("Turn the sensor {how}.")
 }
 
 /// The description of a step, such as `sample 3 of 5, left, 30°`.

@@ -40,7 +40,12 @@ mod tag;
 pub mod tls;
 mod token_file;
 
-use std::{panic::AssertUnwindSafe, path::PathBuf, sync::Arc, time::Duration};
+use std::{
+    panic::AssertUnwindSafe,
+    path::PathBuf,
+    sync::{Arc, OnceLock},
+    time::Duration,
+};
 
 use axum::{
     Router,
@@ -61,6 +66,7 @@ use tokio_util::sync::CancellationToken;
 
 use crate::{
     loaded_rig::RigFacts,
+    notify::{Notifier, Post},
     protocol_file::LoadedProtocol,
     rig::{RigHandle, Status},
     run_files,
@@ -91,6 +97,8 @@ struct Inner {
     access: Access,
     lease: Lease,
     queue: queue::Keeper,
+    /// Who is told what happens on the rig, if anybody.
+    notifications: OnceLock<Arc<Post>>,
     results: ResultsCache,
     /// What the figures of the service say of the journal.
     happened: Mutex<Happened>,
@@ -128,6 +136,7 @@ impl Shared {
             access,
             lease,
             queue,
+            notifications: OnceLock::new(),
             results,
             happened,
             streams,
@@ -141,6 +150,14 @@ impl Shared {
     /// The rig as it is now.
     pub(crate) fn status(&self) -> Status {
         self.inner.rig.status().borrow().clone()
+    }
+
+    /// Shows the notifications among the figures of the service.
+    pub(crate) fn show_notifications(&self, notifier: Option<&Notifier>) {
+        if let Some(notifier) = notifier {
+            // It is shown once, at the start.
+            _ = self.inner.notifications.set(notifier.post());
+        }
     }
 
     /// Keeps the times at which tokens were last used, until the daemon closes.

@@ -4,6 +4,7 @@
 pub mod cli;
 mod describe;
 mod doctor;
+mod durable;
 mod endpoint;
 pub mod faults;
 pub mod files;
@@ -12,6 +13,7 @@ pub mod http;
 mod interruption;
 pub mod loaded_rig;
 mod local_time;
+mod notify;
 pub mod operator;
 mod place;
 mod predict;

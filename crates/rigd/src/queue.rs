@@ -11,14 +11,13 @@
 //! This module decides and keeps the file `queue.json` of the data directory. `http/queue.rs` asks the
 //! rig and answers clients.
 
-use std::{
-    fs, io,
-    path::{Path, PathBuf},
-};
+use std::{fs, io, path::Path};
 
 use rig_engine::RigState;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use crate::durable;
 
 /// Its file in the data directory.
 pub(crate) const FILE: &str = "queue.json";
@@ -159,17 +158,12 @@ impl Queue {
         Ok(queue)
     }
 
-    /// Writes the file beside its place first, so that it is never half written, and waits for the disk.
+    /// Writes the file, and waits for the disk.
     ///
     /// # Errors
     /// [`io::Error`] of the file or its directory; the file is then the old one or the new one.
     pub(crate) fn write(&self, data: &Path) -> io::Result<()> {
-        let path = data.join(FILE);
-        let beside = PathBuf::from(format!("{}.new", path.display()));
-        fs::write(&beside, serde_json::to_vec_pretty(self)?)?;
-        fs::File::open(&beside)?.sync_all()?;
-        fs::rename(beside, path)?;
-        fs::File::open(data)?.sync_all()
+        durable::replace(&data.join(FILE), self, durable::FOR_ALL)
     }
 
     pub(crate) fn entries(&self) -> &[Entry] {

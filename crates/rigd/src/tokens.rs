@@ -7,7 +7,7 @@ use std::{
     collections::BTreeMap,
     fmt::{self, Write as _},
     fs::{self, File},
-    io::{self, Write as _},
+    io,
     os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt},
     path::{Path, PathBuf},
     sync::{Mutex, MutexGuard, PoisonError},
@@ -20,7 +20,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 
-use crate::operator::Operator;
+use crate::{durable, operator::Operator};
 
 const FILE: &str = "tokens.json";
 /// Time of the last use of each token, written by the daemon alone.
@@ -236,18 +236,9 @@ fn lock(data: &Path) -> Result<File, TokensError> {
     Ok(file)
 }
 
-/// Writes the file beside its place first, so that it is never half written.
 fn replace(path: &Path, value: &impl Serialize) -> Result<(), TokensError> {
-    let beside = PathBuf::from(format!("{}.new", path.display()));
-    let write = || {
-        // One that was left may have another mode.
-        _ = fs::remove_file(&beside);
-        let mut file = File::options().create_new(true).write(true).mode(0o600).open(&beside)?;
-        file.write_all(&serde_json::to_vec_pretty(value)?)?;
-        file.sync_all()?;
-        fs::rename(&beside, path)
-    };
-    write().map_err(|source| TokensError::File { path: path.to_path_buf(), source })
+    let written = durable::replace(path, value, durable::FOR_OWNER);
+    written.map_err(|source| TokensError::File { path: path.to_path_buf(), source })
 }
 
 /// The present time, s since 1970.

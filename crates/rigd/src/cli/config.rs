@@ -96,6 +96,7 @@ pub(super) fn config(args: &ConfigArgs) -> Result<(), Failure> {
     let settings = Settings::settle(&args.bench, &args.service)?;
     let mut values = of_service(&settings);
     values.push(of_operator(&args.bench));
+    values.extend(of_notifications(&settings));
     values.extend(of_environment());
     // Which file it is stands above its faults.
     let rig = of_rig(&settings);
@@ -111,8 +112,9 @@ pub(super) fn config(args: &ConfigArgs) -> Result<(), Failure> {
 }
 
 fn of_service(settings: &Settings) -> Vec<ValueView> {
-    let Settings { rig, data, service, listen, allow_hosts, token_file, release_queue, tls } =
-        settings;
+    let Settings {
+        rig, data, service, listen, allow_hosts, token_file, release_queue, tls, ..
+    } = settings;
     let value = |part, name: &str, value: Option<String>, from: &Origin| ValueView {
         part,
         name: name.to_owned(),
@@ -137,6 +139,14 @@ fn of_service(settings: &Settings) -> Vec<ValueView> {
         value(daemon, "release_queue", Some(release_queue.value.to_string()), &release_queue.from),
         value(daemon, "tls", Some(speaks), &tls.from),
     ]
+}
+
+/// Who is told what happens on the rig: files with secrets are named, and not read.
+fn of_notifications(settings: &Settings) -> impl Iterator<Item = ValueView> {
+    let file = settings.service.value.as_ref();
+    let file = file.map(|path| path.display().to_string()).unwrap_or_default();
+    let values = settings.of_notifications.iter().cloned();
+    values.map(move |value| ValueView::of_file(Part::Service, &file, value))
 }
 
 /// The name that the journal keeps with commands of this computer.

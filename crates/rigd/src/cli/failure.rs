@@ -18,6 +18,7 @@ use crate::{
     endpoint::EndpointError,
     http::{access::TokenError, tls::TlsError},
     loaded_rig::FileError,
+    notify::{NotifyError, TargetError},
     place::SHIPPED_RIG,
     rig::{OpenError, RequestRefusal, ResumeRefusal},
     run_files::RunFilesError,
@@ -83,6 +84,10 @@ pub(super) enum Failure {
     Tokens(#[from] TokensError),
     #[error(transparent)]
     Tls(#[from] TlsError),
+    #[error(transparent)]
+    Target(#[from] TargetError),
+    #[error(transparent)]
+    Notify(#[from] NotifyError),
     #[error("{what}")]
     System { what: &'static str, source: io::Error },
     /// It has been explained already.
@@ -145,6 +150,7 @@ impl Failure {
             | Self::NoToken { .. }
             | Self::Token(_)
             | Self::Tls(_)
+            | Self::Target(_)
             | Self::Tokens(TokensError::Taken { .. } | TokensError::Unknown { .. })
             | Self::NoFile { .. }
             | Self::NoFolder { .. }
@@ -180,6 +186,7 @@ impl Failure {
             Self::Rehearse(_) => 1,
             Self::RunFiles(_)
             | Self::Tokens(_)
+            | Self::Notify(_)
             | Self::Daemon(_)
             | Self::Open(_)
             | Self::Data { .. }

@@ -38,6 +38,7 @@ use crate::{
         tls::Tls,
     },
     loaded_rig::LoadedRig,
+    notify::Notifier,
     operator::Operator,
     protocol_file::LoadedProtocol,
     queue,
@@ -66,7 +67,7 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
     let settings = Settings::settle(&args.bench, &args.service)?;
     settings.say();
     let access = access(&settings, args.bench.operator.name(), &secret)?;
-    let tls = tls(&settings)?;
+    let (tls, targets) = (tls(&settings)?, settings.targets()?);
     let rig = LoadedRig::load(&settings.rig.value)?;
     let facts = rig.facts();
     let loaded =
@@ -86,12 +87,14 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
         watch_over_http(Handle::current(), handle.clone())?;
         let closing = CancellationToken::new();
         tokio::spawn(write_ended_runs(handle.status(), data.clone()));
+        let notifier = Notifier::start(targets, &data, &facts, handle.status())?;
         let shared =
             http::Shared::new(handle.clone(), facts, loaded, data.clone(), access, closing.clone());
         let opened = shared.open_queue(settings.release_queue.value).await;
         opened.map_err(|source| Failure::File { path: data.join(queue::FILE), source })?;
         let no_more_runs = CancellationToken::new();
         tokio::spawn(shared.clone().run_queue(no_more_runs.clone()));
+        shared.show_notifications(notifier.as_ref());
         let telling = tokio::spawn(manager::feed(shared.clone()));
         let keeping = tokio::spawn(shared.clone().keep_uses());
         let announced = door.announce(&settings, &secret);
@@ -117,6 +120,8 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
             () = signals.next() => return Err(left(&handle.status().borrow())),
         }
         thread.join();
+        // The end of the last run is in the outbox then.
+        drop(notifier);
         drop(announced);
         if has_http_ended {
             return Err(Failure::HttpEnded);

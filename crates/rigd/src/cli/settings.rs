@@ -10,8 +10,8 @@ use std::{
 use clap::Args;
 use rig_files::{
     Complaint, Faults, FileKind,
-    service_file::{ServiceFile, TlsFile},
-    settings::Setting,
+    service_file::{NotificationsFile, ServiceFile, TlsFile},
+    settings::{InForce, Setting},
 };
 use serde::Serialize;
 
@@ -19,6 +19,7 @@ use super::{args::BenchArgs, screen::say};
 use crate::{
     files::{self, FileError},
     http::access::{HostName, HostNameError},
+    notify::{TargetError, Targets},
     place::{Place, PlaceKind},
 };
 
@@ -123,6 +124,10 @@ pub(super) struct Settings {
     pub(super) token_file: Settled<Option<PathBuf>>,
     pub(super) release_queue: Settled<bool>,
     pub(super) tls: Settled<TlsFile>,
+    /// Who is told what happens on the rig, if anybody.
+    pub(super) notifications: Option<NotificationsFile>,
+    /// The values of the section, each with its line.
+    pub(super) of_notifications: Vec<InForce>,
 }
 
 impl Settings {
@@ -178,12 +183,22 @@ impl Settings {
                 tls_flag,
                 tls.unwrap_or(Settled::default(TlsFile::Off)),
             ),
+            notifications: given.file.notifications.map(|section| section.value),
+            of_notifications: given.in_force,
             service: given.path,
         })
     }
 }
 
 impl Settings {
+    /// Those who are told what happens on the rig.
+    ///
+    /// # Errors
+    /// [`TargetError`] for a target whose files cannot be used.
+    pub(super) fn targets(&self) -> Result<Option<Targets>, TargetError> {
+        self.notifications.as_ref().map(Targets::new).transpose()
+    }
+
     /// Says which files are used, and why.
     pub(super) fn say(&self) {
         let part = |what: &str, path: &Path, from: &Origin| {
@@ -216,6 +231,8 @@ impl TlsArgs {
 struct Given {
     path: Settled<Option<PathBuf>>,
     file: ServiceFile,
+    /// The values of its section on notifications.
+    in_force: Vec<InForce>,
 }
 
 impl Given {
@@ -227,11 +244,15 @@ impl Given {
             None if place.service.try_exists().unwrap_or(true) => {
                 (place.service.clone(), Origin::Search { place: place.kind })
             }
-            None => return Ok(Self { path: Settled::default(None), file: ServiceFile::default() }),
+            None => {
+                let (path, file) = (Settled::default(None), ServiceFile::default());
+                return Ok(Self { path, file, in_force: Vec::new() });
+            }
         };
         let (_, text) = files::read(&path, FileKind::Service)?;
         let file = ServiceFile::read(&path, &text).map_err(FileError::Faults)?;
-        Ok(Self { path: Settled { value: Some(path), from }, file })
+        let in_force = ServiceFile::in_force(&path, &text).map_err(FileError::Faults)?;
+        Ok(Self { path: Settled { value: Some(path), from }, file, in_force })
     }
 
     /// A value that is made of what the file says, with its line.

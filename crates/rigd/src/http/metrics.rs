@@ -20,7 +20,10 @@ use rig_link::Durations;
 use rig_store::{Reader, Record, StoredRecord, SweepOutcome};
 
 use super::{Problem, Shared};
-use crate::rig::{Status, free_bytes};
+use crate::{
+    notify,
+    rig::{Status, free_bytes},
+};
 
 const OPEN_METRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 /// Records read at a time.
@@ -211,6 +214,7 @@ pub(super) async fn show(State(shared): State<Shared>) -> Result<Response, Probl
         "1 while no entry of the queue may begin",
         f64::from(u8::from(is_held)),
     );
+    of_the_notifications(&shared, &mut figures);
     of_the_devices(&status, &mut figures);
     of_the_journal(&happened, &mut figures);
     drop(happened);
@@ -292,6 +296,25 @@ fn of_the_devices(status: &Status, figures: &mut Figures) {
     let round_trips = all().map(|(labels, health)| (labels, Value::Durations(health.round_trips)));
     let help = "From sending a request to the end of its answer, on the rig's clock";
     figures.add("device_round_trip_seconds", help, round_trips);
+}
+
+fn of_the_notifications(shared: &Shared, figures: &mut Figures) {
+    let Some(post) = shared.inner.notifications.get() else { return };
+    let all = post.figures();
+    let labels = |target: &String| vec![("target", target.clone())];
+    let waiting = all.iter().map(|(target, of)| (labels(target), Value::Gauge(of.waiting as f64)));
+    figures.add("notifications_waiting", "Messages in the outbox, by target", waiting);
+    let mut count = |name, help, of: fn(&notify::Figures) -> u64| {
+        let counts = all.iter().map(|(target, counts)| (labels(target), Value::Count(of(counts))));
+        figures.add(name, help, counts);
+    };
+    count("notifications_sent", "Messages that were sent", |of| of.sent);
+    count("notifications_failed", "Attempts that failed", |of| of.failed);
+    count(
+        "notifications_given_up",
+        "Messages that were tried often enough, or for which there was no room",
+        |of| of.given_up,
+    );
 }
 
 fn of_the_journal(happened: &Happened, figures: &mut Figures) {

@@ -1,10 +1,6 @@
 //! Notes of people about runs. They are not in the journal: a person may change them at any time.
 
-use std::{
-    collections::BTreeMap,
-    fs, io,
-    path::{Path, PathBuf},
-};
+use std::{collections::BTreeMap, fs, io, path::Path};
 
 use axum::{
     Json,
@@ -16,6 +12,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Problem, Shared, object::Object};
+use crate::durable;
 
 const FILE: &str = "notes.json";
 /// Longer texts belong into a document of their own, characters.
@@ -63,7 +60,7 @@ pub(super) async fn write(
             } else {
                 notes.insert(id.to_string(), note);
             }
-            replace(&path, &notes).map_err(|error| failed(&path, &error))
+            durable::replace(&path, &notes, durable::FOR_ALL).map_err(|error| failed(&path, &error))
         })
         .await?;
     Ok(StatusCode::NO_CONTENT)
@@ -75,14 +72,6 @@ fn read(path: &Path) -> Result<Notes, Problem> {
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Notes::new()),
         Err(error) => Err(failed(path, &error)),
     }
-}
-
-/// Writes the file beside its place first, so that it is never half written.
-fn replace(path: &Path, notes: &Notes) -> io::Result<()> {
-    let beside = PathBuf::from(format!("{}.new", path.display()));
-    fs::write(&beside, serde_json::to_vec_pretty(notes)?)?;
-    fs::File::open(&beside)?.sync_all()?;
-    fs::rename(beside, path)
 }
 
 fn failed(path: &Path, error: &io::Error) -> Problem {

@@ -81,6 +81,11 @@ impl Token {
         Ok(Self(token.to_owned()))
     }
 
+    /// The secret itself.
+    pub(crate) fn reveal(&self) -> &str {
+        &self.0
+    }
+
     /// The value of `Authorization` that a client sends.
     pub(crate) fn bearer(&self) -> String {
         format!("Bearer {}", self.0)

@@ -1,0 +1,52 @@
+//! Small files of the data directory that are never half written.
+
+use std::{
+    fs::{self, File},
+    io::{self, Write},
+    os::unix::fs::OpenOptionsExt,
+    path::{Path, PathBuf},
+};
+
+use serde::Serialize;
+
+/// Permissions of a file with nothing secret, before the umask.
+pub(crate) const FOR_ALL: u32 = 0o666;
+/// Permissions of a file for the user of the daemon alone.
+pub(crate) const FOR_OWNER: u32 = 0o600;
+
+/// Writes a value as JSON: beside its place first, and waits for the disk.
+///
+/// # Errors
+/// [`io::Error`] of the file or its directory. The file is then the old one or the new one.
+pub(crate) fn replace(path: &Path, value: &impl Serialize, mode: u32) -> io::Result<()> {
+    let beside = PathBuf::from(format!("{}.new", path.display()));
+    // One that was left may have another mode.
+    _ = fs::remove_file(&beside);
+    let mut file = File::options().create_new(true).write(true).mode(mode).open(&beside)?;
+    file.write_all(&serde_json::to_vec_pretty(value)?)?;
+    file.sync_all()?;
+    fs::rename(&beside, path)?;
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::PermissionsExt;
+
+    use super::*;
+
+    #[test]
+    fn a_file_is_replaced_with_its_mode_also_where_a_killed_program_left_its_beginning() {
+        let folder = tempfile::TempDir::new().unwrap();
+        let path = folder.path().join("a.json");
+        fs::write(folder.path().join("a.json.new"), "{\"cut").unwrap();
+        for value in [1, 2] {
+            replace(&path, &value, FOR_OWNER).unwrap();
+            assert_eq!(fs::read_to_string(&path).unwrap(), value.to_string());
+        }
+        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, FOR_OWNER);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+        assert!(replace(&folder.path().join("gone/a.json"), &1, FOR_ALL).is_err());
+    }
+}
