@@ -160,6 +160,41 @@ fn steps_lost_before_a_check_of_slip_are_noticed_whichever_reply_of_the_check_is
     }
 }
 
+/// Seeds 163953 and 164779 of the menu 30cc4ed8a2037c43: a wrong bit in the eighth digit of the frequency of a
+/// flagged reading, and a stop in the last moment of a retract to a clear height.
+#[test]
+fn a_rounded_frequency_and_a_stop_at_the_end_of_a_retract_are_sound() {
+    let bit = Trouble {
+        trigger: "next=5".to_owned(),
+        ..device("analyzer: reply with a wrong bit", RunPhase::Indentation, 0.018)
+    };
+    let stop = device("two clients: pause and stop", RunPhase::Retract, 0.626);
+    for (bench, trouble) in [(746, bit), (273, stop)] {
+        let played = life::play(&Bench::new(bench), &[trouble], false);
+        assert_eq!(played.violations, Vec::<String>::new());
+    }
+}
+
+/// Seed 168463 of the menu 30cc4ed8a2037c43: late answers stretched the times of the points of a trace, and its free
+/// decay seemed to be of another frequency.
+#[test]
+fn late_answers_of_an_analyzer_that_measures_traces_shift_no_resonance() {
+    let bench = Bench::new(546);
+    let undisturbed = life::play(&bench, &[], false);
+    for name in ["analyzer: reply 0.3 s late", "analyzer: reply 3 s late"] {
+        for phase in [RunPhase::Indentation, RunPhase::Dwell, RunPhase::Sweep] {
+            let late = Trouble { trigger: "rate=1".to_owned(), ..device(name, phase, 0.0) };
+            let played = life::play(&bench, &[late], false);
+            let differences = judge::differences(&bench, &played, &undisturbed.touches);
+            assert_eq!(
+                (&*played.violations, &*differences),
+                (&[][..], &[][..]),
+                "{name} {phase:?}"
+            );
+        }
+    }
+}
+
 /// Seed 13932 of the menu 30cc4ed8a2037c43: the disk was full before the first record of a session was on it, and rigd
 /// had told the id of that session.
 #[test]

@@ -48,6 +48,8 @@ pub struct Analyzer {
     pub(crate) current: Option<TriggerSettings>,
     /// Time of the last change of frequency.
     pub(crate) frequency_set_at: RigTime,
+    /// What each point of a trace takes beside its delay and cycles, s, at most.
+    pub(crate) trace_overhead_s: f64,
 }
 
 impl Analyzer {
@@ -69,6 +71,7 @@ impl Analyzer {
             is_set_up: false,
             current: None,
             frequency_set_at: RigTime::ZERO,
+            trace_overhead_s: f64::INFINITY,
         }
     }
 

@@ -35,7 +35,10 @@ impl Analyzer {
         let within = SWEEP_SLACK.max(self.port.reply_within())
             + Duration::from_secs_f64(SWEEP_TIMES * trace.duration_s());
         let (_, triggered_at, _) = self.ask_all(&[&Trace::trigger], within).await?;
-        let seconds_a_point = clock.now().since(triggered_at).as_secs_f64() / trace.points as f64;
+        let passed_s = clock.now().since(triggered_at).as_secs_f64();
+        // An answer may be late, and never early.
+        let overhead_s = ((passed_s - trace.duration_s()) / trace.points as f64).max(0.0);
+        self.trace_overhead_s = self.trace_overhead_s.min(overhead_s);
         let (answers, _, message) = self
             .ask_all(
                 &[&trace::frequencies, &trace::resistances, &trace::reactances, &|m| {
@@ -65,14 +68,18 @@ impl Analyzer {
         // A single point was measured twice.
         let measured = if run == 1 { vec![mean(&measured)] } else { measured };
         let times = if run == 1 { 2.0 } else { 1.0 };
+        let mut begins_s = 0.0;
         let reading = |(n, measured): (usize, PointResult)| {
             let frequency_hz = points[n].frequency_hz;
+            let integration_s = f64::from(trace.averages) / frequency_hz;
+            let started = triggered_at + Duration::from_secs_f64(begins_s);
+            begins_s += trace.delay_s + integration_s + self.trace_overhead_s;
             Reading {
                 frequency_hz,
                 measured,
-                started: triggered_at + Duration::from_secs_f64(n as f64 * seconds_a_point),
+                started,
                 settle_s: trace.delay_s,
-                integration_s: times * f64::from(trace.averages) / frequency_hz,
+                integration_s: times * integration_s,
             }
         };
         Ok(measured.into_iter().enumerate().map(reading).collect())

@@ -4,6 +4,9 @@
 //! A stuck sense feels a contact that is not there, a blind one feels none, and a stage that has lost
 //! steps is not where its drive says. A touch that cannot be distinguished from these is refused.
 
+#[cfg(test)]
+mod tests;
+
 use rig_model::{Impedance, Mm, PointResult, Position, Reading};
 use rig_resonance::{Circuit, Refusal, Resonance};
 
@@ -21,6 +24,11 @@ const FREE_STEPS: i32 = 40;
 /// which a short sweep knows to some ten percent only, up to the second limit.
 const FREE_TOLERANCE: f64 = 0.35;
 const FREE_TOLERANCE_MAX: f64 = 0.5;
+
+/// A static capacitance whose standard deviation is below this part is taken as known; otherwise it may be
+/// this many standard deviations off.
+const KNOWN_CAPACITANCE: f64 = 0.03;
+const CAPACITANCE_SIGMAS: i32 = 4;
 
 /// The second frequency of the self-test lies this many linewidths below the no-load resonance, where the
 /// impedance of the free sensor differs from that at the resonance by a multiple.
@@ -156,7 +164,8 @@ pub(crate) fn check_free(
         check_alive(no_load, baseline.0, other.1, baseline.1)?;
     }
     let points: Vec<Point> = other.into_iter().chain([baseline]).collect();
-    // The worst deviation of the readings from a possible free sensor, and that of their difference.
+    // The worst deviation of the readings from a possible free sensor with its frequency, and the deviation of
+    // their difference.
     let compare = |circuit: Circuit| {
         let expected = |hz: f64| {
             let expected = circuit.impedance_ohm(hz);
@@ -164,9 +173,10 @@ pub(crate) fn check_free(
         };
         let deviation = |(hz, measured): &Point| {
             let expected = expected(*hz);
-            size_ohm(less(*measured, expected)) / size_ohm(expected)
+            (size_ohm(less(*measured, expected)) / size_ohm(expected), *hz)
         };
-        let worst = points.iter().map(deviation).fold(0.0, f64::max);
+        let larger = |a: (f64, f64), b: (f64, f64)| if a.0 < b.0 { b } else { a };
+        let worst = points.iter().map(deviation).fold((0.0, baseline.0), larger);
         let response = other.map_or(0.0, |(hz, one)| {
             let at_baseline = expected(baseline.0);
             let change = less(at_baseline, expected(hz));
@@ -177,15 +187,15 @@ pub(crate) fn check_free(
         });
         (worst, response)
     };
-    let compared: Vec<(f64, f64)> = free_sensors(no_load).map(compare).collect();
-    let least = compared.iter().map(|(worst, _)| *worst).fold(f64::INFINITY, f64::min);
+    let compared: Vec<((f64, f64), f64)> = free_sensors(no_load).map(compare).collect();
+    let nearest = compared.iter().map(|(worst, _)| *worst).min_by(|a, b| a.0.total_cmp(&b.0));
+    let (least, frequency_hz) = nearest.unwrap_or((f64::INFINITY, baseline.0));
     let tolerance = free_tolerance(no_load);
     if tolerance < least {
         let (percent, limit_percent) = (100.0 * least, 100.0 * tolerance);
-        let frequency_hz = baseline.0;
         return Err(ContactSenseFault::NotFree { frequency_hz, percent, limit_percent });
     }
-    let fitting = compared.iter().filter(|(worst, _)| *worst <= tolerance);
+    let fitting = compared.iter().filter(|((worst, _), _)| *worst <= tolerance);
     let least = fitting.map(|(_, response)| *response).fold(f64::INFINITY, f64::min);
     if let Some((from_hz, _)) = other.filter(|_| RESPONSE_TOLERANCE < least) {
         let (percent, limit_percent) = (100.0 * least, 100.0 * RESPONSE_TOLERANCE);
@@ -213,17 +223,38 @@ fn less(one: Impedance, other: Impedance) -> Impedance {
     }
 }
 
-/// The free sensor as it may be now: its resonance within the drift, its quality within its uncertainty.
+/// The free sensor as it may be now: its resonance within the drift, its quality and its capacitances within
+/// their uncertainty.
 fn free_sensors(no_load: &Resonance) -> impl Iterator<Item = Circuit> {
     let circuit = no_load.circuit();
-    let sigma_q = no_load.covariance[1][1].max(0.0).sqrt();
+    let covariance = &no_load.covariance;
+    let sigma_q = covariance[1][1].max(0.0).sqrt();
     // The quality of a short sweep is known to some ten percent only.
     let qualities = [-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0]
         .map(|sigmas: f64| sigmas.mul_add(sigma_q, circuit.q).max(LEAST_QUALITY_PART * circuit.q));
-    (-FREE_STEPS..=FREE_STEPS).flat_map(move |step| {
-        let moved = 1.0 + FREE_MOVE * f64::from(step) / f64::from(FREE_STEPS);
-        let resonance_hz = circuit.resonance_hz * moved;
-        qualities.map(|q| Circuit { resonance_hz, q, ..circuit })
+    // So is its static capacitance, with which the motional one and the loss go along.
+    let sigma_c0 = covariance[2][2].max(0.0).sqrt();
+    let is_known = sigma_c0 < KNOWN_CAPACITANCE * circuit.c0_farad;
+    let capacitances = move |sigmas: i32| {
+        let of = |value: usize| f64::from(sigmas) * covariance[value][2] / sigma_c0;
+        let (c0_farad, c1_farad) = (circuit.c0_farad + of(2), circuit.c1_farad + of(3));
+        let (least_c0, least_c1) = (0.5 * circuit.c0_farad, 0.5 * circuit.c1_farad);
+        Circuit {
+            c0_farad: c0_farad.max(least_c0),
+            c1_farad: c1_farad.max(least_c1),
+            loss_tangent: circuit.loss_tangent + of(4),
+            ..circuit
+        }
+    };
+    let reach = if is_known { 0 } else { CAPACITANCE_SIGMAS };
+    let circuits = (-reach..=reach)
+        .map(move |sigmas| if sigmas == 0 { circuit } else { capacitances(sigmas) });
+    circuits.flat_map(move |circuit| {
+        (-FREE_STEPS..=FREE_STEPS).flat_map(move |step| {
+            let moved = 1.0 + FREE_MOVE * f64::from(step) / f64::from(FREE_STEPS);
+            let resonance_hz = circuit.resonance_hz * moved;
+            qualities.map(|q| Circuit { resonance_hz, q, ..circuit })
+        })
     })
 }
 

@@ -78,6 +78,8 @@ pub(crate) struct Motion {
     pub(crate) turn: Turn,
     /// The record of a fault that has not been acknowledged.
     pub(crate) fault: Option<u64>,
+    /// Where the axes were when their positions were lost: a move that was under way began there.
+    was_at: (Option<f64>, Option<f64>),
     /// Whether a move that was under way at the fault may still end.
     may_end: bool,
     /// Whether a person works at the bench.
@@ -107,6 +109,7 @@ impl Motion {
             descent: None,
             turn: Turn::Free,
             fault: None,
+            was_at: (None, None),
             may_end: false,
             is_waiting: false,
             moved_us: 0,
@@ -130,6 +133,9 @@ impl Motion {
 
     /// The axes may have moved without a record.
     pub(crate) fn lose_positions(&mut self) {
+        if self.linear_mm.is_some() {
+            self.was_at = (self.linear_mm, self.rotary_deg);
+        }
         (self.linear_mm, self.rotary_deg) = (None, None);
     }
 
@@ -137,7 +143,7 @@ impl Motion {
     pub(crate) fn prepare(&mut self) {
         self.lose_positions();
         (self.probe, self.fault, self.descent) = (Probe::Unknown, None, None);
-        (self.is_waiting, self.may_end) = (false, false);
+        (self.is_waiting, self.may_end, self.was_at) = (false, false, (None, None));
     }
 
     pub(crate) fn fault(&mut self, seq: u64, probe: &str, findings: &mut Findings) {
@@ -254,7 +260,7 @@ impl Motion {
                 self.moved_rotary(seq, rig_us, moved, rig.map(|all| &all.rig), findings);
             }
         }
-        (self.moved_us, self.may_end) = (rig_us, false);
+        (self.moved_us, self.may_end, self.was_at) = (rig_us, false, (None, None));
     }
 
     fn moved_linear(
@@ -294,8 +300,12 @@ impl Motion {
         };
         let distance = before.map(|before| (read_back - before).abs() - 2.0 * linear.tolerance_mm);
         self.speed(seq, rig_us, distance, limit, findings);
-        let is_known = self.probe == Probe::Lowered && self.fault.is_none();
-        let here = self.rotary_deg.filter(|_| is_clear && is_up && is_known);
+        let is_known = self.probe == Probe::Lowered;
+        let may_end = self.fault.is_none() || self.may_end;
+        let (was_at, was_tilted) = if may_end { self.was_at } else { (None, None) };
+        let (from, tilt) = (before.or(was_at), self.rotary_deg.or(was_tilted));
+        let is_from_below = from.is_some_and(|from| target > from);
+        let here = tilt.filter(|_| is_clear && is_from_below && is_known);
         let lowest = here.map(|tilt| settings.rig.clear_mm(tilt) - ROUNDING);
         let is_low_retract = !is_retract && lowest.is_some_and(|lowest| lowest <= target);
         if is_clear && !((is_retract || is_low_retract) && is_there) {

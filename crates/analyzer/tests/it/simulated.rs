@@ -131,6 +131,27 @@ async fn a_reading_after_a_cut_reply_is_one_of_a_settled_sensor() {
     }
 }
 
+/// The instrument says when a trace is over, and that answer may be late; its points were not.
+#[tokio::test(start_paused = true)]
+async fn the_times_of_a_trace_do_not_depend_on_a_late_answer() {
+    let mut rig = bench(AnalyzerMake::KeysightE4990a);
+    let mut analyzer = analyzer_on(&mut rig, &KEYSIGHT_E4990A).await;
+    analyzer.configure(DriveLevel { volt: 1.0 }).await.unwrap();
+    let points = [140.0; 5].map(|hz| SweepPoint { settle_s: 0.0, ..point(hz, 2) });
+    let stop = StopSignal::new();
+    let spans_s = async |analyzer: &mut Analyzer| {
+        let readings = analyzer.measure(&points, &stop).await.unwrap();
+        readings[4].started.since(readings[0].started).as_secs_f64()
+    };
+    let in_time_s = spans_s(&mut analyzer).await;
+    rig.handle().with(|now, rig| {
+        control::execute(now, rig, "fault analyzer delay ms=300 nth=2").unwrap();
+    });
+    let late_s = spans_s(&mut analyzer).await;
+    assert!((late_s - in_time_s).abs() < 1e-3, "{in_time_s} s, {late_s} s");
+    assert!((in_time_s - 8.0 / 140.0).abs() < 0.01, "{in_time_s} s");
+}
+
 #[tokio::test(start_paused = true)]
 async fn a_tonghui_is_left_alone_while_it_measures() {
     let mut rig = bench(AnalyzerMake::TonghuiTh283x);

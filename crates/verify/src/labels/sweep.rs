@@ -14,6 +14,9 @@ pub(crate) const CLOCK_SLACK_S: f64 = 0.05;
 /// At most one reading in this number is left out of a fit.
 pub(crate) const READINGS_PER_OUTLIER: usize = 6;
 
+/// An analyzer may round a frequency that is set again a little otherwise, by this part of it.
+const SAME_FREQUENCY: f64 = 1e-6;
+
 impl Labels {
     pub(crate) fn sweep(
         &mut self,
@@ -163,10 +166,12 @@ impl Labels {
         }
         for (index, reading) in readings.iter().enumerate() {
             let next_hz = readings.get(index + 1).map(|next| next.frequency_hz);
-            if reading.flag != Flag::Normal && next_hz != Some(reading.frequency_hz) {
+            let hz = reading.frequency_hz;
+            let is_again = next_hz.is_some_and(|next| (next - hz).abs() <= SAME_FREQUENCY * hz);
+            if reading.flag != Flag::Normal && !is_again {
                 let what = format!("the reading after the flagged reading {}, Hz", index + 1);
                 let found = next_hz.map_or_else(|| "none".to_owned(), |hz| hz.to_string());
-                findings.add(Check::Sweep, seq, what, reading.frequency_hz, found);
+                findings.add(Check::Sweep, seq, what, hz, found);
             }
         }
     }

@@ -1,0 +1,73 @@
+use rig_model::RigTime;
+use rig_resonance::ModelOrder;
+
+use super::*;
+
+/// What a sweep of fourteen readings found, in a run on a simulated bench with seed 3: its static capacitance is
+/// 3.3 of its standard deviations too large, and the motional one and the loss go along. `part` is the part of
+/// that standard deviation that is stated.
+fn short_sweep(part: f64) -> Resonance {
+    let mut covariance = [
+        [3.08e-4, 3.97e-3, 1.28e-11, 3.24e-13, -3.29e-4],
+        [3.97e-3, 1.154, 4.1e-11, -3.32e-11, 7.91e-3],
+        [1.28e-11, 4.1e-11, 1.537e-17, 5.637e-19, -1.507e-10],
+        [3.24e-13, -3.32e-11, 5.637e-19, 2.185e-20, -5.829e-12],
+        [-3.29e-4, 7.91e-3, -1.507e-10, -5.829e-12, 1.858e-3],
+    ];
+    for value in 0..5 {
+        covariance[2][value] *= part;
+        covariance[value][2] *= part;
+    }
+    Resonance {
+        resonance_hz: 140.516_8,
+        sigma_hz: 0.0176,
+        q: 65.67,
+        c0_farad: 39.81e-9,
+        k_eff_squared: 0.068_92 / 1.068_92,
+        loss_tangent: 0.0,
+        figure_of_merit: 4.5,
+        chi_squared_per_dof: 1.0,
+        noise_at_ten_cycles: 0.005,
+        noise_degrees_of_freedom: 20.0,
+        model_order: ModelOrder::RingUp,
+        extra: None,
+        mains_hz: None,
+        points: 14,
+        covariance,
+        condition: 100.0,
+    }
+}
+
+fn reading(frequency_hz: f64, resistance_ohm: f64, reactance_ohm: f64) -> Reading {
+    let measured = PointResult::Value(Impedance { resistance_ohm, reactance_ohm });
+    Reading { frequency_hz, measured, started: RigTime::ZERO, settle_s: 1.0, integration_s: 0.014 }
+}
+
+/// What was read of the clear probe.
+fn clear() -> [Reading; 2] {
+    [reading(134.1, 3752.18, -25307.6), reading(140.52, 7357.37, -1002.53)]
+}
+
+#[test]
+fn a_clear_probe_is_clear_although_a_short_sweep_has_missed_its_capacitance() {
+    assert!(check_free(&short_sweep(1.0), &clear()).is_ok());
+    // A sweep that states to know it well is believed, and the message names the frequency that differs.
+    let refused = check_free(&short_sweep(0.1), &clear()).unwrap_err();
+    let ContactSenseFault::NotFree { frequency_hz, .. } = refused else { panic!("{refused}") };
+    assert_eq!(frequency_hz, 134.1);
+}
+
+#[test]
+fn a_contact_is_no_clear_probe_whatever_a_short_sweep_has_missed() {
+    let [off, _] = clear();
+    let free = Circuit { c0_farad: 27e-9, c1_farad: 2.2e-9, ..short_sweep(1.0).circuit() };
+    for shift_hz in [7.0, 15.0, 40.0, 86.0] {
+        let touching = Circuit { resonance_hz: free.resonance_hz + shift_hz, ..free };
+        let z = touching.impedance_ohm(140.52);
+        let refused = check_free(&short_sweep(1.0), &[off, reading(140.52, z.re, z.im)]);
+        assert!(
+            matches!(refused, Err(ContactSenseFault::NotFree { .. })),
+            "{shift_hz}: {refused:?}"
+        );
+    }
+}
