@@ -90,14 +90,17 @@ pub(crate) struct Life<'a> {
     is_wrong: bool,
     /// What the person does by hand when the rig is idle, the last first.
     by_hand: Vec<ByHand>,
-    /// The target of the linear motor since its journal failed, and how often it went down from there.
-    unrecorded: Option<(f64, u32)>,
+    /// Target and place of the linear stage since its journal failed, and how often it was sent down.
+    unrecorded: Option<(f64, f64, u32)>,
     /// The answer or the command that the person gives next.
     person_at: Option<(Instant, u64)>,
     prompts: u64,
     last_state: Option<RigState>,
     played: Played,
 }
+
+/// The load is within this of what the motor says, by screw, play and lost steps, mm.
+const SCREW_MM: f64 = 0.4;
 
 /// A fault that waits for its moment.
 #[derive(Debug)]
@@ -283,11 +286,16 @@ impl Life<'_> {
     /// fails may be seen afterwards.
     fn look_at_unrecorded(&mut self) {
         let Some(simulation) = &self.simulation else { return };
-        let target = simulation.with(|_, rig| rig.world().stage(AxisId::Linear).target());
-        let (before, count) = self.unrecorded.unwrap_or((target, 0));
-        let is_lower = target < before && target < self.bench.rest().value();
+        let (target, at) = simulation.with(|now, rig| {
+            let stage = rig.world().stage(AxisId::Linear);
+            (stage.target(), stage.load(now))
+        });
+        let (before, was_at, count) = self.unrecorded.unwrap_or((target, at, 0));
+        // A motor that halts on its way up has its position as its target.
+        let is_down = target < before && target < was_at - SCREW_MM;
+        let is_lower = is_down && target < self.bench.rest().value();
         let count = count + u32::from(is_lower);
-        self.unrecorded = Some((target, count));
+        self.unrecorded = Some((target, at, count));
         if count > 1 {
             self.fail("lowered the probe after the journal had failed");
         }
