@@ -202,7 +202,7 @@ fn rig(dialect: &str, level_v: u32, is_tcp: bool, drive: &[(&str, &str)]) -> (Ri
         ("dialect = \"hioki-im3536\"", &*dialect),
         ("max_level_v = 5", &*level),
         ("person = \"answers\"", "person = \"waits\""),
-        ("surface_tolerance_mm = 0.5", "surface_tolerance_mm = 0.2"),
+        ("surface_tolerance_mm = 0.3", "surface_tolerance_mm = 0.2"),
         ("patience_s = 120", patience),
     ];
     if is_tcp {

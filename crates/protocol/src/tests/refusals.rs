@@ -11,7 +11,7 @@ fn ten_faults_of_a_protocol_give_ten_messages_whatever_their_kind() {
         ("order = \"by-travel\"", "order = \"shuffled\""),
         ("seed = 2020", "seed = \"2020\""),
         ("\nindentation_mm = 0.5", "\nindentation_mm = 3.5"),
-        ("fine_step_mm = 0.01", "fine_step_mm = 0.0005"),
+        ("fine_step_mm = 0.015", "fine_step_mm = 0.0005"),
         ("max_hz = 160", "max_hz = 120"),
         ("time_limit_s = 30", "time_limit_s = 0"),
         ("classes = 5", ""),
@@ -52,7 +52,7 @@ fn a_number_in_another_unit_is_told_what_it_would_be() {
 
 #[test]
 fn a_check_of_the_level_needs_a_survey() {
-    let found = complaints(&[("survey_s = 20\n", "")], &limits());
+    let found = complaints(&[("survey_s = 10\n", "")], &limits());
     assert!(found.contains("level_check is part of a survey, and there is no survey_s"), "{found}");
 }
 
@@ -62,10 +62,10 @@ fn a_protocol_that_contradicts_itself_is_refused() {
         ("samples = [\"1\", \"2\"", "samples = [\"a/b\", \"2\", \"2\""),
         ("[\"front\", \"back\", \"left\"]", "[\"front\", \"left\", \"left\"]"),
         ("coarse_step_mm = 0.1", "coarse_step_mm = 0.7"),
-        ("fine_step_mm = 0.01", "fine_step_mm = 0.75\nslip_mm = 0.6"),
+        ("fine_step_mm = 0.015", "fine_step_mm = 0.75\nslip_mm = 0.6"),
         ("[contact_sweep]\nmethod = \"adaptive\"", "[contact_sweep]\nmethod = \"uniform\""),
         ("level_v = 5\n\n# Before", "level_v = 5\npoints = 11\n# Before"),
-        ("survey_s = 20", "survey_s = 5"),
+        ("survey_s = 10", "survey_s = 5"),
         ("trials = 50", "trials = 4"),
         ("classes = 5", "classes = 7"),
         ("min_angle_deg = 0\nmax_angle_deg = 45", "min_angle_deg = 30\nmax_angle_deg = 20"),
