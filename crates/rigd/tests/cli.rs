@@ -226,7 +226,7 @@ fn nothing_by_hand_goes_beyond_the_limits() {
     let window = ["measure", "--min-hz", "120", "--max-hz", "165"];
     let refused: [(&[&str], &str); 6] = [
         (&["move", "linear", "46"], "outside the soft limits [8.000 mm, 45.000 mm]"),
-        (&["move", "linear", "8.5"], "below 8.700 mm, the deepest that a touch may go here"),
+        (&["move", "linear", "8.5"], "below 8.900 mm, the deepest that a touch may go here"),
         (&["move", "rotary", "51"], "outside the soft limits [-50.000 °, 50.000 °]"),
         (&[window.as_slice(), &["--at-mm", "8.5"]].concat(), "the deepest that a touch may go"),
         (&[window.as_slice(), &["--level-v", "6"]].concat(), "level_v = 6 is outside [0, 5]"),

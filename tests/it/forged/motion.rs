@@ -4,7 +4,7 @@ use rig_tests::forge::{Forged, Forgery};
 use rig_verify::Check;
 use serde_json::{Value, json};
 
-use super::{Case, any, change, get};
+use super::{Case, any, change, get, number};
 
 fn is_linear(payload: &Value) -> bool {
     payload["axis"] == "linear_mm"
@@ -150,9 +150,9 @@ pub(super) const CASES: &[Case] = &[
         }
     }),
     ("a long way down after the first reading of a search", Check::SearchStep, |forged| {
-        let place = forged.nth("surface_found", 5, any);
-        let settle = "/trail/0/reading/settle_s";
-        change(&mut forged.records[place].payload, settle, |seconds| seconds - 0.3);
+        let place = forged.nth("surface_found", 7, any);
+        // As soon as the frequency was set.
+        *number(&mut forged.records[place].payload, "/trail/0/reading/settle_s") = 0.0.into();
     }),
     ("a move that is too fast", Check::Speed, |forged| {
         let place = step_of_search(forged);

@@ -14,9 +14,9 @@ fn short_sweep(part: f64) -> Resonance {
         [3.24e-13, -3.32e-11, 5.637e-19, 2.185e-20, -5.829e-12],
         [-3.29e-4, 7.91e-3, -1.507e-10, -5.829e-12, 1.858e-3],
     ];
-    for value in 0..5 {
-        covariance[2][value] *= part;
-        covariance[value][2] *= part;
+    covariance[2] = covariance[2].map(|cell| cell * part);
+    for row in &mut covariance {
+        row[2] *= part;
     }
     Resonance {
         resonance_hz: 140.516_8,
