@@ -149,7 +149,8 @@ pub(crate) fn fit(
 fn circuit(at: &[f64; CIRCUIT], found: &Normal, unit: f64) -> Option<(Circuit, Circuit)> {
     let [_, ln_q, c0, c1, g] = *at;
     let sigma = |unknown: usize| Some(found.variance(unknown)?.sqrt());
-    let of_c0 = sigma(2)? / c0;
+    // Readings that say little of it may be fitted best by a negative capacitance.
+    let of_c0 = sigma(2)? / c0.abs();
     let circuit = Circuit {
         quality_factor: ln_q.exp(),
         static_capacitance_f: c0 * unit,
@@ -160,7 +161,7 @@ fn circuit(at: &[f64; CIRCUIT], found: &Normal, unit: f64) -> Option<(Circuit, C
         quality_factor: sigma(1)?,
         static_capacitance_f: of_c0,
         capacitance_ratio: of_c0.hypot(sigma(3)? / c1),
-        loss_tangent: sigma(4)? / c0,
+        loss_tangent: sigma(4)? / c0.abs(),
     };
     Some((circuit, circuit_sigma))
 }

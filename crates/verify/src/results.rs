@@ -293,8 +293,12 @@ pub(crate) fn most_scatter(noise: Option<FitNoise>, degrees: f64, sigmas: f64) -
 fn values(fitted: &Fitted, stated: &Circuit) -> [(&'static str, f64, f64, [f64; 2]); 4] {
     let Fitted { circuit: found, circuit_sigma: sigma, .. } = fitted;
     let of = |factors: [f64; 2], value: f64, sigma: f64| {
-        let more = 1.0 + CIRCUIT_SIGMAS * sigma;
-        [factors[0].min(1.0 / more) * value, factors[1].max(more) * value]
+        let sigmas = CIRCUIT_SIGMAS * sigma;
+        let more = 1.0 + sigmas;
+        let by_factor = [factors[0].min(1.0 / more) * value, factors[1].max(more) * value];
+        // Where little is known, limits by factors mean nothing.
+        let room = if sigmas < 1.0 { 0.0 } else { sigmas * value.abs() };
+        [by_factor[0].min(by_factor[1]) - room, by_factor[0].max(by_factor[1]) + room]
     };
     let (q, c0) = (found.quality_factor, found.static_capacitance_f);
     let (ratio, loss) = (found.capacitance_ratio, found.loss_tangent);
