@@ -74,7 +74,8 @@ def main():
         print(f"{len(rows)} mutants apply")
         return
     survivors = 0
-    for row in (row for row in rows if arguments.only in row["name"]):
+    rows = [row for row in rows if arguments.only in row["name"]]
+    for row in rows:
         begun = time.monotonic()
         apply(tree, row["edits"])
         campaign = build(tree)
