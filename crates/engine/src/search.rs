@@ -57,7 +57,7 @@ pub(crate) struct Near {
     /// The surface as it is expected, and its standard deviation, mm.
     pub(crate) surface: Position<Mm>,
     pub(crate) sigma_mm: f64,
-    /// No surface lies above, whatever was learnt: the probe may travel this far.
+    /// No surface lies above, even if the learnt ones say so: the probe may travel this far.
     pub(crate) highest: Position<Mm>,
 }
 

@@ -51,14 +51,14 @@ fn clear() -> [Reading; 2] {
 #[test]
 fn a_clear_probe_is_clear_although_a_short_sweep_has_missed_its_capacitance() {
     assert!(check_free(&short_sweep(1.0), &clear()).is_ok());
-    // A sweep that states to know it well is believed, and the message names the frequency that differs.
+    // Refused if the sweep states a small standard deviation; the message names the frequency that differs.
     let refused = check_free(&short_sweep(0.1), &clear()).unwrap_err();
     let ContactSenseFault::NotFree { frequency_hz, .. } = refused else { panic!("{refused}") };
     assert_eq!(frequency_hz, 134.1);
 }
 
 #[test]
-fn a_contact_is_no_clear_probe_whatever_a_short_sweep_has_missed() {
+fn a_contact_is_no_clear_probe_although_a_short_sweep_has_missed_its_capacitance() {
     let [off, _] = clear();
     let free = Circuit { c0_farad: 27e-9, c1_farad: 2.2e-9, ..short_sweep(1.0).circuit() };
     for shift_hz in [7.0, 15.0, 40.0, 86.0] {

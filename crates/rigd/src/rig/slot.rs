@@ -124,7 +124,7 @@ mod tests {
         }
     }
 
-    /// The engine waits for the end of what it has begun, whatever the devices do meanwhile.
+    /// The engine waits for the end of what it has begun.
     #[tokio::test]
     async fn an_operation_begun_while_the_devices_are_asked_something_else_always_ends() {
         for is_interrupted in [false, true] {
