@@ -10,7 +10,6 @@ mod hold_up;
 mod level;
 mod out_of_contact;
 mod refusals;
-mod trouble;
 mod world;
 
 use rig_engine::{Command, Event, Input, Operation, Report, RigState, RunStatus, TouchOutcome};

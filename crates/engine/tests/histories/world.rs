@@ -15,7 +15,10 @@ use rig_protocol::{
 };
 
 use crate::drive::Drive;
-pub(crate) use crate::trouble::{OF_ONE_OPERATION, Trouble};
+
+#[path = "trouble.rs"]
+mod trouble;
+pub(crate) use trouble::{OF_ONE_OPERATION, Trouble};
 
 #[path = "../../../model/tests/support/limits.rs"]
 mod bench;
