@@ -48,8 +48,13 @@ use campaign::{Campaign, Counts};
 use case::Case;
 use clap::Parser;
 use ledger::{Ledger, LedgerError, Piece};
+use mimalloc::MiMalloc;
 use page::Page;
 use tally::{Steps, Tally};
+
+/// The allocator of the system plays a tenth fewer runs.
+#[global_allocator]
+static ALLOCATOR: MiMalloc = MiMalloc;
 
 /// Largest number of empty cells that are named.
 const CELLS_NAMED: usize = 40;
