@@ -231,3 +231,17 @@ fn an_analyzer_that_stays_at_its_frequency_is_noticed_in_each_phase_of_a_touch()
         }
     }
 }
+
+/// Seed 332689 of the menu 6c11055b454a65d6: after the search the contact sense felt nothing. Two good sweeps of the
+/// free sensor differed by eight standard deviations of their drift, and that was taken for a shift.
+#[test]
+fn a_drift_is_no_shift() {
+    let blind =
+        Trouble { nth: 6, ..device("analyzer: feels no contact", RunPhase::Indentation, 0.719) };
+    for bench in [241, 395, 613] {
+        let played = life::play(&Bench::new(bench), std::slice::from_ref(&blind), false);
+        assert_eq!(played.violations, Vec::<String>::new());
+        let is_refused = |outcome: &Outcome| matches!(outcome, Outcome::Refused(_));
+        assert!(played.touches.values().all(is_refused), "{bench}: {:?}", played.touches);
+    }
+}

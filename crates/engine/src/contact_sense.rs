@@ -10,7 +10,7 @@ mod tests;
 use rig_model::{Impedance, Mm, PointResult, Position, Reading};
 use rig_resonance::{Circuit, Refusal, Resonance};
 
-use crate::{Fault, TouchOutcome, TouchResult, slip::Slip, sweep::DRIFT};
+use crate::{Fault, TouchOutcome, TouchResult, search::relative_change, slip::Slip, sweep::DRIFT};
 
 /// The free resonance may have moved by this part since its last measurement: twice the drift that a
 /// sweep expects, and less than the softest sample moves it at the depth of a touch.
@@ -46,6 +46,10 @@ const LEAST_QUALITY_PART: f64 = 0.3;
 
 /// A shift within this many standard deviations is none: the probe was pressed into the sample.
 const NO_SHIFT_SIGMAS: f64 = 6.0;
+
+/// The search felt the contact by a change of the impedance beyond its threshold. Deeper in the sample the change
+/// is larger; one below this part of the threshold is none.
+const NO_CHANGE_PART: f64 = 0.5;
 
 /// How far a surface may be from where the touches before it on the same sample found it, as a part of
 /// the surface tolerance of the rig.
@@ -128,13 +132,18 @@ pub enum TouchRefusal {
     Sweep(Box<Refusal>),
     /// The probe was pressed into the sample, and the resonance is that of the free sensor.
     #[error(
-        "no contact was felt at the depth of the touch: the shift is {shift_hz:.2} Hz ± {sigma_hz:.2} Hz"
+        "no contact was felt at the depth of the touch: the shift is {shift_hz:.2} Hz ± {sigma_hz:.2} Hz, \
+         and the impedance at {frequency_hz:.3} Hz changed by {percent:.1} %"
     )]
     NoShift {
         /// The shift, Hz.
         shift_hz: f64,
         /// Its standard deviation, Hz.
         sigma_hz: f64,
+        /// The free resonance, Hz.
+        frequency_hz: f64,
+        /// Change of the impedance there, percent.
+        percent: f64,
     },
     /// The surface was not where the search had found it, so that the depth is not known.
     #[error("{0}")]
@@ -167,10 +176,7 @@ pub(crate) fn check_free(
     // The worst deviation of the readings from a possible free sensor with its frequency, and the deviation of
     // their difference.
     let compare = |circuit: Circuit| {
-        let expected = |hz: f64| {
-            let expected = circuit.impedance_ohm(hz);
-            Impedance { resistance_ohm: expected.re, reactance_ohm: expected.im }
-        };
+        let expected = |hz: f64| impedance(&circuit, hz);
         let deviation = |(hz, measured): &Point| {
             let expected = expected(*hz);
             (size_ohm(less(*measured, expected)) / size_ohm(expected), *hz)
@@ -214,6 +220,11 @@ fn free_tolerance(no_load: &Resonance) -> f64 {
 /// `hypot`, for hundreds of circuits.
 fn size_ohm(impedance: Impedance) -> f64 {
     (impedance.resistance_ohm.powi(2) + impedance.reactance_ohm.powi(2)).sqrt()
+}
+
+fn impedance(circuit: &Circuit, hz: f64) -> Impedance {
+    let impedance = circuit.impedance_ohm(hz);
+    Impedance { resistance_ohm: impedance.re, reactance_ohm: impedance.im }
 }
 
 fn less(one: Impedance, other: Impedance) -> Impedance {
@@ -284,14 +295,23 @@ pub(crate) fn check_reference(
     Err(ContactSenseFault::ReferenceMoved { from_hz, to_hz, limit_percent: 100.0 * FREE_MOVE })
 }
 
-/// Refuses a resonance in contact that is that of the free sensor.
-pub(crate) fn check_shift(no_load: &Resonance, loaded: &Resonance) -> Result<(), TouchRefusal> {
-    let shift_hz = loaded.resonance_hz - no_load.resonance_hz;
+/// Refuses a resonance in contact that is that of the free sensor, or of one that has drifted a little: it
+/// changes the impedance by less than the contact that the search felt.
+pub(crate) fn check_shift(
+    no_load: &Resonance,
+    loaded: &Resonance,
+    contact_threshold: f64,
+) -> Result<(), TouchRefusal> {
+    let frequency_hz = no_load.resonance_hz;
+    let shift_hz = loaded.resonance_hz - frequency_hz;
     let sigma_hz = loaded.sigma_hz.hypot(no_load.sigma_hz);
-    if NO_SHIFT_SIGMAS * sigma_hz < shift_hz {
+    let [free, in_contact] = [no_load, loaded].map(|fit| impedance(&fit.circuit(), frequency_hz));
+    let change = relative_change(free, in_contact);
+    if NO_SHIFT_SIGMAS * sigma_hz < shift_hz && NO_CHANGE_PART * contact_threshold < change {
         return Ok(());
     }
-    Err(TouchRefusal::NoShift { shift_hz, sigma_hz })
+    let percent = 100.0 * change;
+    Err(TouchRefusal::NoShift { shift_hz, sigma_hz, frequency_hz, percent })
 }
 
 /// What the touches of a run say about each other.

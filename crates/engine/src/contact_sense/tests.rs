@@ -71,3 +71,22 @@ fn a_contact_is_no_clear_probe_although_a_short_sweep_has_missed_its_capacitance
         );
     }
 }
+
+/// The free resonance of a blind sense drifts by many standard deviations of two good sweeps.
+#[test]
+fn a_shift_that_changes_the_impedance_by_less_than_the_contact_is_none() {
+    let free = Resonance { sigma_hz: 0.002, ..short_sweep(1.0) };
+    let shifted = |hz: f64| Resonance { resonance_hz: free.resonance_hz + hz, ..free };
+    let check = |hz: f64| check_shift(&free, &shifted(hz), 0.1);
+    for hz in [-5.0, 0.0, 0.01, 0.03] {
+        let Err(TouchRefusal::NoShift { shift_hz, percent, .. }) = check(hz) else {
+            panic!("{hz} Hz")
+        };
+        assert!((shift_hz - hz).abs() < 1e-9 && (percent < 5.0 || hz < 0.0), "{hz} {percent}");
+    }
+    for hz in [0.3, 5.0, 100.0] {
+        assert_eq!(check(hz), Ok(()), "{hz}");
+    }
+    let vague = Resonance { sigma_hz: 0.1, ..shifted(0.3) };
+    assert!(check_shift(&free, &vague, 0.1).is_err());
+}

@@ -53,14 +53,19 @@ impl TouchMachine {
             SweepStep::Fault(fault) => MachineStep::Fault(fault),
             SweepStep::Finished(sweep) => {
                 let outcome = match sweep.outcome {
-                    FitOutcome::Accepted(loaded) => match check_shift(&self.no_load, &loaded) {
-                        Ok(()) if self.is_halfway_due(context) => {
-                            self.halfway = Some(Halfway { contact, loaded });
-                            return self.indent(contact.surface, context);
+                    FitOutcome::Accepted(loaded) => {
+                        let threshold = context.plan.touch.approach.contact_threshold;
+                        match check_shift(&self.no_load, &loaded, threshold) {
+                            Ok(()) if self.is_halfway_due(context) => {
+                                self.halfway = Some(Halfway { contact, loaded });
+                                return self.indent(contact.surface, context);
+                            }
+                            Ok(()) => return self.check_slip(contact, &loaded, context),
+                            Err(refusal) => {
+                                TouchOutcome::Refused { contact: Some(contact), refusal }
+                            }
                         }
-                        Ok(()) => return self.check_slip(contact, &loaded, context),
-                        Err(refusal) => TouchOutcome::Refused { contact: Some(contact), refusal },
-                    },
+                    }
                     FitOutcome::Refused(_) if retries_left > 0 => {
                         return self.sweep(contact, retries_left - 1, context);
                     }
