@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use rig_engine::RunPhase;
+use rig_sim::world::ViolationKind;
 use rig_store::{MemoryDisk, Reader, Record, RunId, StoreError};
 use rig_verify::MemoryJournal;
 
@@ -143,6 +144,17 @@ pub(crate) fn is_beyond_notice(played: &Played, has_slip_check: bool) -> Option<
     }
     let is_cancelled = lost_mm.len() > 1 && lost_mm.iter().sum::<f64>().abs() < CANCELLED_MM;
     is_cancelled.then_some("steps lost in a touch and gained again before its check of slip")
+}
+
+/// Whether the rig could not know that it sent the probe too deep: it stands deeper than its drive says, by lost
+/// steps, and the contact sense feels nothing.
+pub(crate) fn is_beyond_knowledge(violation: &ViolationKind, played: &Played) -> bool {
+    let &ViolationKind::PressedTooDeep { indentation_mm, limit_mm } = violation else {
+        return false;
+    };
+    let begun = || played.begun.iter().map(|(row, _)| MENU[*row].1);
+    let lost_mm: f64 = begun().filter_map(Fault::lost_mm).sum();
+    begun().any(is_of_sense) && indentation_mm + lost_mm <= limit_mm
 }
 
 /// Whether the checker rightly refutes a sweep: one during which steps were lost, so that its readings are of

@@ -1,6 +1,7 @@
 //! Cases that a long campaign has found, by their faults: a seed draws others when the menu changes.
 
 use rig_engine::RunPhase;
+use rig_sim::world::ViolationKind;
 
 use crate::{
     bench::Bench,
@@ -243,5 +244,22 @@ fn a_drift_is_no_shift() {
         assert_eq!(played.violations, Vec::<String>::new());
         let is_refused = |outcome: &Outcome| matches!(outcome, Outcome::Refused(_));
         assert!(played.touches.values().all(is_refused), "{bench}: {:?}", played.touches);
+    }
+}
+
+/// Seed 382625 of the menu 6c11055b454a65d6: steps were lost twice, and then the contact sense felt nothing. The next
+/// search went down to its lowest position, where the probe was deeper than the sample bears.
+#[test]
+fn a_lost_position_and_a_lost_sense_together_are_beyond_knowledge_and_each_alone_is_not() {
+    let sent = ViolationKind::PressedTooDeep { indentation_mm: 1.022, limit_mm: 1.0 };
+    let is_beyond = |names: &[&str]| {
+        let row = |name: &&str| MENU.iter().position(|(known, _)| known == name).unwrap();
+        let begun = names.iter().map(|name| (row(name), Phase::Run(RunPhase::Baseline))).collect();
+        judge::is_beyond_knowledge(&sent, &Played { begun, ..Played::default() })
+    };
+    let blind = "analyzer: feels no contact";
+    assert!(is_beyond(&[DOWNWARDS, DOWNWARDS, blind]));
+    for some in [&[DOWNWARDS, DOWNWARDS][..], &[blind], &[UPWARDS, blind], &[]] {
+        assert!(!is_beyond(some), "{some:?}");
     }
 }

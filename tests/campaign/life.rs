@@ -41,7 +41,8 @@ pub(crate) struct Played {
     pub(crate) latches: u64,
     /// Sweeps during which steps were lost, and whose resonance the checker refutes.
     pub(crate) refuted: u64,
-    /// How often lost steps alone took the probe deeper than the sample bears.
+    /// How often lost steps took the probe deeper than the sample bears, without a command or with a contact
+    /// sense that feels nothing.
     pub(crate) sunk: u64,
     /// How often a person lifted the probe by hand.
     pub(crate) lifts: u64,
@@ -376,7 +377,9 @@ impl Life<'_> {
                 (world.is_in_contact(now), world.violations(now).to_vec())
             });
             for violation in violations {
-                if matches!(violation.kind, ViolationKind::SankTooDeep { .. }) {
+                if matches!(violation.kind, ViolationKind::SankTooDeep { .. })
+                    || judge::is_beyond_knowledge(&violation.kind, &self.played)
+                {
                     self.played.sunk += 1;
                 } else {
                     self.fail(&violation.kind.to_string());

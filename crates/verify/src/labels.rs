@@ -2,6 +2,7 @@
 //! of their own.
 
 mod bench;
+mod contact;
 mod noise;
 mod sweep;
 mod touch;
@@ -14,7 +15,9 @@ use crate::{
     finding::{Check, Findings},
     journal::Journal,
     motion::{Descent, Motion, Probe, Turn},
-    record::{Action, Pose, Prompt, PromptAnswered, PromptAsked, StepStarted, Touch, TouchResult},
+    record::{
+        Action, Circuit, Pose, Prompt, PromptAnswered, PromptAsked, StepStarted, Touch, TouchResult,
+    },
     settings::{Settings, orientation, tilt_deg},
     surface,
 };
@@ -29,6 +32,8 @@ struct SweepFacts {
     step: Option<String>,
     /// Resonance and its standard deviation, Hz, or the reason of the refusal.
     outcome: Result<(f64, f64), String>,
+    /// The circuit that was found.
+    circuit: Option<Circuit>,
 }
 
 /// A surface that was found.

@@ -46,9 +46,11 @@ impl Labels {
             let window = self.window.filter(|_| sweep.purpose == "touch");
             request(seq, sweep, window, settings, findings);
         }
-        let outcome = match &sweep.outcome {
-            &Outcome::Accepted { resonance_hz, sigma_hz, .. } => Ok((resonance_hz, sigma_hz)),
-            Outcome::Refused { reason } => Err(reason.clone()),
+        let (outcome, circuit) = match &sweep.outcome {
+            &Outcome::Accepted { resonance_hz, sigma_hz, circuit, .. } => {
+                (Ok((resonance_hz, sigma_hz)), circuit)
+            }
+            Outcome::Refused { reason } => (Err(reason.clone()), None),
         };
         self.refused_sweeps += u32::from(sweep.purpose == "touch" && outcome.is_err());
         self.noise.sweep(seq, sweep, outcome.is_ok(), findings);
@@ -61,6 +63,7 @@ impl Labels {
             purpose: sweep.purpose.clone(),
             step: sweep.step.clone(),
             outcome,
+            circuit,
         };
         if facts.purpose == "no_load" {
             if let (Some(step), Ok(_)) = (&mut self.step, &facts.outcome) {

@@ -14,8 +14,6 @@ use crate::{
 
 /// Numbers that a record repeats from another are the same but for their last digits.
 const COPY: f64 = 1e-9;
-/// A touch without a shift of this many standard deviations is refused: no contact was felt.
-const NO_SHIFT_SIGMAS: f64 = 6.0;
 /// A refused sweep in contact is repeated once before the touch is refused because of it.
 const SWEEPS_REFUSED: u32 = 2;
 /// Begins of the reason if what was measured after the sweep speaks against the touch.
@@ -224,11 +222,7 @@ impl Labels {
         let sigma = result.sigma_hz.hypot(result.no_load_sigma_hz);
         let what = "the standard deviation of the shift, Hz";
         findings.agree(Check::Shift, seq, what, (sigma, result.shift_sigma_hz), COPY);
-        let least = NO_SHIFT_SIGMAS * sigma;
-        if shift <= least {
-            let what = "the shift of a result: no contact was felt, Hz";
-            findings.add(Check::Shift, seq, what, format!("more than {least}"), shift);
-        }
+        self.felt(seq, true, (shift, sigma), settings, findings);
         self.last = Some(result.clone());
     }
 
@@ -325,19 +319,9 @@ impl Labels {
                 self.slipped(seq, &refused.reason, findings);
             }
             Some(&Ok((hz, sigma_hz))) => {
-                let limit_hz = NO_SHIFT_SIGMAS * sigma_hz.hypot(refused.no_load_sigma_hz);
+                let sigma_hz = sigma_hz.hypot(refused.no_load_sigma_hz);
                 let shift_hz = hz - refused.no_load_hz;
-                if shift_hz > limit_hz {
-                    let what = "the shift of a touch that is refused although its sweep is not, Hz";
-                    findings.within(
-                        Check::Shift,
-                        seq,
-                        what,
-                        "less",
-                        shift_hz,
-                        Some(limit_hz.to_string()),
-                    );
-                }
+                self.felt(seq, false, (shift_hz, sigma_hz), settings, findings);
             }
             other => {
                 let expected = other.map_or_else(
