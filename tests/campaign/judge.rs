@@ -146,21 +146,24 @@ pub(crate) fn is_beyond_notice(played: &Played, has_slip_check: bool) -> Option<
     is_cancelled.then_some("steps lost in a touch and gained again before its check of slip")
 }
 
-/// Whether the rig could not know that it sent the probe too deep: it stands deeper than its drive says, by lost
-/// steps, and the contact sense feels nothing.
+/// Whether the rig could not know that it sent the probe too deep: it stands deeper than its drive says, by steps
+/// that were lost on the way down into the sample, or before, while the contact sense fails.
 pub(crate) fn is_beyond_knowledge(violation: &ViolationKind, played: &Played) -> bool {
     let &ViolationKind::PressedTooDeep { indentation_mm, limit_mm } = violation else {
         return false;
     };
-    let begun = || played.begun.iter().map(|(row, _)| MENU[*row].1);
-    let lost_mm: f64 = begun().filter_map(Fault::lost_mm).sum();
-    begun().any(is_of_sense) && indentation_mm + lost_mm <= limit_mm
+    let begun = || played.begun.iter().map(|(row, phase)| (MENU[*row].1, *phase));
+    let is_senseless = begun().any(|(fault, _)| is_of_sense(fault));
+    let is_unknown = |phase| is_senseless || phase == Phase::Run(RunPhase::Indentation);
+    let lost_mm: f64 = begun()
+        .filter_map(|(fault, phase)| fault.lost_mm().filter(|mm| *mm < 0.0 && is_unknown(phase)))
+        .sum();
+    indentation_mm + lost_mm <= limit_mm
 }
 
-/// Whether the checker rightly refutes a sweep: one during which steps were lost, so that its readings are of
-/// two states of the probe, and whose touch is refused because the surface is no longer where it was; or one of
-/// an analyzer that stays at another
-/// frequency than it says, so that its readings take another time.
+/// Whether the checker rightly refutes a sweep: one during which steps were lost or the contact sense failed, so
+/// that its readings are of two states of the probe, and whose touch is refused; or one of an analyzer that stays at
+/// another frequency than it says, so that its readings take another time.
 pub(crate) fn is_refuted(finding: &str, played: &Played) -> bool {
     let is_of_sweep = finding.starts_with("resonance: ") || finding.starts_with("sigma: ");
     let is_of_time = finding.starts_with("reading_time: ");
@@ -168,7 +171,7 @@ pub(crate) fn is_refuted(finding: &str, played: &Played) -> bool {
         let is_in_contact =
             matches!(phase, Phase::Run(RunPhase::Indentation | RunPhase::Dwell | RunPhase::Sweep));
         let fault = MENU[*row].1;
-        is_of_sweep && is_in_contact && fault.lost_mm().is_some()
+        is_of_sweep && is_in_contact && (fault.lost_mm().is_some() || is_of_sense(fault))
             || is_of_time && fault == Fault::Device("analyzer stuck-frequency")
     })
 }

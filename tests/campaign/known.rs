@@ -247,19 +247,22 @@ fn a_drift_is_no_shift() {
     }
 }
 
-/// Seed 382625 of the menu 6c11055b454a65d6: steps were lost twice, and then the contact sense felt nothing. The next
-/// search went down to its lowest position, where the probe was deeper than the sample bears.
+/// Seeds 382625 and 488939 of the menu 6c11055b454a65d6: steps were lost twice, and then the contact sense felt
+/// nothing, so that the next search went down to its lowest position; steps were lost twice on the way into the sample.
 #[test]
-fn a_lost_position_and_a_lost_sense_together_are_beyond_knowledge_and_each_alone_is_not() {
+fn a_position_lost_on_the_way_in_or_under_a_failed_sense_is_beyond_knowledge() {
+    use RunPhase::{Baseline, Indentation};
     let sent = ViolationKind::PressedTooDeep { indentation_mm: 1.022, limit_mm: 1.0 };
-    let is_beyond = |names: &[&str]| {
-        let row = |name: &&str| MENU.iter().position(|(known, _)| known == name).unwrap();
-        let begun = names.iter().map(|name| (row(name), Phase::Run(RunPhase::Baseline))).collect();
+    let is_beyond = |faults: &[(&str, RunPhase)]| {
+        let row = |name| MENU.iter().position(|(known, _)| *known == name).unwrap();
+        let begun = faults.iter().map(|(name, phase)| (row(*name), Phase::Run(*phase))).collect();
         judge::is_beyond_knowledge(&sent, &Played { begun, ..Played::default() })
     };
-    let blind = "analyzer: feels no contact";
-    assert!(is_beyond(&[DOWNWARDS, DOWNWARDS, blind]));
-    for some in [&[DOWNWARDS, DOWNWARDS][..], &[blind], &[UPWARDS, blind], &[]] {
+    let blind = ("analyzer: feels no contact", Baseline);
+    let (before, on_the_way) = ((DOWNWARDS, Baseline), (DOWNWARDS, Indentation));
+    assert!(is_beyond(&[before, blind]));
+    assert!(is_beyond(&[on_the_way]));
+    for some in [&[before, before][..], &[blind], &[(UPWARDS, Indentation), blind], &[]] {
         assert!(!is_beyond(some), "{some:?}");
     }
 }

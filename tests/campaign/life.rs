@@ -41,8 +41,8 @@ pub(crate) struct Played {
     pub(crate) latches: u64,
     /// Sweeps during which steps were lost, and whose resonance the checker refutes.
     pub(crate) refuted: u64,
-    /// How often lost steps took the probe deeper than the sample bears, without a command or with a contact
-    /// sense that feels nothing.
+    /// How often lost steps took the probe deeper than the sample bears, without a command or beyond the
+    /// knowledge of the rig.
     pub(crate) sunk: u64,
     /// How often a person lifted the probe by hand.
     pub(crate) lifts: u64,

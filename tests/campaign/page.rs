@@ -41,8 +41,8 @@ impl Display for Page<'_> {
              | kills of the daemon | {kills} |\n\
              | resumptions | {resumptions} |\n\
              | lifted by hand, because the drive had forgotten its position | {lifts} |\n\
-             | runs with sweeps during which steps were lost, or of an analyzer that stays at its frequency, refuted by the checker | {refuted} |\n\
-             | runs in which lost steps took the probe deeper than the sample bears, without a command or with a contact sense that failed too | {sunk} |\n\
+             | runs with sweeps during which steps were lost or the contact sense failed, or of an analyzer that stays at its frequency, refuted by the checker | {refuted} |\n\
+             | runs in which lost steps took the probe deeper than the sample bears: without a command, on the way in, or with a contact sense that failed too | {sunk} |\n\
              | runs that failed | {failed} |\n\
              | runs with a shift that is wrong in a known way | {unnoticed} |\n\
              | digest of all runs | {:016x} |\n\
