@@ -5,7 +5,7 @@ mod support;
 
 use num_complex::Complex64;
 use rig_model::{PointResult, Reading};
-use rig_resonance::{FitOptions, FitOutcome, ModelOrder, Reason, Side, fit};
+use rig_resonance::{FitOptions, FitOutcome, ModelOrder, Reason, Side, Timing, fit};
 use support::{Random, circuit, impedance, measured, reading, sweep};
 
 const WINDOW: (f64, f64) = (112.0, 168.0);
@@ -111,6 +111,32 @@ fn outliers_are_left_out_and_too_many_refuse() {
         reading.measured = measured(Complex64::new(1.5 * z.re, 0.7 * z.im));
     }
     check_refused(&readings, |reason| matches!(reason, Reason::Outliers { .. }));
+}
+
+/// Of thirteen readings one is wrong, as by a bit in its reply: it pulls the circuit towards itself.
+#[test]
+fn one_wrong_reading_of_few_is_left_out_or_refused() {
+    let circuit = circuit(66.0, 0.075);
+    let window = (132.0, 150.0);
+    let options = FitOptions { timing: Timing::Waited, always_loss: true, ..FitOptions::default() };
+    let (mut far, mut all) = (0, 0);
+    for seed in 0..20 {
+        let mut random = Random::new(seed);
+        let good = sweep(window, 13, 0.004, &mut random, |f| circuit.impedance_ohm(f));
+        for index in 0..good.len() {
+            for (real, imaginary) in [(1.0, 2.6), (1.0, -1.0), (1.3, 1.0), (0.4, 0.4), (10.0, 10.0)] {
+                let mut readings = good.clone();
+                let z = impedance(&good[index]);
+                readings[index].measured = measured(Complex64::new(real * z.re, imaginary * z.im));
+                let verdict = fit(&readings, &options);
+                all += 1;
+                far += u32::from(verdict.accepted().is_some_and(|found| {
+                    found.sigma_hz > 0.05 || (found.resonance_hz - 140.0).abs() > 0.1
+                }));
+            }
+        }
+    }
+    assert_eq!(far, 0, "of {all}");
 }
 
 #[test]

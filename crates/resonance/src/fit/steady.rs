@@ -33,6 +33,9 @@ mod threshold {
     /// ⟨|r|⁴⟩/⟨|r|²⟩², which is 2 for an exponential distribution. This detects several outliers, which
     /// raise the mean and so mask each other.
     pub(super) const CLEAN_FOURTH: f64 = 4.0;
+    /// The same of few readings: an outlier pulls the circuit towards itself, and less of it is left.
+    pub(super) const CLEAN_FOURTH_OF_FEW: f64 = 3.0;
+    pub(super) const FEW: usize = 28;
     /// χ² of three patterns; one good sweep in three exceeds this. The threshold is low because a second
     /// mode one linewidth away hardly affects the patterns.
     pub(super) const USUAL_PATTERNS: f64 = 3.0;
@@ -165,12 +168,15 @@ impl SteadyFit {
         let Fitted { solution, statistics, free } = fitted;
         let count = self.points.count as f64;
         let mean = (solution.normal.cost / count).max(noise::VARIANCE_MIN);
+        let is_few = self.points.count < threshold::FEW;
+        let fourth =
+            if is_few { threshold::CLEAN_FOURTH_OF_FEW } else { threshold::CLEAN_FOURTH };
         let sigmas = threshold::CLEAN_CHI_SQUARED_SIGMAS;
         let allowed = noise::allowed(self.degrees(*free), options.noise.as_ref(), sigmas);
         self.points.is_monotonic
             && solution.end == End::Converged
             && statistics.largest < threshold::CLEAN_LARGEST * mean
-            && statistics.fourth < threshold::CLEAN_FOURTH * count * mean * mean
+            && statistics.fourth < fourth * count * mean * mean
             && found.chi_squared_per_dof < allowed
     }
 
