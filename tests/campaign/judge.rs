@@ -125,8 +125,8 @@ fn is_of_sense(fault: Fault) -> bool {
 pub(crate) fn is_beyond_notice(played: &Played, has_slip_check: bool) -> Option<&'static str> {
     let in_touch =
         played.begun.iter().filter(|(_, phase)| phase.is_in_touch()).map(|(row, _)| MENU[*row].1);
-    let abort = Fault::Person(Order::Abort);
-    let is_aborted = played.begun.iter().any(|(row, _)| MENU[*row].1 == abort);
+    let aborts = [Fault::Person(Order::Abort), Fault::ByHand];
+    let is_aborted = played.begun.iter().any(|(row, _)| aborts.contains(&MENU[*row].1));
     let is_ended = is_aborted || played.latches + played.kills > 0;
     if is_ended && in_touch.clone().any(is_of_sense) {
         return Some("a contact sense that is repaired before the last touch is confirmed");

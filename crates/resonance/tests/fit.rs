@@ -124,7 +124,8 @@ fn one_wrong_reading_of_few_is_left_out_or_refused() {
         let mut random = Random::new(seed);
         let good = sweep(window, 13, 0.004, &mut random, |f| circuit.impedance_ohm(f));
         for index in 0..good.len() {
-            for (real, imaginary) in [(1.0, 2.6), (1.0, -1.0), (1.3, 1.0), (0.4, 0.4), (10.0, 10.0)] {
+            for (real, imaginary) in [(1.0, 2.6), (1.0, -1.0), (1.3, 1.0), (0.4, 0.4), (10.0, 10.0)]
+            {
                 let mut readings = good.clone();
                 let z = impedance(&good[index]);
                 readings[index].measured = measured(Complex64::new(real * z.re, imaginary * z.im));

@@ -4,6 +4,7 @@
 //! a folder, messages to standard error.
 
 mod analyzer;
+mod bench_run;
 mod bound;
 mod compensation;
 mod contact_args;
@@ -22,6 +23,7 @@ mod planned;
 mod progress;
 mod simulate;
 mod speed_accuracy;
+mod touch;
 mod truths;
 
 use std::{io, process::ExitCode};
@@ -48,6 +50,7 @@ enum Command {
     SpeedAccuracy(speed_accuracy::Args),
     Truths(truths::Args),
     Failures(failures::Args),
+    Touch(touch::Args),
 }
 
 fn main() -> ExitCode {
@@ -62,6 +65,7 @@ fn main() -> ExitCode {
         Command::Compensation(args) => compensation::run(&args, &mut out),
         Command::Failures(args) => failures::run(&args, &mut out),
         Command::Truths(args) => truths::run(&args, &mut out),
+        Command::Touch(args) => touch::run(&args, &mut out),
         Command::SpeedAccuracy(args) => speed_accuracy::run(&args, &mut out),
     };
     outcome::exit(result)

@@ -169,8 +169,7 @@ impl SteadyFit {
         let count = self.points.count as f64;
         let mean = (solution.normal.cost / count).max(noise::VARIANCE_MIN);
         let is_few = self.points.count < threshold::FEW;
-        let fourth =
-            if is_few { threshold::CLEAN_FOURTH_OF_FEW } else { threshold::CLEAN_FOURTH };
+        let fourth = if is_few { threshold::CLEAN_FOURTH_OF_FEW } else { threshold::CLEAN_FOURTH };
         let sigmas = threshold::CLEAN_CHI_SQUARED_SIGMAS;
         let allowed = noise::allowed(self.degrees(*free), options.noise.as_ref(), sigmas);
         self.points.is_monotonic

@@ -1,6 +1,6 @@
 //! Figures 11, 12 and 13: the paper's experiment, by the daemon on the simulated bench.
 
-mod run;
+use std::path::Path;
 
 use rig_analysis::{
     classify::{Classifier, Decision},
@@ -10,17 +10,81 @@ use rig_analysis::{
 };
 use rig_chart::{Axis, Chart, Marker, Point, Series};
 use rig_contact::{ContactLaw, Depth, Direction, Models, Pose, Sensor, SensorDescription, Tier};
+use rig_report::{RecognitionSummary, TouchRow};
+use rig_store::{Ending, RunStatus};
+use rigd::{loaded_rig::LoadedRig, protocol_file::LoadedProtocol};
 
-use self::run::{BenchRun, BenchTouch};
 use super::{
     Args,
     figures::{self, direction_style, legend, noiseless},
 };
 use crate::{
+    bench_run::{BenchError, BenchRun},
     outcome::StudyError,
     page::{Page, Table},
     paper_bench::{ANGLES_DEG, Control, SAMPLES_MPA},
 };
+
+/// The results of a run that the page uses.
+#[derive(Debug)]
+struct PaperRun {
+    rig_seconds: f64,
+    no_load_hz: Option<f64>,
+    sensitivity_hz_per_mpa: Option<f64>,
+    recognition: Vec<RecognitionSummary>,
+    touches: Vec<BenchTouch>,
+}
+
+/// A measured touch.
+#[derive(Debug, Clone, PartialEq)]
+struct BenchTouch {
+    is_blind: bool,
+    /// Index of the true sample, also for a blind touch.
+    sample: usize,
+    direction: Direction,
+    angle_deg: f64,
+    shift_hz: f64,
+    shift_sigma_hz: f64,
+    indentation_mm: f64,
+}
+
+impl PaperRun {
+    /// Runs a protocol on a simulated rig.
+    fn of(rig: &Path, protocol: &Path) -> Result<Self, BenchError> {
+        let rig = LoadedRig::load(rig)?;
+        let protocol = LoadedProtocol::load(protocol, &rig.facts())?;
+        let results = BenchRun::of(rig, protocol)?.results;
+        let (status, summary) = (results.run().status, results.summary());
+        if status != RunStatus::Ended(Ending::Completed) {
+            return Err(BenchError::NotCompleted { status: status.describe() });
+        }
+        let touch = |row: &TouchRow| {
+            BenchTouch::of(row).ok_or_else(|| BenchError::NotATouch { step: row.step.clone() })
+        };
+        Ok(Self {
+            rig_seconds: summary.rig_seconds,
+            no_load_hz: summary.no_load_hz,
+            sensitivity_hz_per_mpa: summary.sensitivity_hz_per_mpa,
+            recognition: summary.recognition,
+            touches: results.touches().iter().map(touch).collect::<Result<_, _>>()?,
+        })
+    }
+}
+
+impl BenchTouch {
+    fn of(row: &TouchRow) -> Option<Self> {
+        Some(Self {
+            is_blind: row.phase == "blind",
+            // The protocol numbers its samples from one, softest first.
+            sample: row.sample.parse::<usize>().ok()?.checked_sub(1)?,
+            direction: Direction::ALL.into_iter().find(|one| one.name() == row.direction)?,
+            angle_deg: row.angle_deg,
+            shift_hz: row.shift_hz?,
+            shift_sigma_hz: row.shift_sigma_hz?,
+            indentation_mm: row.indentation_mm?,
+        })
+    }
+}
 
 pub(super) fn add(page: &mut Page, args: &Args) -> Result<(), StudyError> {
     page.heading("Figures 11 to 13: the experiment on the simulated bench");
@@ -31,7 +95,7 @@ pub(super) fn add(page: &mut Page, args: &Args) -> Result<(), StudyError> {
         );
         return Ok(());
     }
-    let run = BenchRun::of(&args.rig, &args.protocol).map_err(StudyError::bench)?;
+    let run = PaperRun::of(&args.rig, &args.protocol).map_err(StudyError::bench)?;
     page.text(format!(
         "The daemon replayed `{}` through its drivers against simulated instruments: {} touches in \
          {:.0} s on the rig's clock. As in a laboratory, it finds the surface before each touch \
@@ -56,7 +120,7 @@ pub(super) fn add(page: &mut Page, args: &Args) -> Result<(), StudyError> {
 }
 
 /// The mean shift of the main touches of a sample in a direction at an angle.
-fn mean_hz(run: &BenchRun, sample: usize, direction: Option<Direction>, angle: f64) -> Option<f64> {
+fn mean_hz(run: &PaperRun, sample: usize, direction: Option<Direction>, angle: f64) -> Option<f64> {
     let of_cell: Vec<f64> = run
         .touches
         .iter()
@@ -71,7 +135,7 @@ fn angle_axis() -> Axis {
     Axis::linear("contact angle, °").with_ticks(&ANGLES_DEG)
 }
 
-fn figure_11(run: &BenchRun) -> Chart {
+fn figure_11(run: &PaperRun) -> Chart {
     let mut chart = Chart::new(
         "Figure 11: shift over the angle in three directions, simulated bench",
         "Shifts of five samples; solid lines and circles to the front, dashed lines and squares to \
@@ -96,7 +160,7 @@ fn figure_11(run: &BenchRun) -> Chart {
     chart
 }
 
-fn figure_12(run: &BenchRun) -> Chart {
+fn figure_12(run: &PaperRun) -> Chart {
     let mut chart = Chart::new(
         "Figure 12: shift over the angle, mean of the directions, simulated bench",
         "Shifts of five samples, averaged over front, back and left.",
@@ -113,7 +177,7 @@ fn figure_12(run: &BenchRun) -> Chart {
     chart
 }
 
-fn shifts(run: &BenchRun) -> Table {
+fn shifts(run: &PaperRun) -> Table {
     let mut table = Table::new(&["sample", "direction", "0°, Hz", "15°", "30°", "45°"]);
     for sample in 0..SAMPLES_MPA.len() {
         for direction in Direction::ALL.map(Some).into_iter().chain([None]) {
@@ -129,7 +193,7 @@ fn shifts(run: &BenchRun) -> Table {
 }
 
 /// Figure 12 beside Figure 7.
-fn against_model(run: &BenchRun) -> Table {
+fn against_model(run: &PaperRun) -> Table {
     let mut table = Table::new(&[
         "sample",
         "0°, bench, Hz",
@@ -161,7 +225,7 @@ fn against_model(run: &BenchRun) -> Table {
     table
 }
 
-fn summary(page: &mut Page, run: &BenchRun) {
+fn summary(page: &mut Page, run: &PaperRun) {
     let mut table = Table::new(&["quantity", "printed", "ours", "difference"]);
     let mut row = |what: &str, printed: f64, ours: Option<f64>| {
         let Some(ours) = ours else { return };
@@ -180,7 +244,7 @@ fn summary(page: &mut Page, run: &BenchRun) {
 }
 
 /// Figure 13, by the paper's method and by the methods of this project.
-fn blind(page: &mut Page, run: &BenchRun) {
+fn blind(page: &mut Page, run: &PaperRun) {
     let blind: Vec<&BenchTouch> = run.touches.iter().filter(|touch| touch.is_blind).collect();
     let known: Vec<&BenchTouch> = run.touches.iter().filter(|touch| !touch.is_blind).collect();
     if blind.is_empty() {

@@ -1,0 +1,286 @@
+//! The page of the study.
+
+use rig_chart::{Axis, Chart, Marker, Point, Rule, Series, Stroke};
+
+use super::{
+    Args, Group,
+    setting::{SHIPPED, Scene, TOGETHER},
+    summary::Summary,
+};
+use crate::{
+    bench_run::PHASES,
+    files::Csv,
+    page::{Page, Table},
+};
+
+/// The file of the table in the folder of the page.
+pub(super) const TABLE: &str = "touch.csv";
+const TROUBLES_TABLE: &str = "troubles.csv";
+
+/// Phases without which there is no touch: the time that only faster axes save.
+const MOTION: [&str; 5] = ["rotation", "prompt", "indentation", "dwell", "retract"];
+
+/// Knobs on one chart, each a line through the settings as shipped.
+const CHARTS: [(&str, &str, [&str; 6]); 3] = [
+    (
+        "search.svg",
+        "The search",
+        ["fine step, mm", "coarse step, mm", "cycles of a step", "threshold", "tolerance, mm", ""],
+    ),
+    (
+        "sweeps.svg",
+        "Sweeps and references",
+        ["contact sweep, Hz", "no-load sweep, Hz", "reference", "survey, s", "two depths", ""],
+    ),
+    (
+        "motion.svg",
+        "Motion and waits",
+        ["dwell, s", "check of slip", "order", "travel, mm/s", "in contact, mm/s", ""],
+    ),
+];
+
+pub(super) fn page(args: &Args, groups: &[Group], troubles: &[Group]) -> Page {
+    let title = "Time of a touch against its error".to_owned();
+    let mut page = Page { title, parts: Vec::new() };
+    page.text(format!(
+        "This page is written by `cargo run --release -p rig-study -- touch --out docs/studies`. Each setting has \
+         {} runs of `config/protocols/three-direction.toml` on the simulated bench, with the seeds {} to {} for \
+         scene and protocol, so that a setting is compared with the shipped one on the same samples. The time is \
+         that of the rig for each planned touch, everything included: prompts, survey, references, and the check \
+         of slip. The simulated person answers at once.",
+        args.runs,
+        args.seed,
+        args.seed + args.runs - 1
+    ));
+    page.text(
+        "The error is the logarithm of the stiffness that the run states over that of the touched point, which only \
+         the simulator knows; root mean square of main and blind touches. It has all that a run has: sweep, \
+         reference, surface, lead screw, slope of the surface, model, and the factor from the known samples, whose \
+         points scatter by 3 %. *Paper* is the shipped scene, whose sensor and contact are not those that the rig \
+         file describes; *matched* is the scene that it describes.",
+    );
+    let of_scene = |scene| groups.iter().filter(move |group| group.scene == scene);
+    let paper: Vec<&Group> = of_scene(Scene::Paper).collect();
+    let matched: Vec<&Group> = of_scene(Scene::Matched).collect();
+    let Some(base) = paper.iter().find(|group| group.setting.knob == SHIPPED) else { return page };
+    page.heading("All settings");
+    page.chart("front.svg", front_chart(&paper, &matched, base));
+    for (file, title, knobs) in CHARTS {
+        page.chart(file, knobs_chart(title, &knobs, &paper, base));
+    }
+    page.table(settings(&paper, &matched));
+    page.data(TABLE, csv(groups));
+    page.heading("Where the time goes");
+    page.text(
+        "The settings as shipped, for each planned touch. What is under *motion* is left when search, sweeps and \
+         references take no time.",
+    );
+    page.table(phases(&base.summary));
+    page.heading("Where the search fails");
+    page.text(
+        "The shipped protocol on benches with more trouble than the shipped one, with the rig file unchanged. A \
+         stiffness is wrong without notice if its error is beyond five of its stated standard deviations. A run \
+         that contradicts itself ends with a latched rig, and the touches after it are not reached.",
+    );
+    page.table(table_of_troubles(troubles));
+    page.data(TROUBLES_TABLE, csv(troubles));
+    let all = || groups.iter().chain(troubles);
+    let (violations, wrong): (usize, usize) = (
+        all().map(|one| one.summary.violations()).sum(),
+        all().map(|one| one.summary.wrong()).sum(),
+    );
+    let planned: usize = all().map(|one| one.summary.planned()).sum();
+    page.text(format!(
+        "In all {planned} planned touches of this page, the truth of the bench shows {violations} violations of \
+         safety: no sample was turned with the probe in it or pressed deeper than it bears. {wrong} stiffnesses are \
+         wrong without notice."
+    ));
+    page
+}
+
+/// Time and error of a group, percent.
+fn point(group: &Group) -> Option<Point> {
+    let (x, y) = (group.summary.touch_s()?, 100.0 * group.summary.rms()?);
+    let setting = group.setting;
+    Some(Point { x, y, error: None, note: Some(format!("{} {}", setting.knob, setting.value)) })
+}
+
+/// The settings that no other beats in time and in error, in the order of their times.
+fn front(groups: &[&Group]) -> Vec<Point> {
+    let mut points: Vec<Point> = groups.iter().filter_map(|group| point(group)).collect();
+    points.sort_by(|a, b| a.x.total_cmp(&b.x));
+    let mut least = f64::INFINITY;
+    points.retain(|point| {
+        let is_better = point.y < least;
+        least = least.min(point.y);
+        is_better
+    });
+    points
+}
+
+fn axes() -> [Axis; 2] {
+    [Axis::linear("rig time of a touch, s"), Axis::linear("error of the stiffness, % rms")]
+}
+
+fn front_chart(paper: &[&Group], matched: &[&Group], base: &Group) -> Chart {
+    let [x, y] = axes();
+    let mut chart = Chart::new(
+        "Time of a touch against its error",
+        "Each point is a setting, circles on the shipped scene, squares on the scene that the rig file describes; the \
+         lines join the settings that no other beats.",
+        x.including(0.0),
+        y.including(0.0),
+    );
+    for (colour, (name, groups)) in [("paper", paper), ("matched", matched)].into_iter().enumerate()
+    {
+        let points = groups.iter().filter_map(|group| point(group));
+        chart.series.push(Series::scatter(name, colour, points.collect::<Vec<_>>()));
+        let front = Series::line(&format!("{name}: front"), colour, front(groups));
+        chart.series.push(Series { stroke: Some(Stroke::Dashed), ..front });
+    }
+    let shipped = Series::scatter(SHIPPED, 3, point(base));
+    chart.series.push(Series { marker: Some(Marker::Ring), ..shipped });
+    chart.rules.push(Rule::AtX { value: motion_s(&base.summary), label: "motion".to_owned() });
+    chart
+}
+
+fn knobs_chart(title: &str, knobs: &[&str], groups: &[&Group], base: &Group) -> Chart {
+    let [x, y] = axes();
+    let description = "Each line is a setting at its values, through the settings as shipped.";
+    let mut chart = Chart::new(title, description, x, y);
+    for (colour, knob) in knobs.iter().filter(|knob| !knob.is_empty()).enumerate() {
+        let of_knob = groups.iter().filter(|group| group.setting.knob == *knob);
+        let mut points: Vec<Point> = of_knob.filter_map(|group| point(group)).collect();
+        points.extend(point(base));
+        points.sort_by(|a, b| a.x.total_cmp(&b.x));
+        chart.series.push(Series::joined(knob, colour, points));
+    }
+    chart
+}
+
+fn percent(part: Option<f64>, decimals: usize) -> String {
+    part.map_or(String::new(), |part| format!("{:.decimals$}", 100.0 * part))
+}
+
+fn seconds(time_s: Option<f64>) -> String {
+    time_s.map_or(String::new(), |time_s| format!("{time_s:.2}"))
+}
+
+fn over(group: &Group, base: Option<&&Group>) -> String {
+    let ratio = base.and_then(|base| group.summary.over(&base.summary));
+    ratio.map_or(String::new(), |ratio| format!("{:.3} ± {:.3}", ratio.mean, ratio.two_sigmas))
+}
+
+fn settings(paper: &[&Group], matched: &[&Group]) -> Table {
+    let mut table = Table::new(&[
+        "setting",
+        "time of a touch, s, paper",
+        "error, %",
+        "over that as shipped, ± two standard errors",
+        "measured of planned",
+        "time, s, matched",
+        "error, %",
+        "over that as shipped",
+    ]);
+    for (own, twin) in paper.iter().zip(matched) {
+        let (setting, summary) = (own.setting, &own.summary);
+        let name = match setting.knob {
+            SHIPPED | TOGETHER => format!("{} {}", setting.knob, setting.value),
+            knob => format!("{knob}: {}", setting.value),
+        };
+        table.row([
+            name.trim().to_owned(),
+            seconds(summary.touch_s()),
+            percent(summary.rms(), 2),
+            over(own, paper.first()),
+            format!("{} of {}", summary.measured(), summary.planned()),
+            seconds(twin.summary.touch_s()),
+            percent(twin.summary.rms(), 2),
+            over(twin, matched.first()),
+        ]);
+    }
+    table
+}
+
+/// The time of a touch in which only the axes move, s.
+fn motion_s(summary: &Summary) -> f64 {
+    let phases_s = summary.phases_s();
+    MOTION.iter().filter_map(|phase| phases_s.get(phase)).sum()
+}
+
+fn phases(summary: &Summary) -> Table {
+    let mut table = Table::new(&["phase", "time, s", "kind"]);
+    let phases_s = summary.phases_s();
+    for phase in PHASES {
+        let kind = if MOTION.contains(&phase) { "motion" } else { "measurement" };
+        let time_s = phases_s.get(phase).copied().unwrap_or_default();
+        table.row([phase.to_owned(), format!("{time_s:.3}"), kind.to_owned()]);
+    }
+    let all: f64 = phases_s.values().sum();
+    table.row(["all".to_owned(), format!("{all:.3}"), String::new()]);
+    table.row(["motion".to_owned(), format!("{:.3}", motion_s(summary)), String::new()]);
+    table
+}
+
+fn table_of_troubles(troubles: &[Group]) -> Table {
+    let mut table = Table::new(&[
+        "bench",
+        "measured, % of planned",
+        "refused, %",
+        "not reached, %",
+        "time of a touch, s",
+        "error, % rms",
+        "largest error, %",
+        "wrong without notice",
+    ]);
+    for Group { setting, summary, .. } in troubles {
+        let share = |count: usize| percent(Some(count as f64 / summary.planned().max(1) as f64), 1);
+        table.row([
+            format!("{}: {}", setting.knob, setting.value),
+            share(summary.measured()),
+            share(summary.refused()),
+            share(summary.not_reached()),
+            seconds(summary.touch_s()),
+            percent(summary.rms(), 2),
+            percent(summary.largest(), 1),
+            summary.wrong().to_string(),
+        ]);
+    }
+    table
+}
+
+/// All groups as a table.
+pub(super) fn csv(groups: &[Group]) -> String {
+    let mut csv = Csv::new(&[
+        "scene",
+        "knob",
+        "value",
+        "planned",
+        "refused",
+        "not_reached",
+        "wrong",
+        "violations",
+        "touch_s",
+        "error_rms",
+        "error_largest",
+    ]);
+    let cell = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.6}"));
+    // A cell holds no comma.
+    let text = |text: &str| text.replace(", ", " + ");
+    for Group { setting, scene, summary } in groups {
+        csv.row([
+            scene.name().to_owned(),
+            text(setting.knob),
+            text(setting.value),
+            summary.planned().to_string(),
+            summary.refused().to_string(),
+            summary.not_reached().to_string(),
+            summary.wrong().to_string(),
+            summary.violations().to_string(),
+            cell(summary.touch_s()),
+            cell(summary.rms()),
+            cell(summary.largest()),
+        ]);
+    }
+    csv.text().to_owned()
+}

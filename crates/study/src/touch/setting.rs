@@ -1,0 +1,272 @@
+//! Settings of protocol, rig and scene that are tried.
+
+use std::{fs, path::Path};
+
+use toml::{Table, Value};
+
+use crate::outcome::StudyError;
+
+/// A file of the configuration.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum File {
+    Protocol,
+    Rig,
+    Scene,
+}
+
+/// The truth behind a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Scene {
+    /// The shipped one, which the rig file does not describe exactly.
+    Paper,
+    /// The one that the rig file describes.
+    Matched,
+}
+
+impl Scene {
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::Paper => "paper",
+            Self::Matched => "matched",
+        }
+    }
+}
+
+/// A change of one key, as its path and its value in TOML; without a value the key is left out.
+type Change = (File, &'static str, &'static str);
+
+/// Changes of the shipped configuration.
+#[derive(Debug)]
+pub(super) struct Setting {
+    /// What is changed; settings of one knob are points of one line.
+    pub(super) knob: &'static str,
+    pub(super) value: &'static str,
+    pub(super) changes: &'static [Change],
+}
+
+const fn one(knob: &'static str, value: &'static str, changes: &'static [Change]) -> Setting {
+    Setting { knob, value, changes }
+}
+
+/// The name of the configuration without a change.
+pub(super) const SHIPPED: &str = "as shipped";
+/// The name of several changes at once.
+pub(super) const TOGETHER: &str = "together";
+
+use File::{Protocol, Rig, Scene as Bench};
+
+/// Changes of one knob after the other, and some together; the first has none.
+pub(super) const SETTINGS: [Setting; 40] = [
+    one(SHIPPED, "", &[]),
+    one("contact sweep, Hz", "0.02", &[(Protocol, "contact_sweep.target_sigma_hz", "0.02")]),
+    one("contact sweep, Hz", "0.1", &[(Protocol, "contact_sweep.target_sigma_hz", "0.1")]),
+    one("contact sweep, Hz", "0.2", &[(Protocol, "contact_sweep.target_sigma_hz", "0.2")]),
+    one("contact sweep, Hz", "0.5", &[(Protocol, "contact_sweep.target_sigma_hz", "0.5")]),
+    one("no-load sweep, Hz", "0.01", &[(Protocol, "no_load_sweep.target_sigma_hz", "0.01")]),
+    one("no-load sweep, Hz", "0.05", &[(Protocol, "no_load_sweep.target_sigma_hz", "0.05")]),
+    one("no-load sweep, Hz", "0.1", &[(Protocol, "no_load_sweep.target_sigma_hz", "0.1")]),
+    one("no-load sweep, Hz", "0.2", &[(Protocol, "no_load_sweep.target_sigma_hz", "0.2")]),
+    one("reference", "every touch", &[(Protocol, "no_load", "\"every-touch\"")]),
+    one("reference", "once", &[(Protocol, "no_load", "\"once\"")]),
+    one("survey, s", "20", &[(Protocol, "no_load_sweep.survey_s", "20")]),
+    one("survey, s", "none", &[(Protocol, "no_load_sweep.survey_s", "")]),
+    one("fine step, mm", "0.005", &[(Protocol, "approach.fine_step_mm", "0.005")]),
+    one("fine step, mm", "0.01", &[(Protocol, "approach.fine_step_mm", "0.01")]),
+    one("fine step, mm", "0.03", &[(Protocol, "approach.fine_step_mm", "0.03")]),
+    one("fine step, mm", "0.05", &[(Protocol, "approach.fine_step_mm", "0.05")]),
+    one("coarse step, mm", "0.05", &[(Protocol, "approach.coarse_step_mm", "0.05")]),
+    one("coarse step, mm", "0.2", &[(Protocol, "approach.coarse_step_mm", "0.2")]),
+    one("cycles of a step", "1", &[(Protocol, "approach.cycles", "1")]),
+    one("cycles of a step", "5", &[(Protocol, "approach.cycles", "5")]),
+    one("cycles of a step", "20", &[(Protocol, "approach.cycles", "20")]),
+    one("threshold", "0.05", &[(Protocol, "approach.contact_threshold", "0.05")]),
+    one("threshold", "0.25", &[(Protocol, "approach.contact_threshold", "0.25")]),
+    one("dwell, s", "0", &[(Protocol, "touch.dwell_s", "0")]),
+    one("dwell, s", "2", &[(Protocol, "touch.dwell_s", "2")]),
+    one("check of slip", "none", &[(Protocol, "approach.slip_mm", "0")]),
+    one("two depths", "0.25 mm", &[(Protocol, "touch.halfway_mm", "0.25")]),
+    one("order", "listed", &[(Protocol, "order", "\"listed\"")]),
+    one("order", "random", &[(Protocol, "order", "\"random\"")]),
+    one("tolerance, mm", "0.25", &[(Rig, "geometry.surface_tolerance_mm", "0.25")]),
+    one("tolerance, mm", "0.5", &[(Rig, "geometry.surface_tolerance_mm", "0.5")]),
+    one("travel, mm/s", "10", &[(Rig, "limits.travel_speed_mm_per_s", "10")]),
+    one("in contact, mm/s", "0.5", &[(Rig, "limits.contact_speed_mm_per_s", "0.5")]),
+    one("in contact, mm/s", "2", &[(Rig, "limits.contact_speed_mm_per_s", "2")]),
+    one(
+        TOGETHER,
+        "fine step 0.03 mm, contact sweep 0.1 Hz",
+        &[
+            (Protocol, "approach.fine_step_mm", "0.03"),
+            (Protocol, "contact_sweep.target_sigma_hz", "0.1"),
+        ],
+    ),
+    one(
+        TOGETHER,
+        "fine step 0.03 mm, contact sweep 0.2 Hz, no check of slip",
+        &[
+            (Protocol, "approach.fine_step_mm", "0.03"),
+            (Protocol, "contact_sweep.target_sigma_hz", "0.2"),
+            (Protocol, "approach.slip_mm", "0"),
+        ],
+    ),
+    one(
+        TOGETHER,
+        "reference once, no check of slip",
+        &[(Protocol, "no_load", "\"once\""), (Protocol, "approach.slip_mm", "0")],
+    ),
+    one(
+        TOGETHER,
+        "fine step 0.05 mm, sweeps 0.2 Hz, reference once, no check of slip, no dwell",
+        &[
+            (Protocol, "approach.fine_step_mm", "0.05"),
+            (Protocol, "contact_sweep.target_sigma_hz", "0.2"),
+            (Protocol, "no_load_sweep.target_sigma_hz", "0.2"),
+            (Protocol, "no_load", "\"once\""),
+            (Protocol, "approach.slip_mm", "0"),
+            (Protocol, "touch.dwell_s", "0"),
+        ],
+    ),
+    one(
+        TOGETHER,
+        "fine step 0.005 mm, sweeps 0.02 Hz, reference at every touch",
+        &[
+            (Protocol, "approach.fine_step_mm", "0.005"),
+            (Protocol, "contact_sweep.target_sigma_hz", "0.02"),
+            (Protocol, "no_load", "\"every-touch\""),
+        ],
+    ),
+];
+
+/// Benches on which the search for the surface has trouble.
+pub(super) const TROUBLES: [Setting; 33] = [
+    one("noise of ten cycles", "0.01", &[(Bench, "nuisances.impedance_rel", "0.01")]),
+    one("noise of ten cycles", "0.02", &[(Bench, "nuisances.impedance_rel", "0.02")]),
+    one("noise of ten cycles", "0.05", &[(Bench, "nuisances.impedance_rel", "0.05")]),
+    one("noise of ten cycles", "0.1", &[(Bench, "nuisances.impedance_rel", "0.1")]),
+    one("height of a mounting, mm", "0.12", &[(Bench, "nuisances.mounting_mm", "0.12")]),
+    one("height of a mounting, mm", "0.25", &[(Bench, "nuisances.mounting_mm", "0.25")]),
+    one("height of a mounting, mm", "0.5", &[(Bench, "nuisances.mounting_mm", "0.5")]),
+    one("surface, mm from the rig file", "-2", &[(Bench, "place.surface_mm", "8.0")]),
+    one("surface, mm from the rig file", "-0.5", &[(Bench, "place.surface_mm", "9.5")]),
+    one("surface, mm from the rig file", "+0.5", &[(Bench, "place.surface_mm", "10.5")]),
+    one("surface, mm from the rig file", "+2", &[(Bench, "place.surface_mm", "12.0")]),
+    one(
+        "surface above the axis, mm wrong",
+        "0.3",
+        &[(Bench, "place.surface_above_pivot_mm", "4.3")],
+    ),
+    one("surface above the axis, mm wrong", "1", &[(Bench, "place.surface_above_pivot_mm", "5")]),
+    one("probe beside the axis, mm wrong", "0.3", &[(Bench, "place.probe_beside_pivot_mm", "0.6")]),
+    one("probe beside the axis, mm wrong", "1", &[(Bench, "place.probe_beside_pivot_mm", "1.3")]),
+    one("slope, °", "3", &[(Bench, "nuisances.slope_deg", "3")]),
+    one("slope, °", "6", &[(Bench, "nuisances.slope_deg", "6")]),
+    one("screw, mm", "0.03", &[(Bench, "nuisances.screw_mm", "0.03")]),
+    one("screw, mm", "0.06", &[(Bench, "nuisances.screw_mm", "0.06")]),
+    one("backlash, mm", "0.01", &[(Bench, "nuisances.linear_backlash_mm", "0.01")]),
+    one("backlash, mm", "0.03", &[(Bench, "nuisances.linear_backlash_mm", "0.03")]),
+    one("backlash, mm", "0.1", &[(Bench, "nuisances.linear_backlash_mm", "0.1")]),
+    one("encoder, steps", "1", &[(Bench, "nuisances.encoder_steps", "1")]),
+    one("encoder, steps", "3", &[(Bench, "nuisances.encoder_steps", "3")]),
+    one("drift, Hz in an hour", "1", &[(Bench, "nuisances.drift.walk_hz_per_sqrt_hour", "1")]),
+    one("drift, Hz in an hour", "5", &[(Bench, "nuisances.drift.walk_hz_per_sqrt_hour", "5")]),
+    one("drift, Hz in an hour", "20", &[(Bench, "nuisances.drift.walk_hz_per_sqrt_hour", "20")]),
+    one("relaxing part of the force", "0.3", &[(Bench, "contact.relaxation_part", "0.3")]),
+    one("relaxing part of the force", "0.6", &[(Bench, "contact.relaxation_part", "0.6")]),
+    one("loss of the tissue", "0.3", &[(Bench, "contact.tissue_loss", "0.3")]),
+    one("loss of the tissue", "1", &[(Bench, "contact.tissue_loss", "1")]),
+    one("latency of the analyzer, s", "0.001", &[(Bench, "nuisances.analyzer_command_s", "0.001")]),
+    one("latency of the analyzer, s", "0.01", &[(Bench, "nuisances.analyzer_command_s", "0.01")]),
+];
+
+/// The shipped files.
+#[derive(Debug)]
+pub(super) struct Files {
+    protocol: Table,
+    rig: Table,
+    paper: Table,
+    matched: Table,
+}
+
+impl Files {
+    pub(super) fn read(config: &Path) -> Result<Self, StudyError> {
+        let read = |name: &str| {
+            let path = config.join(name);
+            let text =
+                fs::read_to_string(&path).map_err(|source| StudyError::File { path, source })?;
+            text.parse::<Table>().map_err(StudyError::arguments)
+        };
+        Ok(Self {
+            protocol: read("protocols/three-direction.toml")?,
+            rig: read("rigs/simulated.toml")?,
+            paper: read("scenes/paper.toml")?,
+            matched: read("scenes/matched.toml")?,
+        })
+    }
+
+    /// The texts of protocol, rig and scene with a setting and a seed. The rig names its scene `scene.toml`.
+    pub(super) fn changed(&self, setting: &Setting, scene: Scene, seed: u32) -> [String; 3] {
+        let scene = match scene {
+            Scene::Paper => &self.paper,
+            Scene::Matched => &self.matched,
+        };
+        let mut tables = [self.protocol.clone(), self.rig.clone(), scene.clone()];
+        let seed = Value::Integer(i64::from(seed));
+        set(&mut tables[0], "seed", Some(seed.clone()));
+        set(&mut tables[2], "seed", Some(seed));
+        set(&mut tables[1], "simulation.scene", Some(Value::String("scene.toml".to_owned())));
+        for (file, key, value) in setting.changes {
+            set(&mut tables[*file as usize], key, parsed(value));
+        }
+        tables.map(|table| table.to_string())
+    }
+}
+
+/// A value in TOML; `None` for an empty text.
+fn parsed(text: &str) -> Option<Value> {
+    let table = format!("value = {text}").parse::<Table>();
+    (!text.is_empty()).then(|| table.expect("the values of the settings are TOML")["value"].clone())
+}
+
+/// Sets a key, or removes it.
+fn set(table: &mut Table, key: &str, value: Option<Value>) {
+    let Some((section, rest)) = key.split_once('.') else {
+        match value {
+            Some(value) => _ = table.insert(key.to_owned(), value),
+            None => _ = table.remove(key),
+        }
+        return;
+    };
+    let section = table.entry(section).or_insert_with(|| Value::Table(Table::new()));
+    set(section.as_table_mut().expect("a section of the shipped files"), rest, value);
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{collections::HashSet, path::PathBuf};
+
+    use rigd::{loaded_rig::LoadedRig, protocol_file::LoadedProtocol};
+    use tempfile::TempDir;
+
+    use super::*;
+
+    /// Each setting changes the shipped files, and each rig can run its protocol.
+    #[test]
+    fn every_setting_is_a_bench_that_can_run_and_none_is_twice() {
+        let config = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../config");
+        let files = Files::read(&config).unwrap();
+        let mut seen = HashSet::new();
+        for setting in SETTINGS.iter().chain(&TROUBLES) {
+            let texts = files.changed(setting, Scene::Paper, 1);
+            let folder = TempDir::new().unwrap();
+            for (name, text) in ["protocol.toml", "rig.toml", "scene.toml"].iter().zip(&texts) {
+                fs::write(folder.path().join(name), text).unwrap();
+            }
+            let name = format!("{}: {}", setting.knob, setting.value);
+            let rig = LoadedRig::load(&folder.path().join("rig.toml"))
+                .unwrap_or_else(|error| panic!("{name}: {error}"));
+            LoadedProtocol::load(&folder.path().join("protocol.toml"), &rig.facts())
+                .unwrap_or_else(|error| panic!("{name}: {error}"));
+            assert!(seen.insert(texts), "{name} is there twice");
+        }
+    }
+}
