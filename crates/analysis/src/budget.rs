@@ -25,9 +25,11 @@ pub enum Part {
     /// unknown.
     Angle,
     /// The constants of the sensor: the factor that samples of known stiffness give, or the assumed error
-    /// of the description.
+    /// of the description. For a known sample, the factor as far as the other samples give it: its own touches
+    /// are in the other parts.
     Sensor,
-    /// The model: the terms that were learnt, and the misfit of the main touches.
+    /// The model: the terms that were learnt, the way to hold the depth that was not taken, and the misfit of
+    /// the main touches.
     Model,
     /// The sample: its variation between the points of a site whose angle is inferred, and the scatter of
     /// its touches or sites beyond all of these.
@@ -120,16 +122,15 @@ impl Budget {
         parts
     }
 
-    /// The parts of a mean with these weights, whose touches are independent.
-    pub(crate) fn mean(all: impl Iterator<Item = (f64, Self)>) -> Self {
-        let (mut sum, mut parts) = (0.0, [0.0; Part::ALL.len()]);
+    /// The parts of a weighted sum of independent relative errors.
+    pub(crate) fn weighted(all: impl Iterator<Item = (f64, Self)>) -> Self {
+        let mut parts = [0.0; Part::ALL.len()];
         for (weight, budget) in all {
-            sum += weight;
             for (part, own) in parts.iter_mut().zip(budget.0) {
                 *part += weight * weight * own;
             }
         }
-        Self(parts.map(|part| part / (sum * sum)))
+        Self(parts)
     }
 }
 

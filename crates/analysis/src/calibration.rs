@@ -18,7 +18,7 @@ pub struct Comparison {
 }
 
 /// The calibration factor from samples of known stiffness.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Calibration {
     /// Geometric mean of inferred over known stiffness. An inferred stiffness is divided by it.
     pub factor: f64,
@@ -27,6 +27,21 @@ pub struct Calibration {
     pub sigma_rel: f64,
     /// Number of samples used.
     pub samples: usize,
+    /// The variance of the mean logarithm of each of them, by its index.
+    of_samples: Vec<(usize, f64)>,
+    /// Variance of the factor's logarithm by the scatter between samples.
+    scatter: f64,
+}
+
+impl Calibration {
+    /// The part of `sigma_rel` that is due to samples other than this one.
+    pub fn sigma_rel_of_others(&self, sample: usize) -> f64 {
+        let n = self.samples as f64;
+        let others = || self.of_samples.iter().filter(|one| one.0 != sample);
+        let propagated = others().map(|(_, variance)| variance).sum::<f64>() / (n * n);
+        let scatter = self.scatter * others().count() as f64 / n;
+        propagated.max(scatter).sqrt()
+    }
 }
 
 /// The calibration factor, with the same weight for each sample; `None` without a usable comparison.
@@ -39,16 +54,22 @@ pub fn calibrate(comparisons: &[Comparison]) -> Option<Calibration> {
     usable.sort_by_key(|one| one.sample);
     let samples: Vec<(f64, f64)> =
         usable.chunk_by(|a, b| a.sample == b.sample).map(of_sample).collect();
+    let indices = usable.chunk_by(|a, b| a.sample == b.sample).map(|of_one| of_one[0].sample);
     if samples.is_empty() {
         return None;
     }
     let n = samples.len() as f64;
     let mean = samples.iter().map(|(log, _)| log).sum::<f64>() / n;
-    let propagated = samples.iter().map(|(_, variance)| variance).sum::<f64>().sqrt() / n;
+    let propagated = samples.iter().map(|(_, variance)| variance).sum::<f64>() / (n * n);
     let squares = samples.iter().map(|(log, _)| (log - mean).powi(2)).sum::<f64>();
-    let scatter = if samples.len() > 1 { (squares / (n - 1.0) / n).sqrt() } else { 0.0 };
-    let sigma_rel = propagated.max(scatter);
-    Some(Calibration { factor: mean.exp(), sigma_rel, samples: samples.len() })
+    let scatter = if samples.len() > 1 { squares / (n - 1.0) / n } else { 0.0 };
+    Some(Calibration {
+        factor: mean.exp(),
+        sigma_rel: propagated.max(scatter).sqrt(),
+        samples: samples.len(),
+        of_samples: indices.zip(samples.iter().map(|(_, variance)| *variance)).collect(),
+        scatter,
+    })
 }
 
 /// The mean logarithm of the ratios of one sample, and its variance.

@@ -8,6 +8,7 @@ mod evidence;
 mod fit;
 mod judge;
 mod linear;
+mod pair;
 
 use rig_contact::{
     Depth, Friction, Sensor, SensorDesign,
@@ -140,6 +141,8 @@ pub struct RunModel {
     covariance: Vec<Vec<f64>>,
     /// For each learnt term, the model on both sides of its value.
     sides: Vec<[(Terms, Compensation); 2]>,
+    /// The model that holds the depth in the other way, if the touches could choose it.
+    rival: Option<(Terms, Compensation)>,
     check: Option<ModelCheck>,
 }
 
@@ -150,8 +153,8 @@ pub struct ModelReading {
     pub young: Young,
     /// The parts of that uncertainty.
     pub budget: Budget,
-    /// The change of its logarithm for a unit of each learnt term, and of the exponent of the depth if the
-    /// stage holds the depth; empty for a site, which learns nothing.
+    /// The change of its logarithm for a unit of each learnt term, of the exponent of the depth if the stage
+    /// holds the depth, and from the model to its rival if it has one; empty for a site, which learns nothing.
     pub gradient: Vec<f64>,
 }
 
@@ -180,6 +183,7 @@ impl RunModel {
             learnt: Vec::new(),
             covariance: Vec::new(),
             sides: Vec::new(),
+            rival: None,
             check: judge::of_sites(sites),
         }
     }
@@ -208,8 +212,8 @@ impl RunModel {
         &self.learnt
     }
 
-    /// Covariance of the learnt quantities, in their order, and of the growth of the contact with depth if the
-    /// stage holds the depth.
+    /// Covariance of the learnt quantities, in their order, of the growth of the contact with depth if the stage
+    /// holds the depth, and the probability of the other way to hold the depth if the touches chose between both.
     pub fn covariance(&self) -> &[Vec<f64>] {
         &self.covariance
     }
@@ -236,6 +240,10 @@ impl RunModel {
         gradient.extend(self.terms.deflects.then(|| {
             // Outside of the law there is no stiffness either.
             self.compensation.log_sunk(&self.terms.touch(touch), one.young_mpa).unwrap_or(0.0)
+        }));
+        gradient.extend(self.rival.as_ref().map(|(terms, model)| {
+            // Outside of the rival there is nothing to compare.
+            model.log_young(&terms.touch(touch)).map_or(0.0, |log| log - one.young_mpa.ln())
         }));
         let young = Young { mpa: one.young_mpa, sigma_mpa: one.sigma_mpa };
         let budget = Budget::of_touch(&self.compensation, touch, &one);

@@ -119,9 +119,11 @@ pub fn calibrated(
         readings.iter().map(|reading| calibration.touch(reading)).collect::<Vec<_>>()
     };
     let sample = |(sample, known_mpa): (usize, &Option<f64>)| {
-        let of_sample = || main.iter().filter(|reading| reading.sample == sample);
-        let found: Vec<Young> =
-            of_sample().filter_map(|reading| Some(reading.found.as_ref().ok()?.young)).collect();
+        let of_sample =
+            || main.iter().zip(&at.is_there).filter(|(reading, _)| reading.sample == sample);
+        let found: Vec<Young> = of_sample()
+            .filter_map(|(reading, _)| Some(reading.found.as_ref().ok()?.young))
+            .collect();
         let mean = SampleStiffness::mean(sample, &found, of_sample().count() - found.len())?;
         Some(calibration.sample(&mean, of_sample(), *known_mpa))
     };

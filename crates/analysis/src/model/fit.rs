@@ -6,11 +6,10 @@
 
 use std::f64::consts::PI;
 
-use rig_contact::inverse::OneTouch;
-
 use super::{
     LAW_EXPONENT_SIGMA, LearntTerm, MainTouches, ModelSource, RunModel, Term, Terms, judge,
     linear::{self, Matrix},
+    pair::Difference,
 };
 use crate::stiffness::{Compensation, Halfway, PosedTouch};
 
@@ -55,6 +54,13 @@ pub(super) struct Fit {
     pub(super) slopes: Matrix,
 }
 
+/// The model that holds the depth in the other way.
+struct Rival {
+    terms: Terms,
+    /// Its probability beside the model of the run.
+    probability: f64,
+}
+
 /// The touches under given terms.
 #[derive(Debug, Clone)]
 pub(super) struct State {
@@ -77,11 +83,11 @@ pub(super) fn model(
 ) -> RunModel {
     let start = Terms::of(described, main.touches);
     let touches = Usable::new(described, main);
-    let fit = match source {
+    let found = match source {
         ModelSource::Learnt => touches.learn(&start),
-        ModelSource::Described => touches.fit(&start, &[]),
+        ModelSource::Described => touches.fit(&start, &[]).map(|fit| (fit, None)),
     };
-    let Some(fit) = fit else {
+    let Some((fit, rival)) = found else {
         return RunModel {
             compensation: described.clone(),
             terms: start,
@@ -89,6 +95,7 @@ pub(super) fn model(
             learnt: Vec::new(),
             covariance: Vec::new(),
             sides: Vec::new(),
+            rival: None,
             check: None,
         };
     };
@@ -108,12 +115,11 @@ pub(super) fn model(
     };
     let mut covariance = fit.covariance.clone();
     if fit.terms.deflects {
-        for row in &mut covariance {
-            row.push(0.0);
-        }
-        let mut of_law = vec![0.0; covariance.len() + 1];
-        of_law[covariance.len()] = LAW_EXPONENT_SIGMA.powi(2);
-        covariance.push(of_law);
+        extend(&mut covariance, LAW_EXPONENT_SIGMA.powi(2));
+    }
+    let rival = rival.and_then(|Rival { terms, probability }| Some((with(&terms)?, probability)));
+    if let Some((_, probability)) = rival {
+        extend(&mut covariance, probability);
     }
     let compensation = if is_described { None } else { described.with(&fit.terms) };
     RunModel {
@@ -123,8 +129,19 @@ pub(super) fn model(
         learnt: fit.learnt.iter().enumerate().map(learnt).collect(),
         covariance,
         sides,
+        rival: rival.map(|(model, _)| model),
         check,
     }
+}
+
+/// Adds a term that is independent of the others.
+fn extend(covariance: &mut Matrix, variance: f64) {
+    for row in covariance.iter_mut() {
+        row.push(0.0);
+    }
+    let mut own = vec![0.0; covariance.len() + 1];
+    own[covariance.len()] = variance;
+    covariance.push(own);
 }
 
 impl<'a> Usable<'a> {
@@ -177,16 +194,21 @@ impl<'a> Usable<'a> {
     ///
     /// The tangential ratio depends on friction, of which no description knows, and is always learnt.
     /// Schwarz's criterion decides whether the arm is learnt, and between the two ways of holding the
-    /// depth. Samples of known stiffness take part in the second decision.
-    fn learn(&self, start: &Terms) -> Option<Fit> {
+    /// depth. Samples of known stiffness take part in the second decision. The way that is not taken stays a
+    /// rival with the probability that the criterion gives it.
+    fn learn(&self, start: &Terms) -> Option<(Fit, Option<Rival>)> {
         let described = self.best(start)?;
         let other = Terms { deflects: !start.deflects, ..*start };
-        let Some(other) = self.best(&other) else { return Some(described) };
+        let Some(other) = self.best(&other) else { return Some((described, None)) };
         let cost = |fit: &Fit| {
             let penalty = (self.touches.len() as f64).ln() * fit.learnt.len() as f64;
             fit.state.chi2 + penalty + self.against_known(&fit.state)
         };
-        Some(if cost(&other) < cost(&described) { other } else { described })
+        let (of_described, of_other) = (cost(&described), cost(&other));
+        let (fit, rival) =
+            if of_other < of_described { (other, described) } else { (described, other) };
+        let probability = (1.0 + (0.5 * (of_described - of_other).abs()).exp()).recip();
+        Some((fit, Some(Rival { terms: rival.terms, probability })))
     }
 
     /// The fit with this way of holding the depth.
@@ -399,50 +421,6 @@ impl<'a> Usable<'a> {
         // The differences of pairs have no mean of their own.
         let means = means.chain(std::iter::repeat(0.0));
         values.iter().zip(means).map(|(value, mean)| value - mean).collect()
-    }
-}
-
-/// The logarithm of the stiffness of a touch less that of the same touch halfway.
-struct Difference {
-    log: f64,
-    variance: f64,
-    /// The part of the variance from the depth.
-    depth_variance: f64,
-}
-
-impl Difference {
-    /// Point, reference, surface and angle are the same at both depths, so that only the differences of
-    /// what they change are left. The resonance and the depth itself err independently.
-    fn of(
-        model: &Compensation,
-        touch: &PosedTouch,
-        deep: &OneTouch,
-        halfway: &PosedTouch,
-        at: impl Fn(&PosedTouch) -> Option<OneTouch>,
-    ) -> Option<Self> {
-        let before = at(halfway)?;
-        let share = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { 0.0 };
-        let own = |one: &OneTouch, touch: &PosedTouch| {
-            let parts = [one.sigma_of_shift_mpa, one.sigma_of_depth_mpa, one.sigma_of_angle_mpa];
-            let reference = share(touch.reference_sigma_hz, touch.sigma_hz);
-            (parts.map(|part| part / one.young_mpa), reference)
-        };
-        let ([shift, depth, angle], reference) = own(deep, touch);
-        let ([shift_0, depth_0, angle_0], reference_0) = own(&before, halfway);
-        let surface = share(model.surface_sigma_mm, model.depth_sigma_mm);
-        let squares = |a: f64, b: f64, common: f64| {
-            (a * a + b * b) * (1.0 - common * common) + (common * (a - b)).powi(2)
-        };
-        let depth_variance = squares(depth, depth_0, surface);
-        let resonance = |shift: f64, reference: f64| shift * shift * (1.0 - reference * reference);
-        let references = (shift * reference - shift_0 * reference_0).powi(2);
-        let variance = resonance(shift, reference)
-            + resonance(shift_0, reference_0)
-            + references
-            + depth_variance
-            + (angle - angle_0).powi(2);
-        let log = (deep.young_mpa / before.young_mpa).ln();
-        Some(Self { log, variance, depth_variance })
     }
 }
 

@@ -203,9 +203,33 @@ fn a_depth_that_the_stage_holds_allows_for_another_law() {
     };
     let (soft, stiff, learnt) =
         part(&Truth { depth: Depth::Stage { along_probe_mm: 0.5 }, ..MATCHED });
-    assert_eq!((soft.len(), stiff.len()), (learnt + 1, learnt + 1));
+    // The last is the way to the rival.
+    assert_eq!((soft.len(), stiff.len()), (learnt + 2, learnt + 2));
     let less_deep = soft[learnt] - stiff[learnt];
     assert!((0.4..0.7).contains(&less_deep), "{soft:?} {stiff:?}");
     let (soft, _, learnt) = part(&MATCHED);
-    assert_eq!(soft.len(), learnt);
+    assert_eq!(soft.len(), learnt + 1);
+}
+
+/// The known samples and the angles tell the way in which the depth is held. Upright touches of unknown samples
+/// leave both ways equally probable, and a described model has no rival.
+#[test]
+fn the_way_to_hold_the_depth_that_was_not_taken_stays_as_probable_as_the_touches_leave_it() {
+    let probability = |model: &RunModel| *model.covariance().last().unwrap().last().unwrap();
+    let stage = Truth { depth: Depth::Stage { along_probe_mm: 0.5 }, ..MATCHED };
+    for truth in [MATCHED, stage] {
+        let found = probability(&truth.model(ModelSource::Learnt));
+        assert!(found < 0.02, "{found}");
+    }
+    let upright = MATCHED.touches(&[0.0]);
+    let main = MainTouches { touches: &upright, known_mpa: &[None; 5], sample_rel: 0.03 };
+    let described = Compensation::new(&SensorDescription::reference(), 0.002);
+    let model = RunModel::of(&described, &main, ModelSource::Learnt);
+    let found = probability(&model);
+    assert!((0.4..=0.6).contains(&found), "{found}");
+    // A stiff sample deflects the sensor, and is less deep than the stage moved.
+    let to_rival = |touch: &PosedTouch| *model.of_touch(touch).unwrap().gradient.last().unwrap();
+    let (soft, stiff) = (to_rival(&upright[0]), to_rival(&upright[12]));
+    assert!((0.2..0.6).contains(&(stiff - soft)), "{soft} {stiff}");
+    assert!(RunModel::of(&described, &main, ModelSource::Described).covariance().is_empty());
 }

@@ -63,8 +63,9 @@ fn calibration(calibration: &RunCalibration, angle: &str) -> Markup {
             format!(
                 "The touches{at} of {samples} samples of known stiffness give {factor} times the \
                  known values. Every stiffness was divided by this one factor of the run. Its \
-                 uncertainty of {adds} is part of every standard deviation of a sample below. Only \
-                 the ratios between samples and between angles are a test against known values."
+                 uncertainty is {adds}. It is part of every standard deviation of a sample below, as far \
+                 as the other samples give the factor. Only the ratios between samples and between angles \
+                 are a test against known values."
             )
         }
         ScaleSource::Described => format!(
