@@ -270,7 +270,7 @@ pub(super) fn csv(all: &[TruthRuns]) -> String {
     let mut table = Csv::new(&COLUMNS);
     for TruthRuns { truth, described, learnt, halfway, .. } in all {
         for (model, summary) in
-            [("described", described), ("learnt", learnt), ("learnt, two depths", halfway)]
+            [("described", described), ("learnt", learnt), ("learnt from two depths", halfway)]
         {
             table.row([
                 truth.name.to_owned(),
