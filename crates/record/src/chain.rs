@@ -118,6 +118,8 @@ pub enum Flaw {
     /// The seal of the run is missing, or does not fit its records and its entry in the list of
     /// runs.
     SealDiffers,
+    /// The readings of the run were archived, and the note of it does not fit the run.
+    NoteDiffers,
 }
 
 impl fmt::Display for Flaw {
@@ -130,6 +132,7 @@ impl fmt::Display for Flaw {
             Self::ListDiffers => {
                 f.write_str("the entry in the list of runs does not match its digest")
             }
+            Self::NoteDiffers => f.write_str("the note of its archive does not fit the run"),
             Self::SealDiffers => {
                 f.write_str("the seal is missing, or does not fit the records and the list of runs")
             }

@@ -13,8 +13,8 @@ mod seal;
 pub use chain::{Chain, ChainCheck, Flaw, StoredRecord, UnreadableRecord};
 pub use digest::{Digest, DigestPart};
 pub use record::{
-    Action, Amended, Amendment, Axis, BenchSettings, BlackBox, Change, CheckedSurface, Circuit,
-    Clearance, ClockJumped, Device, Direction, Ending, Expected, Extra, Fault, FitNoise,
+    Action, Amended, Amendment, Archived, Axis, BenchSettings, BlackBox, Change, CheckedSurface,
+    Circuit, Clearance, ClockJumped, Device, Direction, Ending, Expected, Extra, Fault, FitNoise,
     FitSettings, FitTiming, Frame, GivenUp, Halfway, Intent, LostSurface, Move, MoveReason,
     NearCircuit, Operator, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, ReadingFlag,
     ReadingRecord, Record, RefusalAnswered, RefusalAsked, RefusedTouch, Resumed, RetractTried,

@@ -18,7 +18,7 @@ pub use motion::{
     Axis, CheckedSurface, Intent, LostSurface, Move, MoveReason, Surface, SurfaceReading,
 };
 pub use person::{Operator, Prompt, PromptAnswered, PromptAsked, RefusalAnswered, RefusalAsked};
-pub use resume::{Amended, Amendment, Change, GivenUp, Resumed};
+pub use resume::{Amended, Amendment, Archived, Change, GivenUp, Resumed};
 pub use start::{Action, Device, Expected, PlanSize, RunStarted, Sample, Source, StepStarted};
 pub use sweep::{
     BenchSettings, Circuit, Extra, FitNoise, FitSettings, FitTiming, NearCircuit, ReadingFlag,
@@ -83,12 +83,19 @@ pub enum Record {
     GivenUp(GivenUp),
     /// A touch of a run is measured again or left out: the first record of an amendment.
     Amended(Amended),
+    /// The readings of a run were moved to an archive: the first record of the note that stays.
+    Archived(Archived),
     /// The end of a run, or of a part of it: only [`Record::Resumed`] or [`Record::GivenUp`] can
     /// follow, and nothing once the run is sealed.
     RunFinished(RunFinished),
 }
 
 impl Record {
+    /// The kinds of records that an archive takes out of the journal: readings and frames, which no check
+    /// of another run needs. They are most of its bytes.
+    pub const ARCHIVED_KINDS: [&str; 5] =
+        ["sweep", "surface_found", "surface_not_found", "surface_checked", "black_box"];
+
     /// The word under which the record is stored.
     pub const fn kind(&self) -> &'static str {
         match self {
@@ -116,6 +123,7 @@ impl Record {
             Self::Resumed(_) => "resumed",
             Self::GivenUp(_) => "given_up",
             Self::Amended(_) => "amended",
+            Self::Archived(_) => "archived",
             Self::RunFinished(_) => "run_finished",
         }
     }

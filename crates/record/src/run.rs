@@ -48,6 +48,8 @@ pub enum RunKind {
     Session,
     /// One touch of a run, measured again or left out.
     Amendment,
+    /// The note of a run whose readings were moved to an archive.
+    Archive,
 }
 
 impl RunKind {
@@ -57,12 +59,15 @@ impl RunKind {
             Self::Run => "run",
             Self::Session => "session",
             Self::Amendment => "amendment",
+            Self::Archive => "archive",
         }
     }
 
     /// The value with this name.
     pub fn from_name(name: &str) -> Option<Self> {
-        [Self::Run, Self::Session, Self::Amendment].into_iter().find(|kind| kind.name() == name)
+        [Self::Run, Self::Session, Self::Amendment, Self::Archive]
+            .into_iter()
+            .find(|kind| kind.name() == name)
     }
 }
 
@@ -112,7 +117,8 @@ pub struct Run {
     pub id: RunId,
     /// Kind of the journal.
     pub kind: RunKind,
-    /// Its name: that of the protocol, for a run; the id of the amended run, for an amendment.
+    /// Its name: that of the protocol, for a run; the id of the amended or archived run, for an amendment
+    /// or a note of an archive.
     pub name: String,
     /// Number among the runs of this kind and name, from 1.
     pub number: u64,

@@ -342,6 +342,7 @@ impl RunData {
             | Record::SurfaceChecked(_)
             | Record::RefusalAsked(_)
             | Record::StateChanged(_)
+            | Record::Archived(_)
             | Record::RunFinished(_) => {}
         }
     }

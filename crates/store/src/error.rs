@@ -71,6 +71,25 @@ pub enum StoreError {
         /// How the run ended.
         status: String,
     },
+    /// The run has no seal: it can go on.
+    #[error("run {run} is {status} and not sealed")]
+    NotSealed {
+        /// Name and id of the run.
+        run: String,
+        /// Status of the run.
+        status: String,
+    },
+    /// The readings of the run are in an archive.
+    #[error("run {run} is archived; its readings are in {place}")]
+    Archived {
+        /// Id of the run.
+        run: RunId,
+        /// Path of its folder in the archive.
+        place: String,
+    },
+    /// The journal is that of a run in an archive.
+    #[error("holds a run of an archive, which is never written")]
+    IsExcerpt,
     /// The run is under way.
     #[error("run {run} is under way")]
     UnderWay {

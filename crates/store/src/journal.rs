@@ -1,5 +1,6 @@
 //! The writer of the journal: one in each data directory.
 
+mod archive;
 mod encode;
 mod list;
 
@@ -18,6 +19,7 @@ use crate::{
     memory::{Held, Lent, Medium},
     sql,
 };
+pub(crate) use archive::quoted;
 pub(crate) use list::{ENTRY, entry_from, insert_entry, insert_stretch, link, stretches};
 
 /// The journal of a data directory, open for writing. There is one at a time.
@@ -96,6 +98,12 @@ impl Store {
     }
 
     fn open_on(medium: Medium) -> Result<Self, StoreError> {
+        // Its files are not touched, not even by a lock.
+        if medium.directory().is_some()
+            && Reader::on(medium.clone()).is_ok_and(|reader| reader.is_excerpt())
+        {
+            return Err(StoreError::IsExcerpt);
+        }
         let lock = medium.take()?;
         medium.call()?;
         let connection = medium.open_to_write()?;

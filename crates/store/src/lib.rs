@@ -13,9 +13,14 @@
 //! A run that was completed or given up is sealed, and nothing can be added to it. Any other one can
 //! be opened again with [`Store::reopen`]. What the list of runs says of a run is under digests of
 //! its own.
+//!
+//! [`excerpt`] copies a sealed run to a journal of its own, for an archive. [`Store::archive`] then takes
+//! its readings out of this one. Their digests stay, so that the chain of the run still holds, and so does
+//! everything that tells where the axes were.
 
 mod backup;
 mod error;
+mod excerpt;
 mod journal;
 mod lock;
 mod memory;
@@ -28,11 +33,12 @@ mod tests;
 
 pub use backup::{BackedUpRun, back_up};
 pub use error::{SqliteError, StoreError};
+pub use excerpt::excerpt;
 pub use journal::{Journal, Store};
 pub use memory::{DiskFailure, MemoryDisk};
 pub use reader::{Interruption, ProbeWord, Reader, intact};
 pub use rig_record::{
-    Action, Amended, Amendment, Axis, BenchSettings, BlackBox, Chain, ChainCheck, Change,
+    Action, Amended, Amendment, Archived, Axis, BenchSettings, BlackBox, Chain, ChainCheck, Change,
     CheckedSurface, Circuit, Clearance, ClockJumped, Device, Digest, Direction, Ending, Expected,
     Extra, Fault, FitNoise, FitSettings, FitTiming, Flaw, Frame, GivenUp, Halfway, Intent,
     LostSurface, Move, MoveReason, NearCircuit, Operator, Phase, PlanSize, Pose, Prompt,

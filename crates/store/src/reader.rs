@@ -1,5 +1,7 @@
 //! Readers.
 
+mod amendments;
+mod archive;
 mod interruption;
 mod list;
 
@@ -7,11 +9,14 @@ use std::{path::Path, str};
 
 use rusqlite::{OptionalExtension, Params, Row, params};
 
+use archive::is_taken_out;
+pub(crate) use archive::{has_no_content, is_archived};
 pub use interruption::{Interruption, ProbeWord};
 
 use crate::{
-    Chain, ChainCheck, Digest, Flaw, MemoryDisk, Record, Run, RunId, RunKind, RunStatus,
-    StoreError, StoredRecord,
+    Archived, Chain, ChainCheck, Digest, Flaw, MemoryDisk, Record, Run, RunId, RunKind, RunStatus,
+    StoreError, StoredRecord, excerpt,
+    journal::quoted,
     memory::{Lent, Medium},
     schema,
 };
@@ -22,6 +27,8 @@ pub struct Reader {
     // Closed before the copy that it may read is removed.
     connection: Lent,
     medium: Medium,
+    /// Whether the journal has one run and what moved the axes before it.
+    is_excerpt: bool,
     _copy: Option<schema::Copied>,
 }
 
@@ -45,7 +52,8 @@ impl Reader {
 
     pub(crate) fn on(medium: Medium) -> Result<Self, StoreError> {
         let (connection, copy) = medium.open_to_read()?;
-        Ok(Self { connection, medium, _copy: copy })
+        let is_excerpt = excerpt::is_excerpt(&connection)?;
+        Ok(Self { connection, medium, is_excerpt, _copy: copy })
     }
 
     /// Whether a program has the journal open to write.
@@ -90,7 +98,8 @@ impl Reader {
     }
 
     fn select_runs(&self, tail: &str, values: impl Params + Copy) -> Result<Vec<Run>, StoreError> {
-        let mut statement = self.connection.prepare_cached(&select_runs(tail))?;
+        let select = select_runs(if self.is_excerpt { excerpt::RUNS } else { RUNS }, tail);
+        let mut statement = self.connection.prepare_cached(&select)?;
         let mut select = || {
             let rows = statement.query_map(values, |row| Ok((run_from(row)?, row.get(10)?)))?;
             rows.collect::<Result<Vec<(Run, Option<i64>)>, _>>()
@@ -174,14 +183,15 @@ impl Reader {
     }
 
     /// The records of these kinds of a run, not checked against their digests: for estimates, which may
-    /// be made of many runs at once.
+    /// be made of many runs at once. Readings that were archived are left out.
     ///
     /// # Errors
     /// [`StoreError`] of the system or of SQLite.
     pub fn unchecked(&self, id: RunId, kinds: &[&str]) -> Result<Vec<StoredRecord>, StoreError> {
-        let wanted = kinds.iter().map(|kind| format!("'{kind}'")).collect::<Vec<_>>().join(", ");
+        let wanted = quoted(kinds);
         let mut statement = self.connection.prepare_cached(&select_records(&format!(
-            "WHERE run = (SELECT key FROM runs WHERE id = ?1) AND kind IN ({wanted}) ORDER BY seq"
+            "WHERE run = (SELECT key FROM runs WHERE id = ?1) AND kind IN ({wanted})
+               AND payload <> '' ORDER BY seq"
         )))?;
         let rows = statement.query_map([id.to_string()], record_from)?;
         Ok(rows.collect::<Result<_, _>>()?)
@@ -203,21 +213,32 @@ impl Reader {
     /// Checks the chain of a run.
     ///
     /// During the run, records lost from its end cannot be detected. Afterwards they can, because
-    /// the last record marks the end.
+    /// the last record marks the end. Readings that were archived are known by their digests.
     ///
     /// # Errors
     /// [`StoreError::NoSuchRun`], or an error of the system or of SQLite about the list of runs.
     pub fn verify(&self, id: RunId) -> Result<ChainCheck, StoreError> {
-        self.chain(id).map(|chain| chain.check)
+        let _view = self.connection.unchecked_transaction()?;
+        let archived = self.archive_of(id)?;
+        self.walk(id, archived.as_ref()).map(|chain| chain.check)
     }
 
     /// The records of a run up to the first flaw, and the flaw.
     ///
     /// # Errors
-    /// [`StoreError::NoSuchRun`], or an error of the system or of SQLite about the list of runs.
+    /// [`StoreError::NoSuchRun`]; [`StoreError::Archived`]; or an error of the system or of SQLite about the
+    /// list of runs.
     pub fn chain(&self, id: RunId) -> Result<Chain, StoreError> {
-        // One view of both tables: the run may end between two statements.
+        // One view of all tables: the run may end, or be archived, between two statements.
         let _view = self.connection.unchecked_transaction()?;
+        match self.archive_of(id)? {
+            Some(Archived { place, .. }) => Err(StoreError::Archived { run: id, place }),
+            None => self.walk(id, None),
+        }
+    }
+
+    /// Follows the chain of a run, within one view. Of one that is archived, the readings have their digests only.
+    fn walk(&self, id: RunId, archived: Option<&Archived>) -> Result<Chain, StoreError> {
         let run = self.run(id)?;
         let mut statement = self.connection.prepare_cached(&select_records(
             "WHERE run = (SELECT key FROM runs WHERE id = ?1) ORDER BY seq",
@@ -231,6 +252,12 @@ impl Reader {
             match rows.next() {
                 Ok(Some(row)) => match record_from(row) {
                     Ok(record) if record.seq > seq => break broken(Flaw::Missing),
+                    Ok(record)
+                        if archived.is_some() && record.seq == seq && is_taken_out(&record) =>
+                    {
+                        digest = record.digest;
+                        records.push(record);
+                    }
                     Ok(record)
                         if record.follows(seq, &digest)
                             && records.last().is_none_or(|last| record.epoch == last.epoch)
@@ -250,53 +277,23 @@ impl Reader {
         {
             check = ChainCheck::Broken { seq, flaw };
         }
+        if let ChainCheck::Intact { records: seq, digest } = check
+            && let Some(note) = archived
+            && !self.is_note_right(note, seq, digest)?
+        {
+            check = ChainCheck::Broken { seq, flaw: Flaw::NoteDiffers };
+        }
         Ok(Chain { records, check })
     }
 
-    /// The records of a run, and behind them those of its ended amendments, in the order in which
-    /// they were made. All are checked against their digests.
-    ///
-    /// # Errors
-    /// As for [`Reader::records`].
-    pub fn amended(&self, id: RunId) -> Result<Vec<StoredRecord>, StoreError> {
-        self.amend(id, self.records(id)?)
-    }
-
-    /// Appends the records of the ended amendments of a run to its own.
-    ///
-    /// # Errors
-    /// As for [`Reader::records`].
-    pub fn amend(
-        &self,
-        id: RunId,
-        mut records: Vec<StoredRecord>,
-    ) -> Result<Vec<StoredRecord>, StoreError> {
-        for amendment in self.amendments(id)? {
-            records.extend(self.records(amendment)?);
-        }
-        Ok(records)
-    }
-
-    /// The ended amendments of a run, oldest first. The name of an amendment is the id of its run.
-    ///
-    /// # Errors
-    /// [`StoreError`] of the system or of SQLite.
-    pub fn amendments(&self, id: RunId) -> Result<Vec<RunId>, StoreError> {
-        let mut statement = self.connection.prepare_cached(
-            "SELECT id FROM runs
-             WHERE kind = 'amendment' AND name = ?1 AND status != 'running' ORDER BY key",
-        )?;
-        let ids = statement.query_map([id.to_string()], |row| parsed(row, 0, |id| id.parse().ok()));
-        Ok(ids?.collect::<Result<_, _>>()?)
-    }
-
-    /// Up to `limit` records of all runs behind the event with this id, in order.
+    /// Up to `limit` records of all runs behind the event with this id, in order, without readings that
+    /// were archived.
     ///
     /// # Errors
     /// [`StoreError`] of the system or of SQLite.
     pub fn events_after(&self, event: u64, limit: u32) -> Result<Vec<StoredRecord>, StoreError> {
         let mut statement = self.connection.prepare_cached(&select_records(
-            "WHERE records.id > ?1 ORDER BY records.id LIMIT ?2",
+            "WHERE records.id > ?1 AND payload <> '' ORDER BY records.id LIMIT ?2",
         ))?;
         // No event has a greater id than SQLite can count.
         let event = i64::try_from(event).unwrap_or(i64::MAX);
@@ -341,7 +338,11 @@ fn end_of(records: &[StoredRecord], status: RunStatus, digest: Digest) -> ChainC
     }
 }
 
-fn select_runs(tail: &str) -> String {
+/// All runs, each with its number among those of its kind and name.
+const RUNS: &str =
+    "SELECT *, row_number() OVER (PARTITION BY kind, name ORDER BY key) AS number FROM runs";
+
+fn select_runs(runs: &str, tail: &str) -> String {
     format!(
         "SELECT id, kind, name, started_at, finished_at, status,
                 round(unixepoch(finished_at, 'subsec') - unixepoch(started_at, 'subsec'), 3),
@@ -352,8 +353,7 @@ fn select_runs(tail: &str) -> String {
                 (SELECT count(*) FROM runs AS amendments
                  WHERE amendments.kind = 'amendment' AND amendments.name = all_runs.id
                    AND amendments.status != 'running')
-         FROM (SELECT *, row_number() OVER (PARTITION BY kind, name ORDER BY key) AS number
-               FROM runs) AS all_runs {tail}"
+         FROM ({runs}) AS all_runs {tail}"
     )
 }
 

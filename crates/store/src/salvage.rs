@@ -9,6 +9,7 @@ use crate::{
     Digest, Ending, Flaw, Record, RunKind, StoreError,
     journal::{ENTRY, entry_from, insert_entry, insert_stretch, stretches},
     lock::DirectoryLock,
+    reader::{has_no_content, is_archived},
     schema,
 };
 
@@ -119,7 +120,7 @@ impl Found {
             [key],
             |row| Ok((entry_from(row)?, row.get(8)?, row.get(9)?, row.get::<_, Vec<u8>>(10)?)),
         )?;
-        let (records, head, flaw) = read_records(old, key);
+        let (records, head, flaw) = read_records(old, key, is_archived(old, &entry.run)?);
         let seal = old
             .query_row("SELECT seal FROM seals WHERE run = ?1", [key], |row| row.get(0))
             .optional()
@@ -232,8 +233,13 @@ impl Copied {
     }
 }
 
-/// The records before the first flaw, the digest of the last one, and the flaw.
-fn read_records(old: &Connection, key: i64) -> (Vec<Copied>, Digest, Option<Flaw>) {
+/// The records before the first flaw, the digest of the last one, and the flaw. Of an archived run, the
+/// readings have their digests only.
+fn read_records(
+    old: &Connection,
+    key: i64,
+    is_archived: bool,
+) -> (Vec<Copied>, Digest, Option<Flaw>) {
     let (mut records, mut head) = (Vec::new(), Digest::START);
     let unreadable = |error: &rusqlite::Error| Flaw::Unreadable { reason: error.to_string() };
     let prepared = old.prepare_cached(
@@ -267,7 +273,11 @@ fn read_records(old: &Connection, key: i64) -> (Vec<Copied>, Digest, Option<Flaw
             return (records, head, Some(Flaw::Missing));
         }
         let rig_us = record.rig_us.cast_unsigned();
-        let next = head.next(expected, rig_us, &record.kind, &record.payload);
+        let next = if is_archived && has_no_content(&record.kind, &record.payload) {
+            Digest::from_bytes(record.digest)
+        } else {
+            head.next(expected, rig_us, &record.kind, &record.payload)
+        };
         if seq.cast_unsigned() != expected || next.as_bytes() != &record.digest {
             return (records, head, Some(Flaw::Altered));
         }

@@ -1,5 +1,6 @@
 //! The journal from outside.
 
+mod archive;
 mod backup;
 mod damage;
 mod interruption;

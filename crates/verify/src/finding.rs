@@ -199,15 +199,37 @@ pub struct Verdict {
     pub digest: String,
     /// Version of the checker.
     pub checker: String,
+    /// The part of the run that is in an archive, and was not checked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub archived: Option<ArchivedPart>,
     /// What was found, in the order of the records.
     pub findings: Vec<Finding>,
+}
+
+/// The readings of a run that were moved to an archive.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ArchivedPart {
+    /// Number of records of which only the digests are left.
+    pub records: u64,
+    /// Path of the run in the archive.
+    pub place: String,
 }
 
 impl Verdict {
     /// The verdict in a sentence.
     pub fn sentence(&self) -> String {
         let Self { records, sweeps, findings, .. } = self;
-        match findings.len() {
+        match (findings.len(), &self.archived) {
+            (0, Some(part)) => format!(
+                "sound as far as it is here: {records} records, {} of them readings that are in {}",
+                part.records, part.place
+            ),
+            (count, _) => Self::counted(count, *records, *sweeps),
+        }
+    }
+
+    fn counted(findings: usize, records: u64, sweeps: u64) -> String {
+        match findings {
             0 => format!("sound: {records} records, {sweeps} resonances fitted anew"),
             1 => format!("not sound: 1 finding in {records} records"),
             count => format!("not sound: {count} findings in {records} records"),

@@ -58,6 +58,8 @@ pub(crate) struct Journal {
     pub(crate) amended: Option<Box<RunStarted>>,
     /// The last record of a session, µs, in each epoch of the run. The end of a killed one is written later.
     pub(crate) sessions: BTreeMap<u64, u64>,
+    /// The note that the readings of the run were moved to an archive.
+    pub(crate) note: Option<Box<Journal>>,
     /// Why reading stopped early.
     pub(crate) damage: Option<String>,
 }
@@ -180,6 +182,7 @@ pub(crate) fn read(connection: &Connection, run: &str) -> Result<Journal, Journa
         entries: Vec::new(),
         amended: None,
         sessions: sessions(connection, run.key)?,
+        note: if run.kind == "archive" { None } else { note(connection, &run.id)? },
         run,
         damage: None,
     };
@@ -328,6 +331,19 @@ fn sessions(connection: &Connection, key: i64) -> Result<BTreeMap<u64, u64>, rus
         )?
         .query_map([key], of_row)?
         .collect()
+}
+
+/// The sealed note about a run with this id.
+fn note(connection: &Connection, run: &str) -> Result<Option<Box<Journal>>, JournalError> {
+    let note: Option<String> = connection
+        .prepare_cached(
+            "SELECT id FROM runs JOIN seals ON seals.run = key
+             WHERE kind = 'archive' AND name = ?1 ORDER BY key LIMIT 1",
+        )?
+        .query_row([run], |row| row.get(0))
+        .optional()?;
+    // One that is damaged beyond reading is missed by the chain of the run.
+    note.map(|note| read(connection, &note).map(Box::new)).transpose()
 }
 
 /// The touches of a run that were measured again or left out.

@@ -11,7 +11,10 @@
 //!                                   ├───▶ labels: what was measured there
 //!                                   └───▶ results: what follows from the readings ─▶ fit
 //! ```
+//!
+//! Of a run whose readings were moved to an archive, what is left is checked (`archived`).
 
+mod archived;
 mod chain;
 mod finding;
 mod fit;
@@ -34,7 +37,7 @@ use std::path::Path;
 
 use rusqlite::Connection;
 
-pub use finding::{Check, Finding, Verdict};
+pub use finding::{ArchivedPart, Check, Finding, Verdict};
 pub use folder::{FileFinding, verify_folder};
 pub use journal::JournalError;
 pub use model::{ModelCheck, StatedModel, verify_model};

@@ -30,6 +30,7 @@ pub(crate) enum Record {
     Resumed(Box<Resumed>),
     GivenUp(GivenUp),
     Amended(Amended),
+    Archived(Archived),
     RunFinished(RunFinished),
 }
 
@@ -386,4 +387,12 @@ pub(crate) struct Amended {
     pub(crate) step: String,
     pub(crate) what: String,
     pub(crate) why: String,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Archived {
+    pub(crate) run: String,
+    pub(crate) records: u64,
+    pub(crate) head: String,
+    pub(crate) place: String,
 }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::Deserialize;
 
 use crate::{
+    archived,
     chain::Chain,
     finding::{Check, Findings, Verdict},
     journal::{Entry, Journal},
@@ -19,6 +20,9 @@ use crate::{
 
 /// Checks a run.
 pub(crate) fn check(journal: &Journal) -> Verdict {
+    if let Some(note) = &journal.note {
+        return archived::check(journal, note);
+    }
     let mut walk = Walk {
         kind: match (&*journal.run.kind, &journal.amended) {
             ("run", _) => Kind::Run,
@@ -61,6 +65,7 @@ pub(crate) fn check(journal: &Journal) -> Verdict {
         sweeps: walk.accepted.len() as u64,
         digest,
         checker: env!("CARGO_PKG_VERSION").to_owned(),
+        archived: None,
         findings,
     }
 }
@@ -297,6 +302,8 @@ impl Walk {
                 }
                 labels.amend();
             }
+            // It is held against the run that it is about.
+            Record::Archived(_) => {}
             Record::RunFinished(finished) => self.finished(seq, finished),
         }
     }

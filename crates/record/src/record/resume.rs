@@ -1,4 +1,4 @@
-//! Records after an early end of a run: it is resumed, given up, or amended.
+//! Records after the end of a run: it is resumed, given up, amended, or archived.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -98,4 +98,19 @@ pub struct Amended {
     /// Differences from the run; the operator confirmed all of them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub changes: Vec<Change>,
+}
+
+/// The readings of a run were moved to an archive: the first record of the note that stays.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Archived {
+    /// Id of the run.
+    pub run: String,
+    /// Number of its records.
+    pub records: u64,
+    /// Digest of its last record.
+    pub head: String,
+    /// Path of its folder in the archive.
+    pub place: String,
+    /// Name of the operator.
+    pub who: String,
 }

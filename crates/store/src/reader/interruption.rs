@@ -152,6 +152,7 @@ impl Reader {
                 Some(Record::RunStarted(started)) => started.rig.name,
                 _ => return Ok(false),
             },
+            RunKind::Archive => return Ok(false),
         };
         let mut statement = self.connection.prepare_cached(&select_records(
             "JOIN runs AS owner ON owner.key = records.run
