@@ -2,6 +2,7 @@
 //!
 //! Data goes to stdout, messages go to stderr.
 
+mod archive;
 mod args;
 mod check;
 mod client;
@@ -111,6 +112,8 @@ enum CliCommand {
     Export(export::ExportArgs),
     /// Copy the journal to a new directory, also while a daemon writes it
     Backup(runs::BackupArgs),
+    /// Move sealed runs to an archive, each checked there first
+    Archive(archive::ArchiveArgs),
     /// Copy what verifies of a damaged journal to a new directory
     Salvage(runs::SalvageArgs),
     /// Write the report of a run again
@@ -180,6 +183,7 @@ pub fn main() -> ExitCode {
         CliCommand::Show(args) => runs::show(&args),
         CliCommand::Export(args) => export::export(&args),
         CliCommand::Backup(args) => runs::back_up(&args),
+        CliCommand::Archive(args) => archive::archive(&args),
         CliCommand::Salvage(args) => runs::salvage(&args),
         CliCommand::Report(args) => runs::report(&args),
         CliCommand::Verify(args) => verify::verify(&args),

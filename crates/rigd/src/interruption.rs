@@ -1,7 +1,7 @@
 //! The state in which a killed program left a run or session, as text and as JSON.
 
 use rig_model::with_causes;
-use rig_store::{Interruption, ProbeWord, Reader, Run, RunKind, RunStatus, StoreError};
+use rig_store::{Interruption, ProbeWord, Reader, Run, RunKind, RunStatus, StoreError, intact};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -95,11 +95,12 @@ impl InterruptedRig {
     pub(crate) fn left(reader: &Reader, rig: &str) -> Option<Self> {
         let checked = Self::read(reader, rig).and_then(|left| {
             if let Some(session) = reader.latest_session(rig)? {
-                reader.records(session.id)?;
+                intact(session.id, &reader.verify(session.id)?)?;
                 let is_last =
                     |run: &Run| run.kind != RunKind::Session && run.epoch == session.epoch;
                 if let Some(run) = reader.runs()?.into_iter().find(is_last) {
-                    reader.records(run.id)?;
+                    // One that is archived has all records that tell where the probe was.
+                    intact(run.id, &reader.verify(run.id)?)?;
                 }
             }
             Ok(left)

@@ -1,6 +1,7 @@
 //! The daemon: command line, configuration, HTTP, and the wiring that carries the engine's effects
 //! out and reports back.
 
+mod archive;
 pub mod cli;
 mod describe;
 mod doctor;

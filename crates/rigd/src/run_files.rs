@@ -20,6 +20,7 @@ use serde::Serialize;
 use crate::{local_time, verdict};
 use manifest::{FolderFile, MANIFEST, Origin, README, RO_CRATE};
 use staged::StagedFolder;
+pub(crate) use staged::copy as copy_folder;
 
 /// The files of a run.
 #[derive(Debug)]
@@ -93,6 +94,11 @@ pub(crate) fn folder(data: &Path, run: &Run) -> PathBuf {
     let is_kept = |c: char| c.is_alphanumeric() || matches!(c, '-' | '_' | '.');
     let name = run.short_name().replace(|c| !is_kept(c), "_");
     data.join("runs").join(format!("{day}_{name}"))
+}
+
+/// The report in the folder of a run.
+pub(crate) fn report(data: &Path, run: &Run) -> PathBuf {
+    folder(data, run).join(REPORT)
 }
 
 /// Writes the report and the data of a run; of an amendment, those of the amended run. The folder has all

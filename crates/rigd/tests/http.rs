@@ -16,7 +16,7 @@ use axum::{
 };
 use rig_engine::{Command, RigState};
 use rig_files::rig_file::{Connection, SimulatedPerson};
-use rig_store::{Reader, Record};
+use rig_store::{Reader, Record, Store};
 use rigd::{
     http::{Shared, access::Access, router},
     loaded_rig::LoadedRig,
@@ -46,8 +46,14 @@ impl Daemon {
 
     /// Closes the daemon, and starts it again on the same data.
     async fn restart(self) -> Self {
+        self.restart_after(|_| {}).await
+    }
+
+    /// The same, with something done to the data directory between.
+    async fn restart_after(self, work: impl FnOnce(&Path)) -> Self {
         self.handle.close().await;
         self.thread.join();
+        work(self.data.path());
         Self::start_in(self.data, SimulatedPerson::Answers).await
     }
 
@@ -232,6 +238,38 @@ async fn a_sweep_that_was_aborted_is_not_taken_for_the_next_one() {
         let path = format!("sweeps/{}", sweep["id"].as_str().unwrap());
         assert_eq!(daemon.ask("GET", &path, &Value::Null).await.1["status"], expected);
     }
+    daemon.close().await;
+}
+
+#[tokio::test]
+async fn an_archived_run_is_listed_and_its_readings_are_gone() {
+    let daemon = Daemon::start().await;
+    let smoke = include_str!("../../../config/protocols/smoke.toml");
+    let run = daemon.ask("POST", "runs", &json!({ "protocol_toml": smoke })).await.1;
+    daemon.wait_until_idle().await;
+    let id = run["id"].as_str().unwrap().to_owned();
+    let daemon = daemon
+        .restart_after(|data| {
+            let store = Store::open(data).unwrap();
+            store.archive(id.parse().unwrap(), "/archive/smoke-1", "somebody").unwrap();
+        })
+        .await;
+    let runs = daemon.ask("GET", "runs", &Value::Null).await.1;
+    assert_eq!((runs.as_array().unwrap().len(), &runs[0]["name"]), (1, &"smoke-1".into()));
+    for what in ["", "/plan", "/sweeps", "/report", "/export?format=csv"] {
+        let (status, problem) = daemon.ask("GET", &format!("runs/{id}{what}"), &Value::Null).await;
+        assert_eq!(status, StatusCode::GONE, "{what}: {problem}");
+        assert!(problem["detail"].as_str().unwrap().contains("/archive/smoke-1"), "{problem}");
+    }
+    let redo = json!({ "step": "main/1/left/45/1", "why": "it slipped" });
+    let (status, problem) = daemon.ask("POST", &format!("runs/{id}/redo"), &redo).await;
+    assert_eq!(status, StatusCode::CONFLICT, "{problem}");
+    // The rig goes on: another run can be made.
+    let run = daemon.ask("POST", "runs", &json!({ "protocol_toml": smoke })).await.1;
+    daemon.wait_until_idle().await;
+    let path = format!("runs/{}", run["id"].as_str().unwrap());
+    let found = daemon.ask("GET", &path, &Value::Null).await.1;
+    assert_eq!((&found["results"]["is_sound"], &found["name"]), (&true.into(), &"smoke-2".into()));
     daemon.close().await;
 }
 

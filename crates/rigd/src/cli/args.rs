@@ -7,6 +7,7 @@ use rig_store::{Reader, Run, Store};
 
 use super::{Failure, table::note};
 use crate::{
+    archive,
     loaded_rig::LoadedRig,
     operator::Operator,
     place::{Place, PlaceKind},
@@ -25,7 +26,7 @@ pub(super) struct RigArgs {
 /// Data directory with the journal.
 #[derive(Debug, Args)]
 pub(super) struct DataArgs {
-    /// Directory of the journal and the reports [default: that of the rig file that is found:
+    /// Directory of the journal and the reports, or an archive to read [default: that of the rig file that is found:
     /// /var/lib/rigd, ~/.local/share/rigd or data]
     #[arg(long, value_name = "DIR")]
     pub(super) data: Option<PathBuf>,
@@ -74,11 +75,14 @@ pub(super) struct RunArg {
 }
 
 impl RunArg {
+    /// The data directory of the run; in an archive, the folder of the run.
+    pub(super) fn dir(&self) -> Result<PathBuf, Failure> {
+        self.data.of(&self.run)
+    }
+
     /// Finds the run, with what reads its journal.
     pub(super) fn find(&self) -> Result<(Reader, Run), Failure> {
-        let reader = self.data.journal()?;
-        let run = reader.find(&self.run)?;
-        Ok((reader, run))
+        self.data.find(&self.run)
     }
 }
 
@@ -107,6 +111,20 @@ impl DataArgs {
     /// The directory that is given, or that of the place that is found.
     pub(super) fn dir(&self) -> PathBuf {
         self.data.clone().unwrap_or_else(|| Place::found().data)
+    }
+
+    /// The data directory of a run; in an archive, the folder of the run.
+    fn of(&self, run: &str) -> Result<PathBuf, Failure> {
+        let data = self.dir();
+        Ok(if archive::is_archive(&data) { archive::find(&data, run)? } else { data })
+    }
+
+    /// Finds a run, with what reads its journal.
+    pub(super) fn find(&self, run: &str) -> Result<(Reader, Run), Failure> {
+        let data = self.of(run)?;
+        let reader = Reader::open(&data).map_err(|source| Failure::Data { data, source })?;
+        let run = reader.find(run)?;
+        Ok((reader, run))
     }
 
     /// Opens the journal to read.

@@ -12,7 +12,7 @@ use rig_report::{
     RunResults,
     export::{self, Hdf5Export, TableExport, TableFormat, TableName},
 };
-use rig_store::{Reader, Run, StoreError, Sweep};
+use rig_store::{Reader, Run, Sweep};
 
 use super::{Failure, args::DataArgs, runs::results_of};
 
@@ -84,41 +84,36 @@ impl ExportTable {
     }
 }
 
+/// A run, with what reads its journal.
+type Found = (Reader, Run);
+
 pub(super) fn export(args: &ExportArgs) -> Result<(), Failure> {
-    let reader = args.data.journal()?;
-    let runs: Vec<Run> =
-        args.runs.iter().map(|wanted| reader.find(wanted)).collect::<Result<_, StoreError>>()?;
+    let runs: Vec<Found> =
+        args.runs.iter().map(|wanted| args.data.find(wanted)).collect::<Result<_, _>>()?;
     match args.format {
-        ExportFormat::Csv => table(args, &reader, &runs, args.table.name(), TableFormat::Csv),
-        ExportFormat::Parquet => {
-            table(args, &reader, &runs, args.table.name(), TableFormat::Parquet)
-        }
-        ExportFormat::Sweeps => table(args, &reader, &runs, TableName::Sweeps, TableFormat::Csv),
-        ExportFormat::Readings => {
-            table(args, &reader, &runs, TableName::Readings, TableFormat::Csv)
-        }
-        ExportFormat::Searches => {
-            table(args, &reader, &runs, TableName::Searches, TableFormat::Csv)
-        }
+        ExportFormat::Csv => table(args, &runs, args.table.name(), TableFormat::Csv),
+        ExportFormat::Parquet => table(args, &runs, args.table.name(), TableFormat::Parquet),
+        ExportFormat::Sweeps => table(args, &runs, TableName::Sweeps, TableFormat::Csv),
+        ExportFormat::Readings => table(args, &runs, TableName::Readings, TableFormat::Csv),
+        ExportFormat::Searches => table(args, &runs, TableName::Searches, TableFormat::Csv),
         ExportFormat::Documents => {
             let mut out = writer(args)?;
             for run in &runs {
-                let (results, records) = read(&reader, run)?;
+                let (results, records) = read(run)?;
                 export::documents(&results, &records, &mut out)?;
             }
             end(out)
         }
-        ExportFormat::Hdf5 => hdf5(args, &reader, &runs),
-        ExportFormat::Jsonl => jsonl(args, &reader, &runs),
-        ExportFormat::Touchstone => touchstone(args, &reader, &runs),
+        ExportFormat::Hdf5 => hdf5(args, &runs),
+        ExportFormat::Jsonl => jsonl(args, &runs),
+        ExportFormat::Touchstone => touchstone(args, &runs),
     }
 }
 
 /// One table of all runs.
 fn table(
     args: &ExportArgs,
-    reader: &Reader,
-    runs: &[Run],
+    runs: &[Found],
     name: TableName,
     format: TableFormat,
 ) -> Result<(), Failure> {
@@ -128,7 +123,7 @@ fn table(
     let mut out = writer(args)?;
     let mut table = TableExport::new(name, format, runs.len() > 1, &mut out)?;
     for run in runs {
-        let (results, records) = read(reader, run)?;
+        let (results, records) = read(run)?;
         table.add(&results, &records)?;
     }
     table.finish()?;
@@ -136,11 +131,11 @@ fn table(
 }
 
 /// All tables of all runs in one file.
-fn hdf5(args: &ExportArgs, reader: &Reader, runs: &[Run]) -> Result<(), Failure> {
+fn hdf5(args: &ExportArgs, runs: &[Found]) -> Result<(), Failure> {
     not_to_a_terminal(args, "HDF5")?;
     let mut export = Hdf5Export::new(runs.len() > 1);
     for run in runs {
-        let (results, records) = read(reader, run)?;
+        let (results, records) = read(run)?;
         export.add(&results, &records)?;
     }
     let mut out = writer(args)?;
@@ -154,14 +149,14 @@ fn not_to_a_terminal(args: &ExportArgs, what: &'static str) -> Result<(), Failur
 }
 
 /// The records of one run, or a file for each run.
-fn jsonl(args: &ExportArgs, reader: &Reader, runs: &[Run]) -> Result<(), Failure> {
-    if let [run] = runs {
+fn jsonl(args: &ExportArgs, runs: &[Found]) -> Result<(), Failure> {
+    if let [(reader, run)] = runs {
         let mut out = writer(args)?;
         export::jsonl(&reader.records(run.id)?, &mut out)?;
         return end(out);
     }
     let folder = folder(args, "the records of several runs")?;
-    for run in runs {
+    for (reader, run) in runs {
         let records = reader.records(run.id)?;
         let name = format!("{}_records.jsonl", run.short_name());
         file_in(folder, &name, |out| Ok(export::jsonl(&records, out)?))?;
@@ -170,25 +165,25 @@ fn jsonl(args: &ExportArgs, reader: &Reader, runs: &[Run]) -> Result<(), Failure
 }
 
 /// One sweep, or a file for each sweep.
-fn touchstone(args: &ExportArgs, reader: &Reader, runs: &[Run]) -> Result<(), Failure> {
-    let sweeps = |run: &Run| -> Result<Vec<Sweep>, Failure> {
+fn touchstone(args: &ExportArgs, runs: &[Found]) -> Result<(), Failure> {
+    let sweeps = |(reader, run): &Found| -> Result<Vec<Sweep>, Failure> {
         let of = |stored: &StoredRecord| match stored.record() {
             Ok(Record::Sweep(sweep)) => Some(sweep),
             _ => None,
         };
         Ok(reader.amended(run.id)?.iter().filter_map(of).collect())
     };
-    if let ([run], Some(number)) = (runs, args.sweep) {
-        let sweep = sweeps(run)?.into_iter().find(|sweep| sweep.number == number);
-        let sweep = sweep.ok_or_else(|| Failure::NoSweep { run: run.short_name(), number })?;
+    if let ([found], Some(number)) = (runs, args.sweep) {
+        let sweep = sweeps(found)?.into_iter().find(|sweep| sweep.number == number);
+        let sweep = sweep.ok_or_else(|| Failure::NoSweep { run: found.1.short_name(), number })?;
         let mut out = writer(args)?;
         export::touchstone(&sweep, &mut out)?;
         return end(out);
     }
     let folder = folder(args, "Touchstone, a file for each sweep,")?;
-    for run in runs {
-        for sweep in sweeps(run)? {
-            let name = format!("{}_sweep-{}.s1p", run.short_name(), sweep.number);
+    for found in runs {
+        for sweep in sweeps(found)? {
+            let name = format!("{}_sweep-{}.s1p", found.1.short_name(), sweep.number);
             file_in(folder, &name, |out| Ok(export::touchstone(&sweep, out)?))?;
         }
     }
@@ -196,7 +191,7 @@ fn touchstone(args: &ExportArgs, reader: &Reader, runs: &[Run]) -> Result<(), Fa
 }
 
 /// The results of a run, and its records with those of its amendments behind them.
-fn read(reader: &Reader, run: &Run) -> Result<(RunResults, Vec<StoredRecord>), Failure> {
+fn read((reader, run): &Found) -> Result<(RunResults, Vec<StoredRecord>), Failure> {
     let records = reader.amended(run.id)?;
     Ok((results_of(run, &records)?, records))
 }

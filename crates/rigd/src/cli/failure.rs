@@ -14,6 +14,7 @@ use rig_verify::JournalError;
 
 use super::client::DaemonError;
 use crate::{
+    archive::ArchiveError,
     doctor::advice,
     endpoint::EndpointError,
     http::{access::TokenError, tls::TlsError},
@@ -50,6 +51,8 @@ pub(super) enum Failure {
     #[error(transparent)]
     #[cfg(feature = "simulator")]
     Rehearse(#[from] crate::rehearse::RehearseError),
+    #[error(transparent)]
+    Archive(#[from] ArchiveError),
     #[error("data directory {}", data.display())]
     Data { data: PathBuf, source: StoreError },
     #[error(transparent)]
@@ -172,7 +175,10 @@ impl Failure {
             | Self::NoResonances { .. }
             | Self::NoSweep { .. }
             | Self::Daemon(DaemonError::NoRun)
-            | Self::Store(StoreError::NoSuchRun { .. } | StoreError::Ambiguous { .. }) => 3,
+            | Self::Store(StoreError::NoSuchRun { .. } | StoreError::Ambiguous { .. })
+            | Self::Archive(
+                ArchiveError::Store(StoreError::NoSuchRun { .. }) | ArchiveError::Ambiguous { .. },
+            ) => 3,
             Self::Latched { .. }
             | Self::NotClear { .. }
             | Self::DaemonLatched { .. }
@@ -187,6 +193,7 @@ impl Failure {
             Self::RunFiles(_)
             | Self::Tokens(_)
             | Self::Notify(_)
+            | Self::Archive(_)
             | Self::Daemon(_)
             | Self::Open(_)
             | Self::Data { .. }
@@ -213,7 +220,12 @@ impl Failure {
     /// Advice, if the message has none.
     pub(super) fn advice(&self) -> Option<&'static str> {
         match self {
-            Self::Store(StoreError::NoSuchRun { .. }) => {
+            Self::Store(StoreError::Archived { .. })
+            | Self::RunFiles(RunFilesError::Store(StoreError::Archived { .. })) => {
+                Some("read it there: `rigd show RUN --data PLACE`, and so with the other commands")
+            }
+            Self::Store(StoreError::NoSuchRun { .. })
+            | Self::Archive(ArchiveError::Store(StoreError::NoSuchRun { .. })) => {
                 Some("`rigd runs --data DIR` lists the runs of a data directory")
             }
             Self::Data { source: StoreError::Damaged(_), .. }

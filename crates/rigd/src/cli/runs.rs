@@ -17,6 +17,7 @@ use super::{
     table::{columns, duration, note, print, print_json},
 };
 use crate::{
+    archive,
     interruption::{ADVICE, InterruptionView},
     local_time,
     rig::{self, RequestRefusal},
@@ -79,10 +80,15 @@ struct RunView {
     #[serde(skip_serializing_if = "Option::is_none")]
     finished_at: Option<String>,
     records: u64,
+    /// The folder in the archive that has its readings.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    archived_to: Option<String>,
     /// It can be resumed with `rigd run --resume`.
     is_resumable: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
     interruption: Option<InterruptionView>,
+    #[serde(skip)]
+    wall_s: Option<f64>,
 }
 
 /// The results of a run and its interruption, for a program.
@@ -95,51 +101,64 @@ struct ShowView {
 }
 
 pub(super) fn list(args: &RunsArgs) -> Result<(), Failure> {
-    let reader = args.data.journal()?;
-    let mut runs = Vec::new();
-    for run in reader.runs()?.into_iter().filter(|run| run.kind == RunKind::Run) {
-        let interruption = InterruptionView::read(&reader, &run)?;
-        let is_simulated = reader.is_simulated(run.id);
-        runs.push((run, is_simulated, interruption));
+    let data = args.data.dir();
+    let mut views = Vec::new();
+    if archive::is_archive(&data) {
+        for object in archive::objects(&data)? {
+            let source = |source| Failure::Data { data: object.place.clone(), source };
+            views.extend(views_of(&Reader::open(&object.place).map_err(source)?)?);
+        }
+    } else {
+        views = views_of(&args.data.journal()?)?;
     }
     if args.output.json {
-        let view =
-            |(run, is_simulated, interruption): (Run, bool, Option<InterruptionView>)| RunView {
-                run_id: run.id.to_string(),
-                name: run.short_name(),
-                is_resumable: run.is_resumable(),
-                protocol: run.name,
-                status: run.status.name(),
-                is_simulated,
-                started_at: run.started_at,
-                finished_at: run.finished_at,
-                records: run.records,
-                interruption,
-            };
-        return print_json(&runs.into_iter().map(view).collect::<Vec<_>>());
+        return print_json(&views);
     }
-    let row = |(run, is_simulated, _): &(Run, bool, _)| {
+    let row = |view: &RunView| {
+        let status = view.status.replace('_', " ");
         vec![
-            run.short_name(),
-            run.status.describe(),
-            local_time::local(&run.started_at),
-            run.wall_s.map(duration).unwrap_or_default(),
-            if *is_simulated { "simulated" } else { "real" }.to_owned(),
+            view.name.clone(),
+            if view.archived_to.is_some() { format!("{status}, archived") } else { status },
+            local_time::local(&view.started_at),
+            view.wall_s.map(duration).unwrap_or_default(),
+            if view.is_simulated { "simulated" } else { "real" }.to_owned(),
         ]
     };
-    let rows: Vec<_> = runs.iter().map(row).collect();
+    let rows: Vec<_> = views.iter().map(row).collect();
     print(&columns(&["run", "status", "started", "took", "rig"], &rows))?;
-    for (run, _, interruption) in &runs {
+    for RunView { name, interruption, .. } in &views {
         if let Some(left) = interruption.as_ref().filter(|left| left.is_open()) {
-            note(&format!("{} was {}; {ADVICE}", run.short_name(), left.message));
+            note(&format!("{name} was {}; {ADVICE}", left.message));
         }
     }
     Ok(())
 }
 
+/// The runs of a journal, the latest first.
+fn views_of(reader: &Reader) -> Result<Vec<RunView>, Failure> {
+    let is_run = |run: &Run| run.kind == RunKind::Run;
+    let view = |run: Run| {
+        Ok(RunView {
+            run_id: run.id.to_string(),
+            name: run.short_name(),
+            is_resumable: run.is_resumable(),
+            status: run.status.name(),
+            is_simulated: reader.is_simulated(run.id),
+            records: run.records,
+            archived_to: reader.archive_of(run.id)?.map(|note| note.place),
+            interruption: InterruptionView::read(reader, &run)?,
+            wall_s: run.wall_s,
+            protocol: run.name,
+            started_at: run.started_at,
+            finished_at: run.finished_at,
+        })
+    };
+    reader.runs()?.into_iter().filter(is_run).map(view).collect()
+}
+
 pub(super) fn show(args: &ShowArgs) -> Result<(), Failure> {
     let (reader, run) = args.run.find()?;
-    print_run(&args.run.data.dir(), &reader, &run, args.output.json)
+    print_run(&args.run.dir()?, &reader, &run, args.output.json)
 }
 
 /// Prints the results of a run for a person.
@@ -156,12 +175,18 @@ fn print_run(data: &Path, reader: &Reader, run: &Run, is_json: bool) -> Result<(
 }
 
 pub(super) fn report(args: &ReportArgs) -> Result<(), Failure> {
-    let data = &args.run.data.dir();
+    let data = &args.run.dir()?;
     let (reader, run) = args.run.find()?;
     let path = match &args.out {
         Some(path) => {
             run_files::write_report(data, &reader, run.id, path)?;
             path.clone()
+        }
+        None if reader.is_excerpt() => {
+            // An archive is never written: its report is the one from before.
+            let path = run_files::report(data, &run);
+            fs::metadata(&path).map_err(|source| Failure::File { path: path.clone(), source })?;
+            path
         }
         None => run_files::write(data, run.id)?.report,
     };

@@ -39,7 +39,7 @@ pub(super) struct VerifyArgs {
 
 pub(super) fn verify(args: &VerifyArgs) -> Result<(), Failure> {
     let (reader, run) = args.run.find()?;
-    let data = &args.run.data.dir();
+    let data = &args.run.dir()?;
     let verdict = rig_verify::verify(data, &run.id.to_string())
         .map_err(|source| Failure::Unchecked { data: data.clone(), source })?;
     let folder = run_files::folder(data, &run);
@@ -71,6 +71,9 @@ pub(super) fn verify(args: &VerifyArgs) -> Result<(), Failure> {
         if let Some(model) = &view.model {
             print(&format!("{name}: {}", in_words(model)))?;
         }
+        if view.verdict.archived.is_some() && !has_folder {
+            return if is_sound { Ok(()) } else { Err(Failure::NotSound) };
+        }
         print(&match view.files.len() {
             _ if !has_folder => format!("{name}: no folder; `rigd report {name}` writes it"),
             0 => format!("{name}: its folder is the one in the manifest"),
@@ -83,7 +86,7 @@ pub(super) fn verify(args: &VerifyArgs) -> Result<(), Failure> {
 
 /// The model that the results of a run state; `None` when they have none, or cannot be read.
 fn stated_model(reader: &Reader, run: &Run) -> Result<Option<StatedModel>, Failure> {
-    if run.kind != RunKind::Run {
+    if run.kind != RunKind::Run || reader.archive_of(run.id)?.is_some() {
         return Ok(None);
     }
     // Records that cannot be read are findings of the checker.

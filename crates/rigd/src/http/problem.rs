@@ -270,7 +270,11 @@ impl From<RequestRefusal> for Problem {
             RequestRefusal::Resume(refusal) => match &*refusal {
                 ResumeRefusal::Store(StoreError::NoSuchRun { .. })
                 | ResumeRefusal::NoSuchTouch { .. } => Self::not_found(detail),
-                ResumeRefusal::Store(StoreError::Sealed { .. } | StoreError::UnderWay { .. })
+                ResumeRefusal::Store(
+                    StoreError::Sealed { .. }
+                    | StoreError::UnderWay { .. }
+                    | StoreError::Archived { .. },
+                )
                 | ResumeRefusal::Sealed { .. }
                 | ResumeRefusal::UnderWay { .. } => {
                     Self::new(StatusCode::CONFLICT, "not in this state", detail)
@@ -311,6 +315,10 @@ impl From<StoreError> for Problem {
     fn from(error: StoreError) -> Self {
         match error {
             StoreError::NoSuchRun { .. } => Self::not_found(error.to_string()),
+            StoreError::Archived { .. } => Self {
+                hint: Some("read it there: `rigd show RUN --data PLACE`"),
+                ..Self::new(StatusCode::GONE, "archived", error.to_string())
+            },
             error => Self::internal(&with_causes(&error)),
         }
     }

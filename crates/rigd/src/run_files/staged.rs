@@ -92,7 +92,7 @@ fn remove(folder: &Path) -> io::Result<()> {
 }
 
 /// Copies a file, or a folder with everything in it. Links are left out.
-fn copy(from: &Path, to: &Path) -> io::Result<()> {
+pub(crate) fn copy(from: &Path, to: &Path) -> io::Result<()> {
     let kind = fs::symlink_metadata(from)?.file_type();
     if kind.is_dir() {
         fs::create_dir(to)?;

@@ -1,0 +1,289 @@
+//! `rigd archive`: sealed runs move to an archive whole, or stay, also when the program is killed.
+
+#![cfg(target_os = "linux")]
+#![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
+
+#[path = "support/preload.rs"]
+mod preload;
+
+use std::{
+    fs,
+    os::unix::process::ExitStatusExt,
+    path::{Path, PathBuf},
+    process::{Command, Output},
+};
+
+use rig_store::{ChainCheck, Reader, Record, RunId, RunKind, Store, StoreError};
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn rigd(data: &Path, args: &[&str], environment: &[(&str, String)]) -> Output {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    Command::new(env!("CARGO_BIN_EXE_rigd"))
+        .args(args)
+        .args(["--data", data.to_str().unwrap()])
+        .envs(environment.iter().map(|(name, value)| (name, value)))
+        .current_dir(root)
+        .output()
+        .unwrap()
+}
+
+/// The JSON of a command that succeeds.
+#[track_caller]
+fn json(data: &Path, args: &[&str]) -> Value {
+    let output = rigd(data, &[args, &["--json"]].concat(), &[]);
+    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// A folder with a data directory `data` with this number of runs of four touches.
+fn with_runs(count: usize) -> TempDir {
+    let folder = TempDir::new().unwrap();
+    let smoke = include_str!("../../../config/protocols/smoke.toml");
+    let short = smoke
+        .replace("directions = [\"front\", \"back\", \"left\"]", "directions = [\"left\"]")
+        .replace("angles_deg = [0, 45]", "angles_deg = [30]")
+        .replace("trials = 6", "trials = 2");
+    let protocol = folder.path().join("short.toml");
+    fs::write(&protocol, short).unwrap();
+    for _ in 0..count {
+        let run = rigd(&folder.path().join("data"), &["run", protocol.to_str().unwrap()], &[]);
+        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    }
+    folder
+}
+
+/// The runs of protocols, the latest first.
+fn runs(reader: &Reader) -> Vec<RunId> {
+    let runs = reader.runs().unwrap().into_iter();
+    runs.filter(|run| run.kind == RunKind::Run).map(|run| run.id).collect()
+}
+
+#[track_caller]
+fn assert_sound(data: &Path, run: RunId, here: &str) {
+    let verdict = rig_verify::verify(data, &run.to_string()).unwrap();
+    assert!(verdict.is_sound, "{here}: {:?}", verdict.findings);
+}
+
+/// Names in a directory.
+fn names(directory: &Path) -> Vec<String> {
+    let Ok(entries) = fs::read_dir(directory) else { return Vec::new() };
+    let name = |entry: std::io::Result<fs::DirEntry>| entry.unwrap().file_name();
+    let mut names: Vec<_> = entries.map(|entry| name(entry).into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn an_archived_run_is_read_from_the_archive_alone() {
+    let folder = with_runs(3);
+    let (data, archive) = (folder.path().join("data"), folder.path().join("archive"));
+    let to = archive.to_str().unwrap();
+    let before = json(&data, &["show", "smoke-2"]);
+    let foretold = json(&data, &["archive", to, "--keep", "1", "--dry-run"]);
+    let outcomes = |view: &Value| -> Vec<String> {
+        let of = |run: &Value| format!("{} {}", run["name"].as_str().unwrap(), run["outcome"]);
+        view.as_array().unwrap().iter().map(of).collect()
+    };
+    let expected = ["smoke-2 \"would_be_archived\"", "smoke-1 \"would_be_archived\""];
+    assert_eq!(outcomes(&foretold), expected);
+    assert!(!archive.exists());
+    let done = json(&data, &["archive", to, "--keep", "1", "--operator", "somebody"]);
+    assert_eq!(outcomes(&done), ["smoke-2 \"archived\"", "smoke-1 \"archived\""]);
+    assert_eq!(done[0]["place"], foretold[0]["place"]);
+
+    let listed = json(&data, &["runs"]);
+    assert_eq!(listed[0]["archived_to"], Value::Null);
+    assert_eq!(
+        (&listed[1]["archived_to"], &listed[1]["name"]),
+        (&done[0]["place"], &"smoke-2".into())
+    );
+    assert_eq!(names(&data.join("runs")).len(), 1, "the folders went along");
+    let refused = rigd(&data, &["show", "smoke-2"], &[]);
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(
+        !refused.status.success() && said.contains("is archived; its readings are in"),
+        "{said}"
+    );
+    for run in ["smoke-1", "smoke-2", "smoke-3"] {
+        assert!(json(&data, &["verify", run])["is_sound"].as_bool().unwrap());
+    }
+    let part = &json(&data, &["verify", "smoke-2"])["archived"];
+    assert_eq!(part["place"], done[0]["place"]);
+
+    // The data directory is lost.
+    fs::rename(&data, folder.path().join("elsewhere")).unwrap();
+    let place = PathBuf::from(done[0]["place"].as_str().unwrap());
+    let bytes = fs::read(place.join("rigd.db")).unwrap();
+    for from in [&archive, &place] {
+        let verified = json(from, &["verify", "smoke-2"]);
+        assert_eq!((&verified["is_sound"], &verified["has_folder"]), (&true.into(), &true.into()));
+        let shown = json(from, &["show", "smoke-2"]);
+        assert_eq!(shown["touches"], before["touches"]);
+        assert_eq!(shown["name"], before["name"]);
+        let csv = rigd(from, &["export", "smoke-2", "--format", "csv"], &[]);
+        assert!(csv.status.success() && csv.stdout.len() > 500, "{csv:?}");
+        let report = rigd(from, &["report", "smoke-2"], &[]);
+        assert!(report.status.success(), "{}", String::from_utf8_lossy(&report.stderr));
+    }
+    assert_eq!(json(&archive, &["runs"]).as_array().unwrap().len(), 2);
+    assert_eq!(rigd(&archive, &["show", "smoke-3"], &[]).status.code(), Some(3));
+    let written = rigd(&place, &["give-up", "smoke-2"], &[]);
+    assert!(!written.status.success());
+    assert_eq!(fs::read(place.join("rigd.db")).unwrap(), bytes);
+    assert_eq!(names(&place), ["object.json", "rigd.db", "runs"]);
+}
+
+#[test]
+fn only_sealed_and_sound_runs_leave_the_journal() {
+    let folder = with_runs(2);
+    let (data, archive) = (folder.path().join("data"), folder.path().join("archive"));
+    let to = archive.to_str().unwrap();
+    let store = Store::open(&data).unwrap();
+    let mut open = store.begin(RunKind::Run, "open").unwrap();
+    open.append(0, &Record::ClockJumped(rig_store::ClockJumped { jump_s: 1.0 })).unwrap();
+    open.commit().unwrap();
+    drop((open, store));
+    // A reading of the latest sound one is changed.
+    let database = rusqlite::Connection::open(data.join("rigd.db")).unwrap();
+    let change = "UPDATE records SET payload = replace(payload, '0', '1') WHERE kind = 'sweep'
+                  AND run = (SELECT key FROM runs WHERE kind = 'run' ORDER BY key LIMIT 1 OFFSET 1)";
+    assert!(database.execute(change, []).unwrap() > 0);
+    drop(database);
+    let output = rigd(&data, &["archive", to, "--older-than", "0d", "--json"], &[]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(7), "{said}");
+    let view: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let outcome = |index: usize| [&view[index]["name"], &view[index]["outcome"]];
+    let all = [outcome(0), outcome(1), outcome(2)];
+    let expected = [["open-1", "kept"], ["smoke-2", "refused"], ["smoke-1", "archived"]];
+    for (found, expected) in all.iter().zip(expected) {
+        assert_eq!(found, &expected, "{view}");
+    }
+    assert_eq!(names(&archive).iter().filter(|name| name.contains("smoke")).count(), 1);
+    // None of them is old.
+    let later = json(&data, &["archive", to, "--older-than", "1d"]);
+    assert!(later.as_array().unwrap().iter().all(|run| run["outcome"] == "kept"), "{later}");
+    assert_eq!(rigd(&data, &["archive", to], &[]).status.code(), Some(2), "a rule is needed");
+}
+
+#[test]
+fn a_run_is_copied_while_a_daemon_writes_and_taken_out_after_it() {
+    let folder = with_runs(1);
+    let (data, archive) = (folder.path().join("data"), folder.path().join("archive"));
+    let command = ["archive", archive.to_str().unwrap(), "smoke-1"];
+    let store = Store::open(&data).unwrap();
+    let output = rigd(&data, &[&command[..], &["--json"]].concat(), &[]);
+    assert_eq!(output.status.code(), Some(1));
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(said.contains("in use by another rigd"), "{said}");
+    let view: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(view[0]["outcome"], "copied");
+    assert!(
+        store.reader().unwrap().archive_of(runs(&store.reader().unwrap())[0]).unwrap().is_none()
+    );
+    drop(store);
+    // The copy has been damaged since: nothing is taken out.
+    let place = PathBuf::from(view[0]["place"].as_str().unwrap());
+    let list = place.join("object.json");
+    let whole = fs::read_to_string(&list).unwrap();
+    fs::remove_file(&list).unwrap();
+    fs::write(&list, whole.replace("\"bytes\": ", "\"bytes\": 1")).unwrap();
+    assert_eq!(rigd(&data, &command, &[]).status.code(), Some(7));
+    assert_sound(&data, runs(&Reader::open(&data).unwrap())[0], "after a damaged copy");
+    fs::write(&list, whole).unwrap();
+    // A file that a person has added is not lost.
+    let own = data.join("runs").join(&names(&data.join("runs"))[0]);
+    fs::write(own.join("by-hand.txt"), "note").unwrap();
+    assert_eq!(json(&data, &command)[0]["outcome"], "archived");
+    assert!(own.join("by-hand.txt").exists());
+    fs::remove_file(own.join("by-hand.txt")).unwrap();
+    assert_eq!(json(&data, &command)[0]["outcome"], "archived");
+    assert!(!own.exists());
+    assert_eq!(json(&data, &command), Value::Array(Vec::new()));
+}
+
+/// Copies a directory.
+fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to).unwrap();
+    for entry in fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        let target = to.join(entry.file_name());
+        if entry.file_type().unwrap().is_dir() {
+            copy(&entry.path(), &target);
+        } else {
+            fs::copy(entry.path(), &target).unwrap();
+        }
+    }
+}
+
+#[test]
+fn a_kill_at_any_call_leaves_the_run_in_the_journal_or_in_the_archive() {
+    /// The copy is placed, the readings are taken out, and the folder is removed within these calls.
+    const LAST: u32 = 36;
+    let folder = with_runs(2);
+    let shim = preload::library("disk/kill.c", folder.path());
+    let whole = folder.path().join("data");
+    let archive_killed = |data: &Path, at: Option<u32>| {
+        let count = folder.path().join("count");
+        let mut environment = vec![
+            ("LD_PRELOAD", shim.to_str().unwrap().to_owned()),
+            ("RIGD_KILL_COUNT", count.to_str().unwrap().to_owned()),
+        ];
+        environment.extend(at.map(|at| ("RIGD_KILL_AT", at.to_string())));
+        let to = data.with_extension("archive");
+        let output = rigd(data, &["archive", to.to_str().unwrap(), "smoke-1"], &environment);
+        (output, fs::read_to_string(count).unwrap().parse::<u32>().unwrap())
+    };
+    let data = folder.path().join("first");
+    copy(&whole, &data);
+    let (output, calls) = archive_killed(&data, None);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(calls > 60, "{calls} calls");
+    let (mut only_in_journal, mut in_both, mut archived) = (0, 0, 0);
+    // Before the copy is placed, one call is like another; after it, each one counts.
+    for at in (1..calls - LAST).step_by(12).chain(calls - LAST..=calls) {
+        let here = format!("call {at} of {calls}");
+        let data = folder.path().join(format!("at-{at}"));
+        let archive = data.with_extension("archive");
+        copy(&whole, &data);
+        let (output, _) = archive_killed(&data, Some(at));
+        assert_eq!(output.status.signal(), Some(9), "{here}");
+        let reader = Reader::open(&data).unwrap();
+        let [other, run] = runs(&reader)[..] else { panic!("{here}") };
+        for run in reader.runs().unwrap() {
+            let check = reader.verify(run.id).unwrap();
+            assert!(matches!(check, ChainCheck::Intact { .. }), "{here}: {check:?}");
+        }
+        assert_eq!(reader.broken_link().unwrap(), None, "{here}");
+        assert_sound(&data, run, &here);
+        let copies: Vec<_> =
+            names(&archive).into_iter().filter(|name| name.contains("_smoke-1_")).collect();
+        let is_placed = copies.iter().any(|name| !name.starts_with('.'));
+        match (reader.records(run), is_placed) {
+            (Ok(_), false) => only_in_journal += 1,
+            (Ok(_), true) => in_both += 1,
+            (Err(StoreError::Archived { place, .. }), true) => {
+                assert_sound(Path::new(&place), run, &here);
+                archived += 1;
+            }
+            (found, _) => panic!("{here}: {found:?}"),
+        }
+        drop(reader);
+        let again = archive_killed(&data, None).0;
+        let said = String::from_utf8_lossy(&again.stderr).into_owned();
+        assert!(again.status.success(), "{here}: {said}");
+        let reader = Reader::open(&data).unwrap();
+        let place = reader.archive_of(run).unwrap().unwrap().place;
+        assert_sound(Path::new(&place), run, &here);
+        assert_sound(&data, run, &here);
+        assert_sound(&data, other, &here);
+        assert_eq!(names(&archive).len(), 2, "{here}: the lock and the run");
+        assert_eq!(names(&data.join("runs")).len(), 1, "{here}: the folder of the other run");
+        for directory in [&data, &archive] {
+            fs::remove_dir_all(directory).unwrap();
+        }
+    }
+    let counts = [only_in_journal, in_both, archived];
+    assert!(counts.iter().all(|count| *count > 3), "{counts:?} of {calls}");
+}
