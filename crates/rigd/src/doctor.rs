@@ -5,6 +5,7 @@
 pub(crate) mod advice;
 mod data;
 mod device;
+mod growth;
 mod port;
 #[cfg(test)]
 mod tests;

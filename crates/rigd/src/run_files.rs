@@ -101,6 +101,12 @@ pub(crate) fn report(data: &Path, run: &Run) -> PathBuf {
     folder(data, run).join(REPORT)
 }
 
+/// Size of the files in the folder of a run, bytes; those that cannot be read count nothing.
+pub(crate) fn size_of_folder(folder: &Path) -> u64 {
+    let files = fs::read_dir(folder).into_iter().flatten().flatten();
+    files.filter_map(|file| Some(file.metadata().ok()?.len())).sum()
+}
+
 /// Writes the report and the data of a run; of an amendment, those of the amended run. The folder has all
 /// of its files or is left as it was.
 ///

@@ -203,6 +203,26 @@ fn a_run_is_copied_while_a_daemon_writes_and_taken_out_after_it() {
     assert_eq!(json(&data, &command), Value::Array(Vec::new()));
 }
 
+#[test]
+fn doctor_tells_the_growth_of_a_year_from_the_runs_so_far() {
+    let folder = with_runs(2);
+    let data = folder.path().join("data");
+    let growth = || {
+        let findings = json(&data, &["doctor"]);
+        let findings = findings["findings"].as_array().unwrap_or_else(|| panic!("{findings}"));
+        let found = findings.iter().find(|finding| finding["check"] == "growth");
+        found.map(|finding| finding["text"].as_str().unwrap().to_owned())
+    };
+    assert_eq!(growth(), None, "both runs are of today");
+    let database = rusqlite::Connection::open(data.join("rigd.db")).unwrap();
+    let earlier =
+        "UPDATE runs SET started_at = strftime('%Y-%m-%dT%H:%M:%fZ', started_at, '-10 days')
+                   WHERE key = 2";
+    assert_eq!(database.execute(earlier, []).unwrap(), 1);
+    let text = growth().unwrap();
+    assert!(text.ends_with("from 8 touches in 2 runs within 10 days"), "{text}");
+}
+
 /// Copies a directory.
 fn copy(from: &Path, to: &Path) {
     fs::create_dir_all(to).unwrap();

@@ -4,6 +4,7 @@ mod amendments;
 mod archive;
 mod interruption;
 mod list;
+mod size;
 
 use std::{path::Path, str};
 

@@ -9,7 +9,7 @@ use std::{
 use rig_model::with_causes;
 use rig_store::{Reader, StoreError};
 
-use super::{Finding, Findings};
+use super::{Finding, Findings, growth};
 use crate::interruption::{ADVICE, InterruptedRig, LeftProbe};
 
 /// A run leaves some megabytes; below this, the next one may not fit.
@@ -30,7 +30,11 @@ pub(super) fn findings(data: &Path, rig: &str) -> Vec<Finding> {
         ),
     }
     match rustix::fs::statvfs(&place) {
-        Ok(system) => space(&mut findings, system.f_bavail.saturating_mul(system.f_frsize)),
+        Ok(system) => {
+            let free_bytes = system.f_bavail.saturating_mul(system.f_frsize);
+            space(&mut findings, free_bytes);
+            growth::finding(&mut findings, data, free_bytes);
+        }
         Err(error) => findings.warning(
             "space",
             format!("{}: {error}", place.display()),

@@ -243,13 +243,19 @@ fn space_is_given_back_to_the_journal() {
         journal.id()
     };
     let first = long(&store);
+    let bytes_of = || store.reader().unwrap().bytes_of(first).unwrap();
+    let whole = bytes_of();
     store.archive(first, "there", "me").unwrap();
+    assert!(bytes_of() * 2 < whole, "{} of {whole}", bytes_of());
     let pages = || -> (i64, i64) {
         let database = rusqlite::Connection::open(data.path().join("rigd.db")).unwrap();
         let pragma = |name| database.pragma_query_value(None, name, |row| row.get(0)).unwrap();
         (pragma("page_count"), pragma("freelist_count"))
     };
     let (all, free) = pages();
+    // The size that is told is that of the file, within a fifth.
+    let file = u64::try_from(all).unwrap() * 4096;
+    assert!(whole * 5 > file * 4 && whole * 4 < file * 5, "{whole} of {file} bytes");
     assert!(2 * free > all, "{free} of {all} pages are free");
     // The next run takes their place.
     long(&store);
