@@ -171,7 +171,8 @@ pub(crate) fn is_refuted(finding: &str, played: &Played) -> bool {
         let is_in_contact =
             matches!(phase, Phase::Run(RunPhase::Indentation | RunPhase::Dwell | RunPhase::Sweep));
         let fault = MENU[*row].1;
-        is_of_sweep && is_in_contact && (fault.lost_mm().is_some() || is_of_sense(fault))
+        let is_of_two_states = fault.lost_mm().is_some() || is_of_sense(fault);
+        (is_of_sweep || is_of_time) && is_in_contact && is_of_two_states
             || is_of_time && fault == Fault::Device("analyzer stuck-frequency")
     })
 }

@@ -25,7 +25,7 @@ use trial::Trial;
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Runs of each setting; the seed of a run is that of its scene and its protocol.
-    #[arg(long, default_value_t = 6, value_parser = clap::value_parser!(u32).range(2..=1000))]
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(2..=1000))]
     runs: u32,
     /// Seed of the first run.
     #[arg(long, default_value_t = 1)]

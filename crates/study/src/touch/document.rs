@@ -85,17 +85,26 @@ pub(super) fn page(args: &Args, groups: &[Group], troubles: &[Group]) -> Page {
     page.table(table_of_troubles(troubles));
     page.data(TROUBLES_TABLE, csv(troubles));
     let all = || groups.iter().chain(troubles);
-    let (violations, wrong): (usize, usize) = (
-        all().map(|one| one.summary.violations()).sum(),
-        all().map(|one| one.summary.wrong()).sum(),
-    );
     let planned: usize = all().map(|one| one.summary.planned()).sum();
     page.text(format!(
-        "In all {planned} planned touches of this page, the truth of the bench shows {violations} violations of \
-         safety: no sample was turned with the probe in it or pressed deeper than it bears. {wrong} stiffnesses are \
-         wrong without notice."
+        "Of all {planned} planned touches of this page, the sample was turned with the probe in it, or pressed deeper \
+         than it bears: {}. Stiffnesses that are wrong without notice: {}. A surface far above the place where the rig \
+         file has it, beyond its tolerance, is met on the way to the beginning of the search, where nothing is read: \
+         measure the place before the first run.",
+        named(all(), Summary::violations),
+        named(all(), Summary::wrong)
     ));
     page
+}
+
+/// The groups in which something was found, with their counts.
+fn named<'a>(groups: impl Iterator<Item = &'a Group>, count: fn(&Summary) -> usize) -> String {
+    let found = groups.filter(|group| count(&group.summary) > 0).map(|group| {
+        let Group { setting, scene, summary } = group;
+        format!("{} in \"{}: {}\" ({})", count(summary), setting.knob, setting.value, scene.name())
+    });
+    let found: Vec<String> = found.collect();
+    if found.is_empty() { "none".to_owned() } else { found.join(", ") }
 }
 
 /// Time and error of a group, percent.

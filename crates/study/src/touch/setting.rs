@@ -69,7 +69,11 @@ pub(super) const SETTINGS: [Setting; 40] = [
     one("reference", "every touch", &[(Protocol, "no_load", "\"every-touch\"")]),
     one("reference", "once", &[(Protocol, "no_load", "\"once\"")]),
     one("survey, s", "20", &[(Protocol, "no_load_sweep.survey_s", "20")]),
-    one("survey, s", "none", &[(Protocol, "no_load_sweep.survey_s", "")]),
+    one(
+        "survey, s",
+        "none",
+        &[(Protocol, "no_load_sweep.survey_s", ""), (Protocol, "no_load_sweep.level_check", "")],
+    ),
     one("fine step, mm", "0.005", &[(Protocol, "approach.fine_step_mm", "0.005")]),
     one("fine step, mm", "0.01", &[(Protocol, "approach.fine_step_mm", "0.01")]),
     one("fine step, mm", "0.03", &[(Protocol, "approach.fine_step_mm", "0.03")]),
