@@ -7,6 +7,7 @@ mod documents;
 mod edges;
 mod errors;
 mod faults;
+mod first_records;
 mod flags;
 mod forged;
 mod halfway;
