@@ -147,14 +147,14 @@ pub(crate) fn is_beyond_notice(played: &Played, has_slip_check: bool) -> Option<
 }
 
 /// Whether the rig could not know that it sent the probe too deep: it stands deeper than its drive says, by steps
-/// that were lost on the way down into the sample, or before, while the contact sense fails.
+/// that were lost on the way down into the sample, or before, while the contact sense feels nothing.
 pub(crate) fn is_beyond_knowledge(violation: &ViolationKind, played: &Played) -> bool {
     let &ViolationKind::PressedTooDeep { indentation_mm, limit_mm } = violation else {
         return false;
     };
     let begun = || played.begun.iter().map(|(row, phase)| (MENU[*row].1, *phase));
-    let is_senseless = begun().any(|(fault, _)| is_of_sense(fault));
-    let is_unknown = |phase| is_senseless || phase == Phase::Run(RunPhase::Indentation);
+    let is_blind = begun().any(|(fault, _)| fault == Fault::Device(CONTACT_SENSES[0]));
+    let is_unknown = |phase| is_blind || phase == Phase::Run(RunPhase::Indentation);
     let lost_mm: f64 = begun()
         .filter_map(|(fault, phase)| fault.lost_mm().filter(|mm| *mm < 0.0 && is_unknown(phase)))
         .sum();
@@ -162,8 +162,8 @@ pub(crate) fn is_beyond_knowledge(violation: &ViolationKind, played: &Played) ->
 }
 
 /// Whether the checker rightly refutes a sweep: one during which steps were lost or the contact sense failed, so
-/// that its readings are of two states of the probe, and whose touch is refused; or one of an analyzer that stays at
-/// another frequency than it says, so that its readings take another time.
+/// that its readings are of two states of the probe; or one of an analyzer that stays at another frequency than it
+/// says, so that its readings take another time.
 pub(crate) fn is_refuted(finding: &str, played: &Played) -> bool {
     let is_of_sweep = finding.starts_with("resonance: ") || finding.starts_with("sigma: ");
     let is_of_time = finding.starts_with("reading_time: ");

@@ -265,7 +265,9 @@ fn a_position_lost_on_the_way_in_or_under_a_failed_sense_is_beyond_knowledge() {
     let (before, on_the_way) = ((DOWNWARDS, Baseline), (DOWNWARDS, Indentation));
     assert!(is_beyond(&[before, blind]));
     assert!(is_beyond(&[on_the_way]));
-    for some in [&[before, before][..], &[blind], &[(UPWARDS, Indentation), blind], &[]] {
+    let stuck = ("analyzer: feels a contact always", Baseline);
+    let upwards = (UPWARDS, Indentation);
+    for some in [&[before, before][..], &[before, stuck], &[blind], &[upwards, blind], &[]] {
         assert!(!is_beyond(some), "{some:?}");
     }
 }

@@ -21,21 +21,21 @@ const TROUBLES_TABLE: &str = "troubles.csv";
 const MOTION: [&str; 5] = ["rotation", "prompt", "indentation", "dwell", "retract"];
 
 /// Knobs on one chart, each a line through the settings as shipped.
-const CHARTS: [(&str, &str, [&str; 6]); 3] = [
+const CHARTS: [(&str, &str, &[&str]); 3] = [
     (
         "search.svg",
         "The search",
-        ["fine step, mm", "coarse step, mm", "cycles of a step", "threshold", "tolerance, mm", ""],
+        &["fine step, mm", "coarse step, mm", "cycles of a step", "threshold", "tolerance, mm"],
     ),
     (
         "sweeps.svg",
         "Sweeps and references",
-        ["contact sweep, Hz", "no-load sweep, Hz", "reference", "survey, s", "two depths", ""],
+        &["contact sweep, Hz", "no-load sweep, Hz", "reference", "survey, s", "two depths"],
     ),
     (
         "motion.svg",
         "Motion and waits",
-        ["dwell, s", "check of slip", "order", "travel, mm/s", "in contact, mm/s", ""],
+        &["dwell, s", "check of slip", "order", "travel, mm/s", "in contact, mm/s"],
     ),
 ];
 
@@ -66,7 +66,7 @@ pub(super) fn page(args: &Args, groups: &[Group], troubles: &[Group]) -> Page {
     page.heading("All settings");
     page.chart("front.svg", front_chart(&paper, &matched, base));
     for (file, title, knobs) in CHARTS {
-        page.chart(file, knobs_chart(title, &knobs, &paper, base));
+        page.chart(file, knobs_chart(title, knobs, &paper, base));
     }
     page.table(settings(&paper, &matched));
     page.data(TABLE, csv(groups));
@@ -157,7 +157,7 @@ fn knobs_chart(title: &str, knobs: &[&str], groups: &[&Group], base: &Group) -> 
     let [x, y] = axes();
     let description = "Each line is a setting at its values, through the settings as shipped.";
     let mut chart = Chart::new(title, description, x, y);
-    for (colour, knob) in knobs.iter().filter(|knob| !knob.is_empty()).enumerate() {
+    for (colour, knob) in knobs.iter().enumerate() {
         let of_knob = groups.iter().filter(|group| group.setting.knob == *knob);
         let mut points: Vec<Point> = of_knob.filter_map(|group| point(group)).collect();
         points.extend(point(base));
