@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 
 use rig_engine::RunPhase;
 use rig_sim::world::ViolationKind;
-use rig_store::{MemoryDisk, Reader, Record, RunId, StoreError};
+use rig_store::{Confirmed, MemoryDisk, Reader, Record, RunId, StoreError};
 use rig_verify::MemoryJournal;
 
 use crate::{
     bench::{Bench, PATIENCE_S},
     counts::Phase,
-    faults::{Fault, MENU, Order, Trouble},
+    faults::{Fault, MENU, Trouble},
     life::Played,
 };
 
@@ -24,6 +24,8 @@ pub(crate) enum Outcome {
         shift_hz: f64,
         /// Standard deviation of the sweeps, and of the depth, as a shift.
         sigma_hz: f64,
+        /// Whether what was measured after it confirms it.
+        is_confirmed: bool,
     },
     Refused(String),
 }
@@ -40,16 +42,31 @@ const CANCELLED_MM: f64 = 0.025;
 /// A sample that is placed again on an uneven bench has another stiffness and slope: 3 % and 1°.
 const PLACED_AGAIN_REL: f64 = 0.06;
 
+/// The records that say of a touch what became of it.
+const KINDS: [&str; 8] = [
+    "touch_result",
+    "touch_refused",
+    "surface_found",
+    "sweep",
+    "run_finished",
+    "resumed",
+    "given_up",
+    "amended",
+];
+
 /// The outcomes of a run. The checker looks at its digests.
 pub(crate) fn touches(reader: &Reader, run: RunId) -> Result<Touches, StoreError> {
-    let mut touches = Touches::new();
-    for stored in reader.unchecked(run, &["touch_result", "touch_refused"])? {
-        match stored.record()? {
+    let (mut touches, mut confirmed) = (Touches::new(), Confirmed::default());
+    for stored in reader.unchecked(run, &KINDS)? {
+        let record = stored.record()?;
+        confirmed.take(&record);
+        match record {
             Record::TouchResult(touch) => {
                 let depth_mm = touch.surface_sigma_mm.hypot(STAGE_MM);
                 let by_depth_hz = touch.shift_hz * depth_mm / touch.indentation_mm;
                 let sigma_hz = touch.shift_sigma_hz.hypot(by_depth_hz);
-                let measured = Outcome::Measured { shift_hz: touch.shift_hz, sigma_hz };
+                let shift_hz = touch.shift_hz;
+                let measured = Outcome::Measured { shift_hz, sigma_hz, is_confirmed: true };
                 touches.insert(touch.touch.step, measured);
             }
             // What was measured next may contradict a touch.
@@ -57,6 +74,11 @@ pub(crate) fn touches(reader: &Reader, run: RunId) -> Result<Touches, StoreError
                 touches.insert(refused.touch.step, Outcome::Refused(refused.reason));
             }
             _ => {}
+        }
+    }
+    for (step, outcome) in &mut touches {
+        if let Outcome::Measured { is_confirmed, .. } = outcome {
+            *is_confirmed = confirmed.touch(step) == Some(true);
         }
     }
     Ok(touches)
@@ -90,13 +112,13 @@ pub(crate) fn findings(checker: &MemoryJournal, journals: &[RunId]) -> Vec<Strin
 pub(crate) fn differences(bench: &Bench, played: &Played, undisturbed: &Touches) -> Vec<String> {
     let mut differences = Vec::new();
     for (step, expected) in undisturbed {
-        let Outcome::Measured { shift_hz: true_hz, sigma_hz: true_sigma_hz } = expected else {
+        let Outcome::Measured { shift_hz: true_hz, sigma_hz: true_sigma_hz, .. } = expected else {
             continue;
         };
         match played.touches.get(step) {
             None => differences.push(format!("touch {step} is missing")),
             Some(Outcome::Refused(_)) => {}
-            Some(Outcome::Measured { shift_hz, sigma_hz }) => {
+            Some(Outcome::Measured { shift_hz, sigma_hz, .. }) => {
                 let is_other = bench.is_uneven && played.is_placed_again;
                 let scatter_hz = if is_other { PLACED_AGAIN_REL * true_hz } else { 0.0 };
                 let allowed_hz = SIGMAS * sigma_hz.hypot(*true_sigma_hz).hypot(scatter_hz);
@@ -125,11 +147,10 @@ fn is_of_sense(fault: Fault) -> bool {
 pub(crate) fn is_beyond_notice(played: &Played, has_slip_check: bool) -> Option<&'static str> {
     let in_touch =
         played.begun.iter().filter(|(_, phase)| phase.is_in_touch()).map(|(row, _)| MENU[*row].1);
-    let aborts = [Fault::Person(Order::Abort), Fault::ByHand];
-    let is_aborted = played.begun.iter().any(|(row, _)| aborts.contains(&MENU[*row].1));
-    let is_ended = is_aborted || played.latches + played.kills > 0;
-    if is_ended && in_touch.clone().any(is_of_sense) {
-        return Some("a contact sense that is repaired before the last touch is confirmed");
+    let is_unconfirmed =
+        |outcome: &Outcome| matches!(outcome, Outcome::Measured { is_confirmed: false, .. });
+    if played.touches.values().any(is_unconfirmed) && in_touch.clone().any(is_of_sense) {
+        return Some("a contact sense that fails in a touch, which is marked as not confirmed");
     }
     // A confirmation follows the touch at once.
     let during = |words| played.begun.iter().any(|(row, _)| MENU[*row].1 == Fault::Device(words));

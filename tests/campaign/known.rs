@@ -147,6 +147,29 @@ fn contact_senses_that_fail_both_ways_are_beyond_notice_and_each_alone_is_not() 
     );
 }
 
+/// A stuck contact sense makes the touch one of the free probe's resonance, or of another; after the abort nothing
+/// more is measured that would show it.
+#[test]
+fn a_touch_after_which_the_run_is_aborted_is_marked_as_not_confirmed() {
+    let bench = Bench::new(93);
+    let is_confirmed = |played: &Played| match outcome(played) {
+        Outcome::Measured { is_confirmed, .. } => *is_confirmed,
+        Outcome::Refused(reason) => panic!("{reason}"),
+    };
+    let undisturbed = life::play(&bench, &[], true);
+    assert!(is_confirmed(&undisturbed));
+    let stuck = device("analyzer: feels a contact always", RunPhase::Indentation, 0.777);
+    for order in ["client: abort", "client: stop"] {
+        let end = device(order, RunPhase::Confirmation, 0.0);
+        let played = life::play(&bench, std::slice::from_ref(&end), false);
+        assert!(!is_confirmed(&played), "{order}");
+        let played = life::play(&bench, &[stuck.clone(), end], false);
+        assert!(!is_confirmed(&played), "{order}");
+        let why = judge::is_beyond_notice(&played, true);
+        assert!(why.is_some_and(|why| why.contains("not confirmed")), "{order}");
+    }
+}
+
 /// Seed 40448 of the menu 30cc4ed8a2037c43: after a cut reply the analyzer was set up anew, and the first
 /// reading was of a sensor that rang, which looked like a contact.
 #[test]

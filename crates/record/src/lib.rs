@@ -5,12 +5,14 @@
 #![deny(clippy::disallowed_methods)]
 
 mod chain;
+mod confirmed;
 mod digest;
 mod record;
 mod run;
 mod seal;
 
 pub use chain::{Chain, ChainCheck, Flaw, StoredRecord, UnreadableRecord};
+pub use confirmed::Confirmed;
 pub use digest::{Digest, DigestPart};
 pub use record::{
     Action, Amended, Amendment, Archived, Axis, BenchSettings, BlackBox, Change, CheckedSurface,

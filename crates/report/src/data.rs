@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 
 use rig_record::{
-    Amended, Amendment, BlackBox, Change, Clearance, ClockJumped, Direction, Expected, Prompt,
-    Record, RefusalAnswered, RefusedTouch, Resumed, RetractTried, RunStarted, Sample, Stalled,
-    StoredRecord, Sweep, SweepOutcome, Touch, TouchSettings, UnreadableRecord,
+    Amended, Amendment, BlackBox, Change, Clearance, ClockJumped, Confirmed, Direction, Expected,
+    Prompt, Record, RefusalAnswered, RefusedTouch, Resumed, RetractTried, RunStarted, Sample,
+    Stalled, StoredRecord, Sweep, SweepOutcome, Touch, TouchSettings, UnreadableRecord,
 };
 
 use crate::units::{duration, with_sigma};
@@ -32,6 +32,8 @@ pub(crate) struct RunData {
     amendment: Option<(Amended, u64)>,
     /// Every planned touch, in order, with its outcome.
     pub(crate) planned: Vec<PlannedTouch>,
+    /// Which measured touches are confirmed.
+    pub(crate) confirmed: Confirmed,
     /// Number of answered prompts.
     pub(crate) prompts: u32,
     /// Prompts, commands, faults and refused sweeps, in order.
@@ -136,7 +138,9 @@ impl RunData {
         let end_us = own.map_or(0, |last| last.run_us);
         let mut data = Self { end_us, epochs: epochs(records), ..Self::default() };
         for stored in records {
-            data.take(stored, stored.record()?);
+            let record = stored.record()?;
+            data.confirmed.take(&record);
+            data.take(stored, record);
         }
         Ok(data)
     }

@@ -39,9 +39,9 @@ pub use memory::{DiskFailure, MemoryDisk};
 pub use reader::{Interruption, ProbeWord, Reader, intact};
 pub use rig_record::{
     Action, Amended, Amendment, Archived, Axis, BenchSettings, BlackBox, Chain, ChainCheck, Change,
-    CheckedSurface, Circuit, Clearance, ClockJumped, Device, Digest, Direction, Ending, Expected,
-    Extra, Fault, FitNoise, FitSettings, FitTiming, Flaw, Frame, GivenUp, Halfway, Intent,
-    LostSurface, Move, MoveReason, NearCircuit, Operator, Phase, PlanSize, Pose, Prompt,
+    CheckedSurface, Circuit, Clearance, ClockJumped, Confirmed, Device, Digest, Direction, Ending,
+    Expected, Extra, Fault, FitNoise, FitSettings, FitTiming, Flaw, Frame, GivenUp, Halfway,
+    Intent, LostSurface, Move, MoveReason, NearCircuit, Operator, Phase, PlanSize, Pose, Prompt,
     PromptAnswered, PromptAsked, ReadingFlag, ReadingRecord, Record, RefusalAnswered, RefusalAsked,
     RefusedTouch, Resumed, RetractTried, Run, RunFinished, RunId, RunKind, RunStarted, RunStatus,
     Sample, Source, Stalled, StateChanged, StepStarted, StoredRecord, Surface, SurfaceReading,

@@ -28,8 +28,11 @@ use crate::{
 };
 
 /// Relative noise of a reading of ten cycles where nothing is known of it, and the number of readings
-/// that this is worth.
+/// that this is worth beside a free decay. Settled readings tell it alone.
 const NOISE: FitNoise = FitNoise { at_ten_cycles: 0.005, degrees_of_freedom: 4.0 };
+const NOISE_OF_SETTLED: FitNoise = FitNoise { degrees_of_freedom: 0.0, ..NOISE };
+/// Smallest relative variance of a reading: the ninth digit.
+const VARIANCE_MIN: f64 = 1e-16;
 /// Number of times that the sizes of the free decays and the weights are computed anew.
 const ROUNDS: usize = 4;
 
@@ -75,7 +78,8 @@ pub(crate) fn fit(
     (resonance_hz, stated, extra): Stated<'_>,
 ) -> Option<Fitted> {
     let first = readings.first()?;
-    let noise = noise.unwrap_or(NOISE);
+    let is_noise_unknown = noise.is_none() && !is_ringing;
+    let noise = noise.unwrap_or(if is_ringing { NOISE } else { NOISE_OF_SETTLED });
     let unit = 1.0 / (TAU * first.frequency_hz * impedance(first).norm());
     let extra = extra.filter(|_| !is_ringing);
     let beside = extra.map(|extra| Beside::of(extra, stated, unit));
@@ -111,11 +115,12 @@ pub(crate) fn fit(
             (widest, mode_variance) = trace.widest(&at, &weights);
             effective_time_s = trace.effective_s(&at, &weights).map(|s| first.begin_s() + s);
         }
-        if round + 2 == ROUNDS {
+        if round + 2 == ROUNDS || is_noise_unknown && round + 2 < ROUNDS {
             // What the readings say of the noise, together with what was known of it.
-            scatter = normal.cost / degrees;
+            scatter = normal.cost / degrees * variance / noise.at_ten_cycles.powi(2);
             let all = noise.degrees_of_freedom + degrees;
             variance *= (noise.degrees_of_freedom + normal.cost) / all;
+            variance = variance.max(VARIANCE_MIN);
         }
         found = Some(normal);
     }

@@ -141,7 +141,7 @@ impl TableName {
 /// The first column of a table of several runs.
 pub(super) const RUN: Column = text("run", "short name of the run");
 
-const TOUCH: [Column; 42] = [
+const TOUCH: [Column; 43] = [
     text(
         "step",
         "address of the step: `main/<sample>/<direction>/<angle>/<repeat>` or `blind/<number>`",
@@ -156,6 +156,11 @@ const TOUCH: [Column; 42] = [
         "reason",
         "the reason why a touch was refused, skipped or not reached, or why a measured touch has \
          no stiffness",
+    ),
+    flag(
+        "is_confirmed",
+        "for a measured touch, whether what was measured after it confirms it: `false` if the run ended \
+         before that, empty while it is awaited",
     ),
     whole("no_load_sweep", "the sweep that gave the reference, a row of the table of sweeps"),
     number("no_load_hz", "Hz", "resonance with the probe clear"),

@@ -9,7 +9,7 @@ pub(super) fn touch<'a>(
     row: &'a TouchRow,
     run_id: &'a str,
     is_simulated: bool,
-) -> [TableValue<'a>; 42] {
+) -> [TableValue<'a>; 43] {
     let [no_load, no_load_sigma] = pair(row.no_load_hz, row.no_load_sigma_hz);
     let [resonance, sigma] = pair(row.resonance_hz, row.sigma_hz);
     let [shift, shift_sigma] = pair(row.shift_hz, row.shift_sigma_hz);
@@ -29,6 +29,7 @@ pub(super) fn touch<'a>(
         TableValue::Whole(row.repeat.into()),
         TableValue::Text(row.status.name()),
         TableValue::of(row.reason.as_deref(), TableValue::Text),
+        TableValue::of(row.is_confirmed, TableValue::Flag),
         TableValue::of(row.no_load_sweep, TableValue::Whole),
         no_load,
         no_load_sigma,

@@ -100,13 +100,14 @@ pub(super) fn touches(rows: &[TouchRow]) -> Markup {
         let pair = |value: Option<f64>, sigma: Option<f64>| {
             value.zip(sigma).map_or_else(dash, |(value, sigma)| text(with_sigma(value, sigma)))
         };
-        let status = row.status.describe();
+        let unconfirmed = if row.is_confirmed == Some(false) { ", not confirmed" } else { "" };
+        let status = format!("{}{unconfirmed}", row.status.describe());
         vec![
             text(&row.step),
             text(&row.sample),
             match (row.status, &row.amended) {
-                (TouchStatus::Measured, None) => text(status),
-                (_, None) => fault(status),
+                (TouchStatus::Measured, None) if unconfirmed.is_empty() => text(&status),
+                (_, None) => fault(&status),
                 (_, Some(amended)) => text(format!("{status} ({amended})")),
             },
             pair(row.shift_hz, row.shift_sigma_hz),
@@ -121,7 +122,8 @@ pub(super) fn touches(rows: &[TouchRow]) -> Markup {
     };
     let rows: Vec<_> = rows.iter().map(row).collect();
     let caption = "Every planned touch, in order. The stiffness is that of the touch alone, with \
-                   the uncertainty of the calibration; the class of a blind touch is the sample that its cluster represents.";
+                   the uncertainty of the calibration; the class of a blind touch is the sample \
+                   that its cluster represents. A touch is not confirmed if the run ended before anything was measured after it.";
     html! { div.log.touches { (table(caption, &heads, &rows)) } }
 }
 

@@ -32,6 +32,8 @@ pub struct TouchRow {
     pub status: TouchStatus,
     /// Reason why it was not measured, or why a measured touch has no stiffness.
     pub reason: Option<String>,
+    /// For a measured touch, whether what was measured after it confirms it; `None` while that is awaited.
+    pub is_confirmed: Option<bool>,
     /// Number of the sweep that gave the reference.
     pub no_load_sweep: Option<u64>,
     /// The reference, Hz.
@@ -88,20 +90,27 @@ pub struct TouchRow {
 /// Largest number of refused touches named in a sentence.
 const NAMED_MAX: usize = 5;
 
-/// `107 of 110 touches measured; 3 refused: …`, with the addresses of those.
+/// `107 of 110 touches measured; 3 refused: …`, with the addresses of those, and of touches that nothing confirms.
 pub(crate) fn sentence(rows: &[TouchRow]) -> String {
     let Tally { planned, measured, refused, skipped, not_reached } =
         Tally::of(rows.iter().map(|row| row.status));
     let mut parts = vec![format!("{measured} of {planned} touches measured")];
-    if refused > 0 {
-        let is_refused = |row: &&TouchRow| row.status == TouchStatus::Refused;
-        let names = rows.iter().filter(is_refused).map(|row| row.step.as_str());
+    let named = |count: usize, what: &str, is_meant: fn(&&TouchRow) -> bool| {
+        let names = rows.iter().filter(is_meant).map(|row| row.step.as_str());
         let named = names.take(NAMED_MAX).collect::<Vec<_>>().join(", ");
-        let more = match refused.saturating_sub(NAMED_MAX) {
+        let more = match count.saturating_sub(NAMED_MAX) {
             0 => String::new(),
             more => format!(" and {more} more"),
         };
-        parts.push(format!("{refused} refused: {named}{more}"));
+        format!("{count} {what}: {named}{more}")
+    };
+    let is_unconfirmed = |row: &&TouchRow| row.is_confirmed == Some(false);
+    let unconfirmed = rows.iter().filter(is_unconfirmed).count();
+    if unconfirmed > 0 {
+        parts.push(named(unconfirmed, "of them not confirmed", is_unconfirmed));
+    }
+    if refused > 0 {
+        parts.push(named(refused, "refused", |row| row.status == TouchStatus::Refused));
     }
     if skipped > 0 {
         parts.push(format!("{skipped} skipped"));
@@ -141,6 +150,9 @@ pub(super) fn rows(
         match &planned.outcome {
             Some(Outcome::Measured(index)) => {
                 row.measured(&data.touches[*index], data, stiffness, classification);
+                let confirmed = data.confirmed.touch(&row.step);
+                row.is_confirmed =
+                    confirmed.or((run.status != RunStatus::Running).then_some(false));
             }
             Some(Outcome::Refused(refused)) => {
                 row.reason = Some(refused.reason.clone());

@@ -166,6 +166,7 @@ export function RunPage({ id, view }: { id: string; view: View }) {
   const mainRows = results.touch_results.filter((row) => row.phase === "main");
   const blind = results.touch_results.filter((row) => row.phase === "blind");
   const refused = results.touch_results.filter((row) => row.status === "refused");
+  const unconfirmed = results.touch_results.filter((row) => row.is_confirmed === false);
   const recognition = results.recognition[0];
   return (
     <main class="run-page" id="main">
@@ -198,7 +199,8 @@ export function RunPage({ id, view }: { id: string; view: View }) {
             {recognition && <p><strong>{recognition.correct} of {recognition.trials} right, {fixed(recognition.rate * 100, 0)} %</strong> <span class="soft">(95 %: {fixed(recognition.low * 100, 0)} to {fixed(recognition.high * 100, 0)})</span></p>}
             <ol class="blind-cells">{blind.map((row) => <li key={row.step}><TouchCell row={row} label={row.status === "measured" ? (row.class == null ? "·" : row.class === row.sample ? "✓" : "✗") : undefined} onOpen={openTouch} /></li>)}</ol></div>
         )}
-        {refused.length > 0 && <div><h3>Refused, with reasons</h3><ul class="reasons">{refused.map((row) => <li key={row.step}><button type="button" class="link-button" onClick={() => openTouch(row)}>{row.phase === "blind" ? `blind ${row.repeat}` : `sample ${row.sample}, ${row.direction} ${degrees(row.angle_deg)}`}</button> {row.reason}</li>)}</ul></div>}
+        {refused.length > 0 && <div><h3>Refused, with reasons</h3><ul class="reasons">{refused.map((row) => <li key={row.step}><TouchLink row={row} onOpen={openTouch} /> {row.reason}</li>)}</ul></div>}
+        {unconfirmed.length > 0 && <div><h3>Measured, not confirmed</h3><ul class="reasons">{unconfirmed.map((row) => <li key={row.step}><TouchLink row={row} onOpen={openTouch} /> The run ended before anything was measured after it.</li>)}</ul></div>}
       </section>
       <section class="card curves" aria-label="Shift by angle">
         <div class="row"><h2>Shift (Hz) by angle</h2><Legend samples={samples} hasBefore={false} beforeName={undefined} /></div>
@@ -207,6 +209,12 @@ export function RunPage({ id, view }: { id: string; view: View }) {
       {opened && <SweepDialog run={detail} row={opened} view={view} onClose={() => openTouch(undefined)} onAmended={() => { openTouch(undefined); setAmended(amended + 1); }} />}
     </main>
   );
+}
+
+/** A touch by its name, which opens its sweep. */
+function TouchLink({ row, onOpen }: { row: TouchRow; onOpen: (row: TouchRow) => void }) {
+  const name = row.phase === "blind" ? `blind ${row.repeat}` : `sample ${row.sample}, ${row.direction} ${degrees(row.angle_deg)}`;
+  return <button type="button" class="link-button" onClick={() => onOpen(row)}>{name}</button>;
 }
 
 /** What to do with a run that was not completed. */

@@ -214,6 +214,7 @@ export interface TouchRow {
   repeat: number;
   status: TouchStatus;
   reason?: string | null;
+  is_confirmed?: boolean | null;
   sweep?: number | null;
   resonance_hz?: number | null;
   sigma_hz?: number | null;

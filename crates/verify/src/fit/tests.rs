@@ -40,6 +40,25 @@ fn the_circuit_behind_steady_readings_is_found_from_a_wrong_start() {
     assert!(found.scatter < 0.2 && found.sigma_hz > 0.0, "{found:?}");
 }
 
+#[test]
+fn settled_readings_tell_their_noise_alone_where_nothing_is_known_of_it() {
+    for noise in [1e-2, 1e-4, 1e-6] {
+        let sign = |k: usize| if k.is_multiple_of(3) { 1.0 } else { -1.0 };
+        let disturbed = |(k, reading): (usize, &Reading)| {
+            let z = impedance(reading) * (1.0 + noise * sign(k));
+            // So long that nothing rings.
+            let (re, im) = (Some(z.re), Some(z.im));
+            Reading { resistance_ohm: re, reactance_ohm: im, settle_s: 5.0, ..*reading }
+        };
+        let exact = steady(141.3, 34.0, 21e-9, 0.09, 0.01);
+        let readings: Vec<Reading> = exact.iter().enumerate().map(disturbed).collect();
+        let found = fit(&readings, false, None, (141.3, &STATED, None)).unwrap();
+        // Half a linewidth times the noise, over the root of some readings near the resonance.
+        let expected_hz = 141.3 / 34.0 * noise / 4.0;
+        assert!((0.2..5.0).contains(&(found.sigma_hz / expected_hz)), "{noise}: {found:?}");
+    }
+}
+
 /// The same readings as an analyzer shows them that sees this too.
 fn with_extra(readings: &[Reading], resonance_hz: f64, c0: f64, extra: Extra) -> Vec<Reading> {
     let last = readings.len() - 1;
@@ -93,16 +112,17 @@ fn extras() -> [[Extra; 2]; 5] {
 #[test]
 fn what_is_beside_the_circuit_is_fitted_with_it_and_a_wrong_statement_of_it_shows() {
     let (resonance_hz, q, c0) = (141.3, 34.0, 21e-9);
+    let stated = Circuit { static_capacitance_f: c0, ..STATED };
     for [extra, other] in extras() {
         let readings = steady(resonance_hz, q, c0, 0.09, 0.01);
         let readings = with_extra(&readings, resonance_hz, c0, extra);
-        let plain = fit(&readings, false, None, (resonance_hz, &STATED, None)).unwrap();
-        let found = fit(&readings, false, None, (resonance_hz, &STATED, Some(&extra))).unwrap();
+        let plain = fit(&readings, false, None, (resonance_hz, &stated, None)).unwrap();
+        let found = fit(&readings, false, None, (resonance_hz, &stated, Some(&extra))).unwrap();
         let context = format!("{extra:?}: {found:?}; without: {plain:?}");
         assert!((found.resonance_hz - resonance_hz).abs() < 5e-3, "{context}");
-        assert!(found.beside_sigmas < 1.0 && found.scatter < 0.2, "{context}");
+        assert!(found.beside_sigmas < 2.0 && found.scatter < 0.2, "{context}");
         assert!(plain.scatter > 4.0 * found.scatter, "{context}");
-        if let Some(found) = fit(&readings, false, None, (resonance_hz, &STATED, Some(&other))) {
+        if let Some(found) = fit(&readings, false, None, (resonance_hz, &stated, Some(&other))) {
             assert!(found.beside_sigmas > 5.0, "{other:?}: {found:?}");
         }
     }
