@@ -10,7 +10,13 @@ mod tests;
 use rig_model::{Impedance, Mm, PointResult, Position, Reading};
 use rig_resonance::{Circuit, Refusal, Resonance};
 
-use crate::{Fault, TouchOutcome, TouchResult, search::relative_change, slip::Slip, sweep::DRIFT};
+use crate::{
+    Fault, TouchOutcome, TouchResult,
+    listening::{CYCLES_MAX, cycles_needed},
+    search::relative_change,
+    slip::Slip,
+    sweep::DRIFT,
+};
 
 /// The free resonance may have moved by this part since its last measurement: twice the drift that a
 /// sweep expects, and less than the softest sample moves it at the depth of a touch.
@@ -108,6 +114,22 @@ pub enum ContactSenseFault {
         by_mm: f64,
         /// Largest distance, mm.
         limit_mm: f64,
+    },
+    /// The contact threshold is too close to the noise.
+    #[error(
+        "contact sense: the noise of ten cycles is {noise_percent:.2} % of the impedance, and a change by \
+         {threshold_percent:.1} % needs readings of {cycles:.0} cycles to be told from it, where at most \
+         {cycles_max} are allowed"
+    )]
+    TooNoisy {
+        /// Standard deviation of each part of a reading of ten cycles, percent.
+        noise_percent: f64,
+        /// The contact threshold of the protocol, percent.
+        threshold_percent: f64,
+        /// Cycles that are needed.
+        cycles: f64,
+        /// Largest number of cycles.
+        cycles_max: u32,
     },
     /// The free resonance has moved too far.
     #[error(
@@ -282,11 +304,24 @@ pub(crate) fn check_alive(
     Ok(())
 }
 
-/// Refuses a free resonance that has moved further than any drift.
+/// Refuses a reference whose noise hides a contact, and a free resonance that has moved further than any drift.
 pub(crate) fn check_reference(
     last: Option<&Resonance>,
     now: &Resonance,
+    contact_threshold: f64,
 ) -> Result<(), ContactSenseFault> {
+    let cycles = cycles_needed(now, contact_threshold);
+    if f64::from(CYCLES_MAX) < cycles {
+        let noise_percent = 100.0 * now.noise_at_ten_cycles;
+        let threshold_percent = 100.0 * contact_threshold;
+        let cycles_max = CYCLES_MAX;
+        return Err(ContactSenseFault::TooNoisy {
+            noise_percent,
+            threshold_percent,
+            cycles,
+            cycles_max,
+        });
+    }
     let Some(last) = last else { return Ok(()) };
     let (from_hz, to_hz) = (last.resonance_hz, now.resonance_hz);
     if (to_hz - from_hz).abs() <= FREE_MOVE * from_hz {

@@ -25,6 +25,19 @@ const EARLY_TIME_CONSTANTS: f64 = 3.0;
 /// surface by less than a micrometre.
 const BASELINE_TIME_CONSTANTS: f64 = 4.0;
 
+/// A reading integrates so many cycles that the standard deviation of each of its parts is this many times
+/// smaller than the contact threshold. Baseline and reading then differ by more in one of 10⁷ cases without a
+/// contact.
+const NOISES_OF_THRESHOLD: f64 = 8.0;
+
+/// No reading of the contact sense integrates more cycles; a threshold that needs more is too close to the noise.
+pub(crate) const CYCLES_MAX: u32 = 200;
+
+/// Cycles that a reading must integrate so that noise is no contact.
+pub(crate) fn cycles_needed(no_load: &Resonance, contact_threshold: f64) -> f64 {
+    10.0 * (NOISES_OF_THRESHOLD * no_load.noise_at_ten_cycles / contact_threshold).powi(2)
+}
+
 /// The decay of the vibration that a contact has left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Decay {
@@ -115,7 +128,12 @@ impl Listening<'_> {
 
     fn point(&self, linewidths: f64, settle_s: f64) -> SweepPoint {
         let frequency_hz = self.frequency_hz(linewidths);
-        SweepPoint { frequency_hz, settle_s, cycles: self.plan.touch.approach.cycles }
+        let approach = &self.plan.touch.approach;
+        let needed = cycles_needed(self.no_load, approach.contact_threshold);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "of 0 to 200")]
+        let needed = needed.clamp(0.0, CYCLES_MAX.into()).ceil() as u32;
+        let cycles = needed.max(approach.cycles);
+        SweepPoint { frequency_hz, settle_s, cycles }
     }
 
     /// The shortest reading at a frequency, which only sets it.

@@ -177,16 +177,15 @@ impl Run {
                 confirmed
             }
             Machine::NoLoad(machine) => {
-                let last = self.no_load;
-                machine.advance(event, last.as_ref(), &mut context).and_then(
-                    |(resonance, bench)| match check_reference(last.as_ref(), &resonance) {
-                        Ok(()) => {
-                            (self.no_load, self.bench) = (Some(resonance), bench);
-                            MachineStep::Done(())
-                        }
-                        Err(fault) => MachineStep::Fault(Fault::ContactSense(fault)),
-                    },
-                )
+                let (last, threshold) = (self.no_load, self.plan.touch.approach.contact_threshold);
+                let step = machine.advance(event, last.as_ref(), &mut context);
+                step.and_then(|(resonance, bench)| {
+                    if let Err(fault) = check_reference(last.as_ref(), &resonance, threshold) {
+                        return MachineStep::Fault(Fault::ContactSense(fault));
+                    }
+                    (self.no_load, self.bench) = (Some(resonance), bench);
+                    MachineStep::Done(())
+                })
             }
             Machine::Touch(machine) => {
                 let left = machine.left_at(&context);

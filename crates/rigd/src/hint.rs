@@ -166,6 +166,9 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
             "look whether the sample has moved, and whether the linear stage has lost steps: its scale \
              and its read-back must agree"
         }
+        Fault::ContactSense(ContactSenseFault::TooNoisy { .. }) => {
+            "check the cable of the sensor and the level of the drive, or raise contact_threshold in the protocol"
+        }
         Fault::ContactSense(_) => {
             "check that nothing touches the probe, and check the cable of the sensor and the analyzer"
         }

@@ -90,3 +90,19 @@ fn a_shift_that_changes_the_impedance_by_less_than_the_contact_is_none() {
     let vague = Resonance { sigma_hz: 0.1, ..shifted(0.3) };
     assert!(check_shift(&free, &vague, 0.1).is_err());
 }
+
+#[test]
+fn a_reading_integrates_as_many_cycles_as_the_noise_asks_for_and_too_much_noise_is_refused() {
+    let noisy = |noise| Resonance { noise_at_ten_cycles: noise, ..short_sweep(1.0) };
+    for (noise, threshold, cycles) in [(0.005, 0.1, 1.6), (0.01, 0.1, 6.4), (0.005, 0.05, 6.4)] {
+        let needed = cycles_needed(&noisy(noise), threshold);
+        assert!((needed - cycles).abs() < 1e-9, "{noise}, {threshold}: {needed}");
+    }
+    let check = |noise| check_reference(None, &noisy(noise), 0.1);
+    assert_eq!(check(0.055), Ok(()));
+    assert_eq!(
+        check(0.06).unwrap_err().to_string(),
+        "contact sense: the noise of ten cycles is 6.00 % of the impedance, and a change by 10.0 % needs \
+         readings of 230 cycles to be told from it, where at most 200 are allowed"
+    );
+}
