@@ -128,6 +128,12 @@ impl RunResults {
         self.data.started.as_ref()
     }
 
+    /// Whether the model behind the stiffness holds: `holds`, `strained` or `rejected`; `None` when the
+    /// touches cannot say.
+    pub fn model_verdict(&self) -> Option<&'static str> {
+        Some(self.stiffness.as_ref().ok()?.verdict()?.name())
+    }
+
     /// The number of measured touches and the refused ones, as a sentence; `None` when every
     /// planned touch was measured.
     pub fn shortfall(&self) -> Option<String> {

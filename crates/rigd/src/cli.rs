@@ -9,6 +9,7 @@ mod client;
 mod config;
 mod daemon;
 mod doctor;
+mod ended_runs;
 mod export;
 mod failure;
 mod fit;

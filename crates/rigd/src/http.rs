@@ -74,7 +74,7 @@ use crate::{
 use access::Access;
 pub(crate) use guard::FOREIGN_PAGE;
 use lease::Lease;
-use metrics::Happened;
+use metrics::{Happened, Verdicts};
 use problem::Problem;
 use results::ResultsCache;
 pub use server::serve;
@@ -102,6 +102,8 @@ struct Inner {
     results: ResultsCache,
     /// What the figures of the service say of the journal.
     happened: Mutex<Happened>,
+    /// What the models of ended runs were found to be.
+    verdicts: Verdicts,
     /// The event streams that may still be opened.
     streams: Arc<Semaphore>,
     /// Held from the search for a key in the journal until the run that it belongs to has begun, so
@@ -139,6 +141,7 @@ impl Shared {
             notifications: OnceLock::new(),
             results,
             happened,
+            verdicts: Verdicts::default(),
             streams,
             keyed,
             noted,

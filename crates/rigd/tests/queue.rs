@@ -82,6 +82,23 @@ fn wait_for(address: &str, is_wanted: impl Fn(&Value) -> bool) -> Value {
     }
 }
 
+/// The figures, when the daemon has judged the models of so many runs.
+#[track_caller]
+fn wait_until_judged(address: &str, runs: f64) -> String {
+    let began = Instant::now();
+    loop {
+        let figures = request(address, "GET /metrics", "");
+        let judged = figures.lines().filter(|line| line.starts_with("rigd_runs_judged_total{"));
+        let counts: Vec<f64> =
+            judged.map(|line| line.rsplit_once(' ').unwrap().1.parse().unwrap()).collect();
+        assert_eq!(counts.len(), 3, "{figures}");
+        if counts.iter().sum::<f64>() == runs {
+            return figures;
+        }
+        assert!(began.elapsed() < PATIENCE, "{figures}");
+    }
+}
+
 fn names(queue: &Value) -> Vec<&str> {
     let entries = queue["entries"].as_array().unwrap();
     entries.iter().map(|entry| entry["protocol"].as_str().unwrap()).collect()
@@ -141,8 +158,10 @@ fn a_released_queue_runs_in_its_order_and_is_held_when_it_is_empty() {
     ] {
         assert!(done.iter().any(|done| done == action), "{action}: {done:?}");
     }
-    let figures = request(&address, "GET /metrics", "");
+    // Each run has its folder, also one that began and ended while the folder before it was written.
+    let figures = wait_until_judged(&address, 3.0);
     assert!(figures.contains("rigd_queue_entries 1") && figures.contains("rigd_queue_held 1"));
+    assert_eq!(fs::read_dir(daemon.data.join("runs")).unwrap().count(), 3);
     end(daemon);
     // Each run is sound, also behind another one of the same session.
     let data = folder.path().join("data");

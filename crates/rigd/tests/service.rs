@@ -123,6 +123,11 @@ fn figures_count_what_happened_in_the_form_that_prometheus_reads() {
     let round_trips = "rigd_device_round_trip_seconds_count{device=\"analyzer\"}";
     assert!(value(round_trips) > 10.0 && value("rigd_journal_commit_seconds_count") > 10.0);
     assert!((100.0..200.0).contains(&value("rigd_resonance_hertz")));
+    // The sensor without a sample: the scene has a Q of some tens, and drifts by little in a minute.
+    assert!((130.0..150.0).contains(&value("rigd_no_load_resonance_hertz")));
+    assert!((1e-4..0.1).contains(&value("rigd_no_load_resonance_sigma_hertz")));
+    assert!((5.0..500.0).contains(&value("rigd_no_load_quality_factor")));
+    assert!(value("rigd_no_load_drift_hertz").abs() < 1.0);
     assert!(value("rigd_disk_free_bytes") > 0.0 && text.ends_with("# EOF\n"));
     // Every figure of the dashboard and of the alerts exists.
     let service = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/service");

@@ -2,6 +2,7 @@
 
 mod amendments;
 mod archive;
+mod ended;
 mod interruption;
 mod list;
 mod size;

@@ -11,11 +11,9 @@ use std::{
 use axum::Router;
 use clap::Args;
 use rig_files::service_file::TlsFile;
-use rig_model::with_causes;
 use tokio::{
     net::{TcpListener, TcpSocket},
     runtime::Handle,
-    sync::watch,
     task::JoinHandle,
 };
 use tokio_util::sync::CancellationToken;
@@ -23,6 +21,7 @@ use tokio_util::sync::CancellationToken;
 use super::{
     Failure,
     args::BenchArgs,
+    ended_runs,
     guard::watch_over_http,
     manager,
     screen::{say, say_clearly},
@@ -42,8 +41,6 @@ use crate::{
     operator::Operator,
     protocol_file::LoadedProtocol,
     queue,
-    rig::Status,
-    run_files,
     tokens::{Secret, Tokens},
 };
 
@@ -86,10 +83,10 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
         let (handle, thread) = open(rig, data.clone(), &mut signals).await?;
         watch_over_http(Handle::current(), handle.clone())?;
         let closing = CancellationToken::new();
-        tokio::spawn(write_ended_runs(handle.status(), data.clone()));
         let notifier = Notifier::start(targets, &data, &facts, handle.status())?;
         let shared =
             http::Shared::new(handle.clone(), facts, loaded, data.clone(), access, closing.clone());
+        tokio::spawn(ended_runs::write(shared.clone(), handle.status(), data.clone()));
         let opened = shared.open_queue(settings.release_queue.value).await;
         opened.map_err(|source| Failure::File { path: data.join(queue::FILE), source })?;
         let no_more_runs = CancellationToken::new();
@@ -191,29 +188,6 @@ impl Door {
             tokio::spawn(http::serve(local, None, router.clone(), closing.clone()));
         }
         tokio::spawn(http::serve(self.listener, self.tls, router, closing.clone()))
-    }
-}
-
-/// Writes the folder of each run when it has ended, until the rig is closed.
-async fn write_ended_runs(mut status: watch::Receiver<Status>, data: PathBuf) {
-    let mut last = None;
-    while status.changed().await.is_ok() {
-        let ended = status.borrow_and_update().run.as_ref().map(|run| (run.id, run.ending));
-        if std::mem::replace(&mut last, ended) == ended {
-            continue;
-        }
-        let Some((run, Some(_))) = ended else { continue };
-        let data = data.clone();
-        match tokio::task::spawn_blocking(move || run_files::write(&data, run)).await {
-            Ok(Ok(files)) if !files.verdict.is_sound() => {
-                let sentence = files.verdict.sentence;
-                say(&format!("run {run} is {sentence}; `rigd verify {run}` lists them"));
-            }
-            Ok(Err(error)) => {
-                say(&format!("the folder of run {run} cannot be written: {}", with_causes(&error)));
-            }
-            _ => {}
-        }
     }
 }
 

@@ -3,7 +3,10 @@
 //! They are made when they are asked for, from what the rig thread publishes and from the journal, so that
 //! the rig thread does nothing for them.
 
-use std::collections::BTreeMap;
+mod happened;
+mod no_load;
+
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use axum::{
     extract::State,
@@ -17,7 +20,9 @@ use prometheus_client::{
     registry::Registry,
 };
 use rig_link::Durations;
-use rig_store::{Reader, Record, StoredRecord, SweepOutcome};
+use rig_store::{Ending, Reader};
+
+pub(super) use happened::Happened;
 
 use super::{Problem, Shared};
 use crate::{
@@ -26,84 +31,6 @@ use crate::{
 };
 
 const OPEN_METRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
-/// Records read at a time.
-const PAGE: u32 = 512;
-/// Pages read for one request; the next request goes on.
-const PAGES_MAX: usize = 40;
-/// Different reasons that are told apart. The sentences have no numbers, so that they are some twenty.
-const REASONS_MAX: usize = 64;
-
-/// What has happened since the daemon was started, from its journal.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Happened {
-    last_event: u64,
-    measured: u64,
-    refused: BTreeMap<String, u64>,
-    sweeps: BTreeMap<&'static str, u64>,
-    runs: BTreeMap<&'static str, u64>,
-    faults: u64,
-    stalls: u64,
-    /// The last resonance and its standard deviation, Hz.
-    resonance_hz: Option<(f64, f64)>,
-}
-
-impl Happened {
-    /// Reads what is new.
-    fn go_on(&mut self, reader: &Reader, first_event: u64) -> Result<(), Problem> {
-        if self.last_event == 0 {
-            self.last_event = first_event.saturating_sub(1);
-        }
-        for _ in 0..PAGES_MAX {
-            let page = reader.events_after(self.last_event, PAGE)?;
-            for stored in &page {
-                self.last_event = stored.event;
-                self.count(stored);
-            }
-            if page.len() < PAGE as usize {
-                break;
-            }
-        }
-        Ok(())
-    }
-
-    fn count(&mut self, stored: &StoredRecord) {
-        let is_wanted = matches!(
-            stored.kind.as_str(),
-            "touch_result" | "touch_refused" | "sweep" | "run_finished" | "fault" | "stalled"
-        );
-        let Some(Ok(record)) = is_wanted.then(|| stored.record()) else { return };
-        match record {
-            Record::TouchResult(_) => self.measured += 1,
-            Record::TouchRefused(touch) => self.refuse(class(&touch.reason)),
-            Record::Sweep(sweep) => match sweep.outcome {
-                SweepOutcome::Accepted { resonance_hz, sigma_hz, .. } => {
-                    *self.sweeps.entry("accepted").or_default() += 1;
-                    self.resonance_hz = Some((resonance_hz, sigma_hz));
-                }
-                SweepOutcome::Refused { .. } => *self.sweeps.entry("refused").or_default() += 1,
-            },
-            Record::RunFinished(finished) => {
-                *self.runs.entry(finished.status.name()).or_default() += 1;
-            }
-            Record::Fault(_) => self.faults += 1,
-            Record::Stalled(_) => self.stalls += 1,
-            _ => {}
-        }
-    }
-
-    fn refuse(&mut self, reason: String) {
-        let is_known = self.refused.contains_key(&reason) || self.refused.len() < REASONS_MAX;
-        let reason = if is_known { reason } else { "another".to_owned() };
-        *self.refused.entry(reason).or_default() += 1;
-    }
-}
-
-/// The words of a reason before its first number.
-fn class(reason: &str) -> String {
-    let end = reason.find(|letter: char| letter.is_ascii_digit() || ":;,(".contains(letter));
-    reason[..end.unwrap_or(reason.len())].trim().to_owned()
-}
-
 type Labels = Vec<(&'static str, String)>;
 
 #[derive(Debug)]
@@ -207,8 +134,9 @@ pub(super) async fn show(State(shared): State<Shared>) -> Result<Response, Probl
     *happened = shared.read(read).await?;
     let mut figures = Figures::default();
     of_the_rig(&shared, &status, &mut figures);
-    let (entries, is_held) = shared.inner.queue.figures().await;
+    let (entries, missed, is_held) = shared.inner.queue.figures().await;
     figures.gauge("queue_entries", "Protocols that wait for the rig", entries as f64);
+    figures.gauge("queue_missed", "Those that have missed their deadline", missed as f64);
     figures.gauge(
         "queue_held",
         "1 while no entry of the queue may begin",
@@ -218,6 +146,12 @@ pub(super) async fn show(State(shared): State<Shared>) -> Result<Response, Probl
     of_the_devices(&status, &mut figures);
     of_the_journal(&happened, &mut figures);
     drop(happened);
+    figures.counts(
+        "runs_judged",
+        "Endings of runs by whether the model behind their stiffness holds",
+        "verdict",
+        shared.inner.verdicts.read(),
+    );
     let mut registry = Registry::with_prefix("rigd");
     registry.register_collector(Box::new(figures));
     let mut text = String::new();
@@ -323,7 +257,9 @@ fn of_the_journal(happened: &Happened, figures: &mut Figures) {
     figures.counts("touches_refused", "Touches without one, by reason", "reason", refused);
     let sweeps = happened.sweeps.iter().map(|(outcome, count)| (*outcome, *count));
     figures.counts("sweeps", "Sweeps by outcome", "outcome", sweeps);
-    let runs = happened.runs.iter().map(|(ending, count)| (*ending, *count));
+    // Those that have not come are 0: what appears with its first event has no increase.
+    let count = |ending: Ending| happened.runs.get(ending.name()).copied().unwrap_or(0);
+    let runs = Ending::ALL.map(|ending| (ending.name(), count(ending)));
     figures.counts("runs_ended", "Runs and sessions by their ending", "ending", runs);
     figures.count("faults", "Faults that latched the rig", happened.faults);
     figures.count("hold_ups", "Times the program or the computer was held up", happened.stalls);
@@ -331,26 +267,38 @@ fn of_the_journal(happened: &Happened, figures: &mut Figures) {
         figures.gauge("resonance_hertz", "The last accepted resonance", resonance_hz);
         figures.gauge("resonance_sigma_hertz", "Its standard deviation", sigma_hz);
     }
+    let Some(no_load) = &happened.no_load else { return };
+    let last = no_load.last();
+    let help = "The last accepted resonance of the sensor without a sample";
+    figures.gauge("no_load_resonance_hertz", help, last.resonance_hz);
+    figures.gauge("no_load_resonance_sigma_hertz", "Its standard deviation", last.sigma_hz);
+    if let Some(quality_factor) = last.quality_factor {
+        figures.gauge("no_load_quality_factor", "Its quality factor", quality_factor);
+    }
+    let help = "How far it is above the first one since the daemon was started";
+    figures.gauge("no_load_drift_hertz", help, no_load.drift_hz());
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+/// Endings of runs by the verdict on their model, since the daemon was started.
+#[derive(Debug, Default)]
+pub(super) struct Verdicts([AtomicU64; VERDICTS.len()]);
 
-    #[test]
-    fn reasons_with_other_numbers_are_the_same_reason() {
-        let reasons = [
-            ("no resonance between 120.0 Hz and 165.0 Hz", "no resonance between"),
-            ("stray: 12 readings", "stray"),
-            ("the resonance is nonlinear", "the resonance is nonlinear"),
-        ];
-        for (reason, expected) in reasons {
-            assert_eq!(class(reason), expected);
+/// The words of [`rig_report::RunResults::model_verdict`].
+const VERDICTS: [&str; 3] = ["holds", "strained", "rejected"];
+
+impl Verdicts {
+    /// Each word with its count, also those that have not come.
+    fn read(&self) -> impl Iterator<Item = (&'static str, u64)> {
+        VERDICTS.into_iter().zip(self.0.iter().map(|count| count.load(Ordering::Relaxed)))
+    }
+}
+
+impl Shared {
+    /// Counts the verdict on the model of a run that has ended.
+    pub(crate) fn count_verdict(&self, verdict: &str) {
+        let at = VERDICTS.into_iter().position(|word| word == verdict);
+        if let Some(count) = at.and_then(|at| self.inner.verdicts.0.get(at)) {
+            count.fetch_add(1, Ordering::Relaxed);
         }
-        let mut happened = Happened::default();
-        for number in 0..200_u8 {
-            happened.refuse(format!("reason {}", char::from(number)));
-        }
-        assert_eq!(happened.refused.len(), REASONS_MAX + 1);
     }
 }

@@ -51,10 +51,12 @@ struct Kept {
 }
 
 impl Keeper {
-    /// Number of entries, and whether the queue is held.
-    pub(super) async fn figures(&self) -> (usize, bool) {
+    /// Number of entries, number of those that have missed their deadline, and whether the queue is held.
+    pub(super) async fn figures(&self) -> (usize, usize, bool) {
         let kept = self.kept.lock().await;
-        (kept.queue.entries().len(), kept.queue.hold().is_some())
+        let entries = kept.queue.entries();
+        let missed = entries.iter().filter(|entry| entry.is_missed).count();
+        (entries.len(), missed, kept.queue.hold().is_some())
     }
 }
 

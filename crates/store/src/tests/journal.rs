@@ -46,6 +46,31 @@ fn records_are_read_back_as_they_were_written() {
 }
 
 #[test]
+fn the_endings_behind_an_event_are_those_of_runs_and_amendments() {
+    let directory = Directory::new();
+    let store = Store::open(directory.path()).unwrap();
+    let reader = store.reader().unwrap();
+    let end = Record::RunFinished(RunFinished { status: Ending::Completed });
+    let begin = |kind, name: &str| {
+        let mut journal = store.begin(kind, name).unwrap();
+        append(&mut journal, 0, &run_started());
+        journal
+    };
+    let (mut first, mut session) = (begin(RunKind::Run, "a"), begin(RunKind::Session, "bench"));
+    let mut second = begin(RunKind::Run, "a");
+    second.commit().unwrap();
+    assert_eq!(reader.ended_after(0).unwrap(), []);
+    let mut amendment = begin(RunKind::Amendment, &first.id().to_string());
+    let ended = [&mut second, &mut session, &mut first, &mut amendment]
+        .map(|journal| (append(journal, 1, &end), journal.id()));
+    first.commit().unwrap();
+    let [second, _, first, amendment] = ended;
+    assert_eq!(reader.ended_after(0).unwrap(), [second, first, amendment]);
+    assert_eq!(reader.ended_after(second.0).unwrap(), [first, amendment]);
+    assert_eq!(reader.ended_after(u64::MAX).unwrap(), []);
+}
+
+#[test]
 fn readers_see_what_is_committed_and_nothing_else() {
     let directory = Directory::new();
     let store = Store::open(directory.path()).unwrap();
