@@ -26,6 +26,7 @@ mod prompt;
 mod queue;
 #[cfg(feature = "simulator")]
 mod rehearse;
+mod reload;
 mod run;
 mod runs;
 mod safe;
@@ -79,7 +80,7 @@ enum CliCommand {
     Rehearse(rehearse::RehearseArgs),
     /// Serve the rig over HTTP, with a protocol loaded
     Serve(serve::ServeArgs),
-    /// Show the settings in force, each with where it comes from
+    /// Show the settings in force, or have a daemon read them again
     Config(config::ConfigArgs),
     /// Show the rig of a running daemon, and what it asks for
     Status(daemon::StatusArgs),

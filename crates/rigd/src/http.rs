@@ -28,6 +28,7 @@ mod plan;
 mod problem;
 mod progress;
 mod queue;
+mod reload;
 mod results;
 mod resume;
 mod rig;
@@ -43,7 +44,7 @@ mod token_file;
 use std::{
     panic::AssertUnwindSafe,
     path::PathBuf,
-    sync::{Arc, OnceLock},
+    sync::{Arc, OnceLock, PoisonError, RwLock},
     time::Duration,
 };
 
@@ -59,7 +60,7 @@ use futures_util::FutureExt;
 use rig_model::{panic_message, with_causes};
 use rig_store::{Reader, RunId, RunKind, RunStatus};
 use tokio::{
-    sync::{Mutex, Semaphore},
+    sync::{Mutex, Semaphore, mpsc},
     time::timeout,
 };
 use tokio_util::sync::CancellationToken;
@@ -76,6 +77,7 @@ pub(crate) use guard::FOREIGN_PAGE;
 use lease::Lease;
 use metrics::{Happened, Verdicts};
 use problem::Problem;
+pub(crate) use reload::{Changed, Kept, ReloadRefusal, ReloadRequest, Reloaded};
 use results::ResultsCache;
 pub use server::serve;
 
@@ -98,7 +100,9 @@ struct Inner {
     lease: Lease,
     queue: queue::Keeper,
     /// Who is told what happens on the rig, if anybody.
-    notifications: OnceLock<Arc<Post>>,
+    notifications: RwLock<Option<Arc<Post>>>,
+    /// To the task that reads the configuration again.
+    reloads: OnceLock<mpsc::Sender<ReloadRequest>>,
     results: ResultsCache,
     /// What the figures of the service say of the journal.
     happened: Mutex<Happened>,
@@ -138,7 +142,8 @@ impl Shared {
             access,
             lease,
             queue,
-            notifications: OnceLock::new(),
+            notifications: RwLock::default(),
+            reloads: OnceLock::new(),
             results,
             happened,
             verdicts: Verdicts::default(),
@@ -157,10 +162,13 @@ impl Shared {
 
     /// Shows the notifications among the figures of the service.
     pub(crate) fn show_notifications(&self, notifier: Option<&Notifier>) {
-        if let Some(notifier) = notifier {
-            // It is shown once, at the start.
-            _ = self.inner.notifications.set(notifier.post());
-        }
+        let post = notifier.map(Notifier::post);
+        *self.inner.notifications.write().unwrap_or_else(PoisonError::into_inner) = post;
+    }
+
+    /// Those who are told what happens on the rig. Nothing that holds them panics.
+    fn notifications(&self) -> Option<Arc<Post>> {
+        self.inner.notifications.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Keeps the times at which tokens were last used, until the daemon closes.

@@ -111,7 +111,7 @@ pub(crate) struct Post {
 
 impl Notifier {
     /// Opens the outbox of a data directory and begins to read the journal after the last record that was looked
-    /// at. `None` without targets.
+    /// at; in a new outbox, after this event. `None` without targets.
     ///
     /// # Errors
     /// [`NotifyError`] for an outbox that cannot be written.
@@ -120,14 +120,14 @@ impl Notifier {
         data: &Path,
         rig: &RigFacts,
         status: watch::Receiver<Status>,
+        after_event: u64,
     ) -> Result<Option<Self>, NotifyError> {
         let Some(Targets { all: targets, file }) =
             targets.filter(|targets| !targets.all.is_empty())
         else {
             return Ok(None);
         };
-        let first_event = status.borrow().first_event;
-        let outbox = open(data, &targets, first_event)?;
+        let outbox = open(data, &targets, after_event)?;
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -176,11 +176,11 @@ impl Drop for Notifier {
     }
 }
 
-/// The outbox that the last daemon left, or one that begins with this session.
-fn open(data: &Path, targets: &[Target], first_event: u64) -> Result<Outbox, NotifyError> {
+/// The outbox that is there, or one that begins after an event.
+fn open(data: &Path, targets: &[Target], after_event: u64) -> Result<Outbox, NotifyError> {
     let failed = |source| NotifyError::File { path: data.join(outbox::FILE), source };
     let names: Vec<_> = targets.iter().map(|target| target.name.as_str()).collect();
-    let new = || Outbox::after(first_event.saturating_sub(1));
+    let new = || Outbox::after(after_event);
     let opened = match Outbox::open(data, &names) {
         Ok(left) => left.unwrap_or_else(new),
         Err(error) if error.kind() == io::ErrorKind::PermissionDenied => return Err(failed(error)),

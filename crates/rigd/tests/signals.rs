@@ -47,7 +47,9 @@ fn every_signal_retracts_a_probe_that_was_lowered() {
 #[test]
 fn every_signal_closes_the_daemon() {
     let others = [Signal::USR1, Signal::USR2, Signal::ALARM, Signal::XCPU, Signal::POWER];
-    at_once(SIGNALS.into_iter().chain(others), |signal| {
+    // Without a terminal, a daemon reads its configuration again on SIGHUP.
+    let ending = SIGNALS.into_iter().filter(|signal| *signal != Signal::HUP);
+    at_once(ending.chain(others), |signal| {
         let folder = TempDir::new().unwrap();
         let (program, _) = Program::serve(folder.path());
         program.signal(signal);

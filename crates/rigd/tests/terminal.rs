@@ -97,3 +97,17 @@ async fn a_refused_touch_is_decided_about_in_the_terminal() {
     let bench = Bench::start(folder.path(), &narrow()).await;
     tokio::task::spawn_blocking(move || decide(&bench, folder.path())).await.unwrap();
 }
+
+#[test]
+fn a_terminal_that_is_closed_ends_the_daemon_in_it() {
+    let folder = TempDir::new().unwrap();
+    let rig = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/rigs/simulated.toml");
+    let data = folder.path().join("data");
+    let args = ["serve", "--listen", "127.0.0.1:0"].map(Path::new);
+    let files = ["--rig".as_ref(), &*rig, "--data".as_ref(), &data];
+    let mut terminal = Terminal::open(&[&args[..], &files].concat(), 80);
+    terminal.wait_for_text("listening on");
+    terminal.signal(Signal::HUP);
+    terminal.wait_for_text("leaving the probe clear");
+    assert_eq!(terminal.end(), Some(0), "{}", terminal.text());
+}

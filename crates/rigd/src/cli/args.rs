@@ -15,7 +15,7 @@ use crate::{
 };
 
 /// The rig to use.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(super) struct RigArgs {
     /// Rig file of the bench [default: the first of /etc/rigd/rig.toml, ~/.config/rigd/rig.toml and
     /// config/rigs/simulated.toml]
@@ -24,7 +24,7 @@ pub(super) struct RigArgs {
 }
 
 /// Data directory with the journal.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(super) struct DataArgs {
     /// Directory of the journal and the reports, or an archive to read [default: that of the rig file that is found:
     /// /var/lib/rigd, ~/.local/share/rigd or data]
@@ -33,7 +33,7 @@ pub(super) struct DataArgs {
 }
 
 /// The operator of a command.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(super) struct OperatorArgs {
     /// Name that the journal keeps with the command [default: the login user]
     #[arg(long, value_name = "NAME")]
@@ -47,7 +47,7 @@ impl OperatorArgs {
 }
 
 /// The bench to open, where it is recorded, and by whom.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(super) struct BenchArgs {
     #[command(flatten)]
     pub(super) rig: RigArgs,

@@ -1,4 +1,4 @@
-//! `rigd config show`: every value in force, with where it comes from.
+//! `rigd config show`: every value in force, with where it comes from and how it is changed; `rigd config reload`.
 
 use std::{env, path::PathBuf};
 
@@ -9,11 +9,13 @@ use serde::Serialize;
 use super::{
     Failure,
     args::{BenchArgs, OutputArgs},
+    daemon::{DaemonArgs, over_http},
     settings::{Origin, ServiceArgs, Settings},
     table::{print, print_json},
 };
 use crate::{
     files::{self, FileError},
+    http::{Changed, Kept, Reloaded},
     operator,
     place::{self, Place, PlaceKind},
 };
@@ -29,6 +31,8 @@ enum ConfigCommand {
     /// Print the directories that are searched and every value with which `rigd serve` with these flags
     /// would start: its place in a file, its flag, its variable, or that it is a default
     Show(Box<ShowArgs>),
+    /// Ask a daemon to read its configuration again. What needs a restart stays, and is told with the reason
+    Reload(DaemonArgs),
 }
 
 #[derive(Debug, Args)]
@@ -66,10 +70,30 @@ struct ValueView {
     /// single value, and for a variable that is not set.
     value: Option<String>,
     from: Origin,
+    /// How a running daemon takes a change.
+    change: Change,
+}
+
+/// The key of a value.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct ConfigKey {
+    part: Part,
+    pub(super) name: String,
+}
+
+/// How a running daemon takes a change of a value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(tag = "by", content = "reason", rename_all = "snake_case")]
+pub(super) enum Change {
+    /// By a reload, also during a run: neither motion nor results depend on it.
+    #[serde(rename = "reload")]
+    Live,
+    /// By a restart, for this reason.
+    Restart(&'static str),
 }
 
 /// What a value belongs to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Part {
     Directories,
@@ -92,11 +116,15 @@ const VARIABLES: [&str; 9] = [
 ];
 
 pub(super) fn config(args: &ConfigArgs) -> Result<(), Failure> {
-    let ConfigCommand::Show(args) = &args.command;
+    match &args.command {
+        ConfigCommand::Show(args) => show(args),
+        ConfigCommand::Reload(args) => reload(args),
+    }
+}
+
+fn show(args: &ShowArgs) -> Result<(), Failure> {
     let settings = Settings::settle(&args.bench, &args.service)?;
-    let mut values = of_service(&settings);
-    values.push(of_operator(&args.bench));
-    values.extend(of_notifications(&settings));
+    let mut values = of_daemon(&args.bench, &settings);
     values.extend(of_environment());
     // Which file it is stands above its faults.
     let rig = of_rig(&settings);
@@ -111,15 +139,92 @@ pub(super) fn config(args: &ConfigArgs) -> Result<(), Failure> {
     faults.map_or(Ok(()), |error| Err(error.into()))
 }
 
+/// Asks a daemon to read its configuration again.
+fn reload(args: &DaemonArgs) -> Result<(), Failure> {
+    let Reloaded { changed, kept } =
+        over_http(async { args.client()?.make("/api/v1/config/reload").await })?;
+    let shown = |value: &Option<String>| match value {
+        Some(text) if text.is_empty() => "none".to_owned(),
+        Some(text) => text.clone(),
+        None => "not set".to_owned(),
+    };
+    let mut lines = Vec::new();
+    for Changed { name, from, to } in &changed {
+        let is_same = from == to;
+        let (from, to) = (shown(from), shown(to));
+        lines.push(if is_same {
+            format!("changed: {name}, the content of {to}")
+        } else {
+            format!("changed: {name}, from {from} to {to}")
+        });
+    }
+    for Kept { name, value, wanted, reason } in &kept {
+        let (value, wanted) = (shown(value), shown(wanted));
+        lines.push(format!("needs a restart: {name}, still {value} and not {wanted}: {reason}"));
+    }
+    if lines.is_empty() {
+        lines.push("nothing has changed".to_owned());
+    }
+    print(&lines.join("\n"))
+}
+
+/// Every value that the daemon reads at its start, by its key.
+pub(super) fn in_force(
+    bench: &BenchArgs,
+    settings: &Settings,
+) -> Result<impl Iterator<Item = (ConfigKey, Option<String>)>, FileError> {
+    let values = of_daemon(bench, settings).into_iter().chain(of_rig(settings)?);
+    Ok(values.map(|ValueView { part, name, value, .. }| (ConfigKey { part, name }, value)))
+}
+
+/// The settings of the daemon.
+fn of_daemon(bench: &BenchArgs, settings: &Settings) -> Vec<ValueView> {
+    let mut values = of_service(settings);
+    values.push(of_operator(bench));
+    values.extend(of_notifications(settings));
+    values
+}
+
+impl ConfigKey {
+    /// A key of the rig file, or of what it names.
+    pub(super) fn of_rig(name: &str) -> Self {
+        Self { part: Part::Rig, name: name.to_owned() }
+    }
+
+    pub(super) fn change(&self) -> Change {
+        change(self.part, &self.name)
+    }
+}
+
+/// How a running daemon takes a change of a value. What is not known to be safe needs a restart.
+fn change(part: Part, name: &str) -> Change {
+    match (part, name) {
+        (Part::Service, "allow_hosts" | "token_file") | (Part::Directories, "service") => {
+            Change::Live
+        }
+        (Part::Service, name) if name.starts_with("notifications.") => Change::Live,
+        (Part::Service, "listen") => Change::Restart("its port is open, and clients know it"),
+        (Part::Service, "tls") => Change::Restart(
+            "the port speaks as it did at the start; renewed files of a certificate need no reload",
+        ),
+        (Part::Service, "release_queue") => Change::Restart("it says what happens after a start"),
+        (Part::Service, _) => Change::Restart("it is a flag of the program"),
+        (Part::Directories, _) => Change::Restart("the rig and its journal are open"),
+        (Part::Environment, _) => {
+            Change::Restart("a program has the variables with which it was started")
+        }
+        (Part::Rig, _) => Change::Restart(
+            "motion and results rest on it: the devices, the limits and the journal of each run have it",
+        ),
+    }
+}
+
 fn of_service(settings: &Settings) -> Vec<ValueView> {
     let Settings {
         rig, data, service, listen, allow_hosts, token_file, release_queue, tls, ..
     } = settings;
-    let value = |part, name: &str, value: Option<String>, from: &Origin| ValueView {
-        part,
-        name: name.to_owned(),
-        value,
-        from: from.clone(),
+    let value = |part, name: &str, value: Option<String>, from: &Origin| {
+        ValueView::new(part, name, value, from.clone())
     };
     let path = |path: &PathBuf| path.display().to_string();
     let hosts: Vec<_> = allow_hosts.value.iter().map(ToString::to_string).collect();
@@ -160,7 +265,7 @@ fn of_operator(bench: &BenchArgs) -> ValueView {
         },
     };
     let value = Some(name.as_str().to_owned());
-    ValueView { part: Part::Service, name: "operator".to_owned(), value, from }
+    ValueView::new(Part::Service, "operator", value, from)
 }
 
 fn of_environment() -> impl Iterator<Item = ValueView> {
@@ -168,7 +273,7 @@ fn of_environment() -> impl Iterator<Item = ValueView> {
         let value = env::var_os(variable).map(|value| value.to_string_lossy().into_owned());
         let set = Origin::Variable { variable };
         let from = if value.is_some() { set } else { Origin::Default };
-        ValueView { part: Part::Environment, name: variable.to_owned(), value, from }
+        ValueView::new(Part::Environment, variable, value, from)
     })
 }
 
@@ -179,10 +284,14 @@ fn of_rig(settings: &Settings) -> Result<Vec<ValueView>, FileError> {
 }
 
 impl ValueView {
+    fn new(part: Part, name: &str, value: Option<String>, from: Origin) -> Self {
+        Self { part, name: name.to_owned(), value, from, change: change(part, name) }
+    }
+
     fn of_file(part: Part, file: &str, InForce { name, text, location }: InForce) -> Self {
         let at = |line| Origin::File { file: file.to_owned(), line };
         let from = location.map_or(Origin::Default, |location| at(location.line));
-        Self { part, name, value: text, from }
+        Self::new(part, &name, text, from)
     }
 }
 
@@ -211,7 +320,12 @@ impl ConfigView {
     fn text(&self) -> String {
         /// Longer values move the last column of their own line alone.
         const VALUE_MAX: usize = 40;
-        let mut lines = vec!["Searched, the first with a rig file is used".to_owned()];
+        let mut lines = vec![
+            "A running daemon takes a change by a restart, or where `reload` stands, by `rigd config reload`"
+                .to_owned(),
+            String::new(),
+            "Searched, the first with a rig file is used".to_owned(),
+        ];
         for place in &self.searched {
             let is_there = if place.has_rig { "there" } else { "not there" };
             lines.push(format!("  {}: {is_there}; data in {}", place.rig, place.data));
@@ -231,7 +345,11 @@ impl ConfigView {
             }
             lines.extend(values().map(|value| {
                 let from = value.from.text();
-                format!("  {:<names$}  {:<wide$}  {from}", value.name, shown(value))
+                let change = match value.change {
+                    Change::Live => "; reload",
+                    Change::Restart(_) => "",
+                };
+                format!("  {:<names$}  {:<wide$}  {from}{change}", value.name, shown(value))
             }));
         }
         lines.join("\n")

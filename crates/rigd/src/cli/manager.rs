@@ -21,6 +21,14 @@ pub(super) fn ready() {
     tell(&[NotifyState::Ready]);
 }
 
+/// Says that the configuration is being read again; [`ready`] says that it was.
+pub(super) fn reloading() {
+    match NotifyState::monotonic_usec_now() {
+        Ok(now) => tell(&[NotifyState::Reloading, now]),
+        Err(error) => say(&format!("rigd: the system has no monotonic clock: {error}")),
+    }
+}
+
 /// Says that the daemon is ending. The retract may take as long as the unit allows.
 pub(super) fn stopping() {
     tell(&[NotifyState::Stopping, NotifyState::Status("leaving the probe clear and closing")]);

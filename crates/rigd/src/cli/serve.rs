@@ -24,6 +24,7 @@ use super::{
     ended_runs,
     guard::watch_over_http,
     manager,
+    reload::{Flags, InForce, Reloader, Told},
     screen::{say, say_clearly},
     session::{left, open},
     settings::{ServiceArgs, Settings},
@@ -37,7 +38,7 @@ use crate::{
         tls::Tls,
     },
     loaded_rig::LoadedRig,
-    notify::Notifier,
+    notify::Targets,
     operator::Operator,
     protocol_file::LoadedProtocol,
     queue,
@@ -60,38 +61,66 @@ const READERS_MAX: usize = 8;
 const READING_TIME: Duration = Duration::from_secs(1);
 
 pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
-    let secret = Secret::new().map_err(|source| Failure::System { what: "secret", source })?;
-    let settings = Settings::settle(&args.bench, &args.service)?;
-    settings.say();
-    let access = access(&settings, args.bench.operator.name(), &secret)?;
-    let (tls, targets) = (tls(&settings)?, settings.targets()?);
-    let rig = LoadedRig::load(&settings.rig.value)?;
-    let facts = rig.facts();
-    let loaded =
-        args.protocol.as_ref().map(|path| LoadedProtocol::load(path, &facts)).transpose()?;
+    let daemon = Daemon::prepare(args)?;
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
         .max_blocking_threads(READERS_MAX)
         .enable_all()
         .build()
         .map_err(|source| Failure::System { what: "runtime", source })?;
-    let data = settings.data.value.clone();
-    let served = runtime.block_on(async {
-        let mut signals = Signals::new()?;
+    let served = runtime.block_on(daemon.serve());
+    runtime.shutdown_timeout(READING_TIME);
+    served
+}
+
+/// A daemon whose files have been read and checked. Nothing is open yet.
+struct Daemon {
+    settings: Settings,
+    flags: Flags,
+    in_force: InForce,
+    rig: LoadedRig,
+    loaded: Option<LoadedProtocol>,
+    tls: Option<Tls>,
+    access: Access,
+    secret: Secret,
+    targets: Option<Targets>,
+}
+
+impl Daemon {
+    fn prepare(args: &ServeArgs) -> Result<Self, Failure> {
+        let secret = Secret::new().map_err(|source| Failure::System { what: "secret", source })?;
+        let settings = Settings::settle(&args.bench, &args.service)?;
+        settings.say();
+        let access = access(&settings, args.bench.operator.name(), &secret)?;
+        let (tls, targets) = (tls(&settings)?, settings.targets()?);
+        let rig = LoadedRig::load(&settings.rig.value)?;
+        let flags = Flags { bench: args.bench.clone(), service: args.service.clone() };
+        let in_force = InForce::new(&flags, &settings, &rig)?;
+        let (protocol, facts) = (args.protocol.as_ref(), rig.facts());
+        let loaded = protocol.map(|path| LoadedProtocol::load(path, &facts)).transpose()?;
+        Ok(Self { settings, flags, in_force, rig, loaded, tls, access, secret, targets })
+    }
+
+    async fn serve(self) -> Result<(), Failure> {
+        let Self { settings, flags, in_force, rig, loaded, tls, access, secret, targets } = self;
+        let (data, facts) = (settings.data.value.clone(), rig.facts());
+        let (mut signals, hangups) = Signals::of_daemon()?;
         // The address is bound first: a daemon that cannot be reached must not move anything.
         let door = Door::open(settings.listen.value, tls)?;
         let (handle, thread) = open(rig, data.clone(), &mut signals).await?;
         watch_over_http(Handle::current(), handle.clone())?;
         let closing = CancellationToken::new();
-        let notifier = Notifier::start(targets, &data, &facts, handle.status())?;
+        let told = Told::start(targets, &settings, &facts, handle.status())?;
         let shared =
             http::Shared::new(handle.clone(), facts, loaded, data.clone(), access, closing.clone());
         tokio::spawn(ended_runs::write(shared.clone(), handle.status(), data.clone()));
         let opened = shared.open_queue(settings.release_queue.value).await;
         opened.map_err(|source| Failure::File { path: data.join(queue::FILE), source })?;
-        let no_more_runs = CancellationToken::new();
-        tokio::spawn(shared.clone().run_queue(no_more_runs.clone()));
-        shared.show_notifications(notifier.as_ref());
+        // Ends what begins something by itself.
+        let nothing_more = CancellationToken::new();
+        tokio::spawn(shared.clone().run_queue(nothing_more.clone()));
+        let reloader = Reloader::new(flags, in_force, shared.clone(), told);
+        let reloading = tokio::spawn(reloader.serve(hangups, nothing_more.clone()));
         let telling = tokio::spawn(manager::feed(shared.clone()));
         let keeping = tokio::spawn(shared.clone().keep_uses());
         let announced = door.announce(&settings, &secret);
@@ -108,7 +137,7 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
         }
         manager::stopping();
         telling.abort();
-        no_more_runs.cancel();
+        nothing_more.cancel();
         say_clearly(
             "rigd: leaving the probe clear and closing; interrupt again to leave the rig as it is",
         );
@@ -118,7 +147,7 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
         }
         thread.join();
         // The end of the last run is in the outbox then.
-        drop(notifier);
+        drop(reloading.await);
         drop(announced);
         if has_http_ended {
             return Err(Failure::HttpEnded);
@@ -129,9 +158,7 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
             () = signals.next() => {}
         }
         Ok(())
-    });
-    runtime.shutdown_timeout(READING_TIME);
-    served
+    }
 }
 
 /// The ports on which the daemon answers.

@@ -27,7 +27,7 @@ use crate::{
 const LISTEN: SocketAddr = SocketAddr::V4(SocketAddrV4::new(Ipv4Addr::LOCALHOST, 8137));
 
 /// Flags of the daemon, each of which has precedence over the service file.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(super) struct ServiceArgs {
     /// Service file [default: service.toml beside the rig file that is found]
     #[arg(long, value_name = "FILE")]
@@ -51,7 +51,7 @@ pub(super) struct ServiceArgs {
 }
 
 /// Whether clients must speak TLS.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 struct TlsArgs {
     /// Speak TLS, with a certificate that the daemon makes for itself in its data directory
     #[arg(long, conflicts_with = "tls_certificate")]

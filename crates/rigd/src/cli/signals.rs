@@ -1,7 +1,12 @@
 //! Signals that ask the program to end. While a rig is open, none of them ends it directly: the
 //! probe is retracted first.
 
-use std::{fs, future::poll_fn, task::Poll};
+use std::{
+    fs,
+    future::poll_fn,
+    io::{self, IsTerminal},
+    task::Poll,
+};
 
 use tokio::signal::unix::{Signal, SignalKind, signal};
 
@@ -27,8 +32,20 @@ pub(super) struct Signals {
 impl Signals {
     /// From now on the signals wait to be taken. Needs the runtime.
     pub(super) fn new() -> Result<Self, Failure> {
-        let listen =
-            |kind| signal(kind).map_err(|source| Failure::System { what: "signals", source });
+        Self::listen(true)
+    }
+
+    /// The same for a daemon. Without a terminal that could be closed, SIGHUP asks it to read its configuration
+    /// again, and does not end it.
+    pub(super) fn of_daemon() -> Result<(Self, Option<Signal>), Failure> {
+        let has_terminal =
+            io::stdin().is_terminal() || io::stdout().is_terminal() || io::stderr().is_terminal();
+        let is_ignored = is_ignored(SignalKind::hangup().as_raw_value());
+        let reload = (!has_terminal && !is_ignored).then(|| listen(SignalKind::hangup()));
+        Ok((Self::listen(has_terminal)?, reload.transpose()?))
+    }
+
+    fn listen(is_ended_by_hangup: bool) -> Result<Self, Failure> {
         let mut kinds = vec![
             SignalKind::interrupt(),
             SignalKind::quit(),
@@ -38,7 +55,7 @@ impl Signals {
         ];
         kinds.extend(OTHERS.map(SignalKind::from_raw));
         // To be ignored, as `nohup` asks for.
-        if !is_ignored(SignalKind::hangup().as_raw_value()) {
+        if is_ended_by_hangup && !is_ignored(SignalKind::hangup().as_raw_value()) {
             kinds.push(SignalKind::hangup());
         }
         // With a handler, a file that would grow beyond its limit is an error of the journal.
@@ -57,6 +74,10 @@ impl Signals {
         .await;
         self.count += 1;
     }
+}
+
+fn listen(kind: SignalKind) -> Result<Signal, Failure> {
+    signal(kind).map_err(|source| Failure::System { what: "signals", source })
 }
 
 /// Whether the parent process set a signal to be ignored; `false` if the system does not say.

@@ -5,7 +5,13 @@
 //! `--token-file`, the secret that a daemon makes for commands on its own computer, or the cookie of a
 //! browser that had one of them.
 
-use std::{collections::BTreeSet, fmt, net::IpAddr, str::FromStr};
+use std::{
+    collections::BTreeSet,
+    fmt,
+    net::IpAddr,
+    str::FromStr,
+    sync::{PoisonError, RwLock, RwLockReadGuard},
+};
 
 use axum::http::{HeaderMap, Method, header, uri::Authority};
 
@@ -23,8 +29,8 @@ use crate::{
 /// The rules of access.
 #[derive(Debug)]
 pub struct Access {
-    hosts: BTreeSet<HostName>,
-    token: Option<Token>,
+    rules: RwLock<Rules>,
+    listen: IpAddr,
     tokens: Option<Tokens>,
     /// Of the secret for commands on this computer.
     local: Option<String>,
@@ -33,6 +39,26 @@ pub struct Access {
     operator: Operator,
     pub(super) sessions: Sessions,
     pub(super) guesses: Guesses,
+}
+
+/// What a reload of the configuration can change.
+#[derive(Debug)]
+struct Rules {
+    hosts: BTreeSet<HostName>,
+    /// The secret for everybody.
+    token: Option<Token>,
+}
+
+impl Rules {
+    fn new(
+        listen: IpAddr,
+        allowed: impl IntoIterator<Item = HostName>,
+        token: Option<Token>,
+    ) -> Self {
+        let loopback = ["localhost", "127.0.0.1", "::1"].map(HostName::of).into_iter();
+        let hosts = loopback.chain([HostName::of_address(listen)]).chain(allowed).collect();
+        Self { hosts, token }
+    }
 }
 
 /// A client that may come in.
@@ -64,13 +90,22 @@ impl Client {
     }
 }
 
+/// The request to read the configuration again.
+pub(super) const RELOAD: &str = "/api/v1/config/reload";
+
 /// The role that a request needs. What is not known to be harmless leads the rig.
 pub(super) fn role_for(method: &Method, path: &str) -> Role {
     /// They move nothing, and stopping must be possible for everybody.
     const HARMLESS: [&str; 4] =
         ["/api/v1/stop", "/api/v1/protocols/check", "/api/v1/session", "/api/v1/links"];
     let is_read = matches!(*method, Method::GET | Method::HEAD);
-    if is_read || HARMLESS.contains(&path) { Role::View } else { Role::Operate }
+    if is_read || HARMLESS.contains(&path) {
+        Role::View
+    } else if path == RELOAD {
+        Role::Admin
+    } else {
+        Role::Operate
+    }
 }
 
 impl Access {
@@ -83,11 +118,9 @@ impl Access {
         token: Option<Token>,
         operator: Operator,
     ) -> Self {
-        let loopback = ["localhost", "127.0.0.1", "::1"].map(HostName::of).into_iter();
-        let hosts = loopback.chain([HostName::of_address(listen)]).chain(allowed).collect();
         Self {
-            hosts,
-            token,
+            rules: RwLock::new(Rules::new(listen, allowed, token)),
+            listen,
             tokens: None,
             local: None,
             is_shared: !listen.to_canonical().is_loopback(),
@@ -102,6 +135,36 @@ impl Access {
         Self { tokens: Some(tokens), local: Some(fingerprint(local.reveal())), ..self }
     }
 
+    /// Whether this is the secret for everybody.
+    pub(crate) fn has_token(&self, token: Option<&Token>) -> bool {
+        match (&self.rules().token, token) {
+            (None, None) => true,
+            (Some(old), Some(new)) => old.is(new.reveal()),
+            _ => false,
+        }
+    }
+
+    /// Whether other computers could lead the rig without a token, if this were the secret for everybody.
+    pub(crate) fn is_open_with(&self, token: Option<&Token>) -> bool {
+        let has_tokens = self.tokens.as_ref().is_some_and(Tokens::is_in_use);
+        self.is_shared && token.is_none() && !has_tokens
+    }
+
+    /// Changes the names and the secret for everybody. With another secret, browsers that came in without a
+    /// token of their own must come in anew.
+    pub(crate) fn change(&self, allowed: impl IntoIterator<Item = HostName>, token: Option<Token>) {
+        if !self.has_token(token.as_ref()) {
+            self.sessions.end_nameless();
+        }
+        let rules = Rules::new(self.listen, allowed, token);
+        *self.rules.write().unwrap_or_else(PoisonError::into_inner) = rules;
+    }
+
+    /// Nothing that holds them panics.
+    fn rules(&self) -> RwLockReadGuard<'_, Rules> {
+        self.rules.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Writes the times at which tokens were last used, if there is news.
     pub fn keep_uses(&self) {
         if let Some(tokens) = &self.tokens {
@@ -113,13 +176,13 @@ impl Access {
     /// one on which the connection arrived: no page of another site is loaded from there.
     pub(super) fn knows(&self, host: &HostName, arrived_at: Option<IpAddr>) -> bool {
         let is_here = arrived_at.is_some_and(|address| HostName::of_address(address) == *host);
-        is_here || self.hosts.contains(host)
+        is_here || self.rules().hosts.contains(host)
     }
 
     /// Whether clients must have a token.
     fn needs_token(&self) -> bool {
         self.is_shared
-            || self.token.is_some()
+            || self.rules().token.is_some()
             || self.tokens.as_ref().is_some_and(Tokens::is_in_use)
     }
 
@@ -165,7 +228,8 @@ impl Access {
         if self.local.as_deref() == Some(&fingerprint) {
             return Ok(nameless);
         }
-        let Some(token) = &self.token else { return Err(self.wrong(peer)) };
+        let rules = self.rules();
+        let Some(token) = &rules.token else { return Err(self.wrong(peer)) };
         if !self.guesses.may_try(peer) {
             return Err(Problem::too_many_guesses());
         }

@@ -21,7 +21,7 @@ use tokio::time::Instant;
 
 use super::{
     Problem, Shared,
-    access::Client,
+    access::{self, Client},
     object::{Object, ObjectBody},
     progress::unix_ms,
 };
@@ -185,7 +185,8 @@ pub(super) async fn give_back(
 
 /// Whether a request leads the rig, so that it needs the lease.
 pub(super) fn needs_lease(method: &Method, path: &str) -> bool {
-    super::access::role_for(method, path) >= Role::Operate && !path.starts_with("/api/v1/lease")
+    let leads = access::role_for(method, path) >= Role::Operate;
+    leads && !path.starts_with("/api/v1/lease") && path != access::RELOAD
 }
 
 #[cfg(test)]
@@ -225,6 +226,7 @@ mod tests {
             (Method::POST, "/api/v1/protocols/check", false),
             (Method::POST, "/api/v1/lease", false),
             (Method::DELETE, "/api/v1/lease", false),
+            (Method::POST, "/api/v1/config/reload", false),
             (Method::POST, "/api/v1/runs", true),
             (Method::PUT, "/api/v1/runs/latest/note", true),
             (Method::POST, "/api/v1/acknowledge", true),

@@ -233,7 +233,7 @@ fn of_the_devices(status: &Status, figures: &mut Figures) {
 }
 
 fn of_the_notifications(shared: &Shared, figures: &mut Figures) {
-    let Some(post) = shared.inner.notifications.get() else { return };
+    let Some(post) = shared.notifications() else { return };
     let all = post.figures();
     let labels = |target: &String| vec![("target", target.clone())];
     let waiting = all.iter().map(|(target, of)| (labels(target), Value::Gauge(of.waiting as f64)));

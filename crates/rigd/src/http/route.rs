@@ -23,6 +23,8 @@ use super::{
     plan::PlanView,
     queue,
     queue::{PlaceForm, QueueForm, QueueView},
+    reload,
+    reload::Reloaded,
     resume,
     resume::{ContinueForm, TouchForm},
     rig,
@@ -195,6 +197,15 @@ fn of_rig() -> Vec<Route> {
             202,
             json::<RigView>(),
             || post(moves::begin),
+        ),
+        Route::post(
+            "/config/reload",
+            "reloadConfig",
+            "Reads the configuration of the daemon again, and changes what needs no restart",
+            Content::None,
+            200,
+            json::<Reloaded>(),
+            || post(reload::reload),
         ),
     ]
 }

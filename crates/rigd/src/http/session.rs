@@ -55,6 +55,13 @@ impl Sessions {
         live(&self.links).remove(&fingerprint(secret)).map(|(client, _)| client)
     }
 
+    /// Ends the cookies and the links of clients without a token of their own.
+    pub(super) fn end_nameless(&self) {
+        for entries in [&self.sessions, &self.links] {
+            live(entries).retain(|_, (client, _)| client.is_named());
+        }
+    }
+
     fn end(&self, secret: &str) {
         live(&self.sessions).remove(&fingerprint(secret));
     }

@@ -52,6 +52,10 @@ async fn a_role_allows_what_it_says_and_a_stop_is_allowed_to_everybody() {
     assert!(json.1["detail"].as_str().unwrap().contains("operate; yours has view"), "{}", json.1);
     let bob = daemon.token("bob", Role::Operate);
     daemon.reaches(RigState::Latched).await;
+    // The configuration is the administrator's.
+    let reload = daemon.json("POST", "/api/v1/config/reload", &bob, "").await;
+    assert_eq!(reload.0, StatusCode::FORBIDDEN, "{}", reload.1);
+    assert!(reload.1["detail"].as_str().unwrap().contains("admin; yours has operate"));
     let begun = daemon.json("POST", "/api/v1/acknowledge", &bob, "").await;
     assert_eq!(begun.0, StatusCode::OK, "{}", begun.1);
     tokens::revoke(daemon.data.path(), &"ada".parse().unwrap()).unwrap();
