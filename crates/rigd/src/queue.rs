@@ -11,18 +11,23 @@
 //! This module decides and keeps the file `queue.json` of the data directory. `http/queue.rs` asks the
 //! rig and answers clients.
 
+#[cfg(test)]
+mod tests;
+
 use std::{fs, io, path::Path};
 
 use rig_engine::RigState;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::durable;
+use crate::{durable, tokens::fingerprint};
 
 /// Its file in the data directory.
 pub(crate) const FILE: &str = "queue.json";
-/// Version of the file.
-const FORMAT: u32 = 1;
+/// Version of the file. One of version 1 has no keys, and is read too.
+const FORMAT: u32 = 2;
+/// Idempotency keys that are remembered. A client repeats a request within minutes.
+const KEYS_MAX: usize = 200;
 /// Entries at most. A weekend has room for fewer runs, and the whole file is written at each change.
 pub(crate) const ENTRIES_MAX: usize = 50;
 /// As long as the note about a run, characters.
@@ -40,6 +45,21 @@ pub(crate) struct Queue {
     hold: Option<Hold>,
     /// The run of the queue that is under way.
     run: Option<String>,
+    /// The requests with an idempotency key that have added an entry, the oldest first. They outlive their
+    /// entries: a request that is repeated after its run has begun adds nothing.
+    #[serde(default)]
+    keys: Vec<UsedKey>,
+}
+
+/// A request that has added an entry.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct UsedKey {
+    key: String,
+    /// Of what was asked for.
+    digest: String,
+    /// The entry.
+    number: u64,
 }
 
 /// A protocol that waits.
@@ -97,6 +117,10 @@ pub(crate) enum QueueRefusal {
     NoPlace { place: usize, entries: usize },
     #[error("the queue is empty; add a protocol before you release it")]
     Empty,
+    #[error(
+        "Idempotency-Key {key} was used for entry {number} with another request; take another key"
+    )]
+    OtherRequest { key: String, number: u64 },
 }
 
 /// The rig as far as the queue must know it.
@@ -124,7 +148,14 @@ pub(crate) enum Turn {
 
 impl Default for Queue {
     fn default() -> Self {
-        Self { format: FORMAT, next: 1, entries: Vec::new(), hold: None, run: None }
+        Self {
+            format: FORMAT,
+            next: 1,
+            entries: Vec::new(),
+            hold: None,
+            run: None,
+            keys: Vec::new(),
+        }
     }
 }
 
@@ -140,10 +171,11 @@ impl Queue {
             Err(error) if error.kind() == io::ErrorKind::NotFound => Self::default(),
             Err(error) => return Err(error),
         };
-        if queue.format != FORMAT {
-            let what = format!("its format is {}, and this rigd reads {FORMAT}", queue.format);
+        if !(1..=FORMAT).contains(&queue.format) {
+            let what = format!("its format is {}, and this rigd reads 1 to {FORMAT}", queue.format);
             return Err(io::Error::new(io::ErrorKind::InvalidData, what));
         }
+        queue.format = FORMAT;
         if queue.run.take().is_some() {
             let reason = "rigd was ended during a run of the queue".to_owned();
             queue.stop(HoldKind::Fault, reason, now_unix_ms);
@@ -204,6 +236,27 @@ impl Queue {
         self.next += 1;
         self.entries.push(Entry { number, ..entry });
         Ok(number)
+    }
+
+    /// The entry that a request with this key has added; `None` for a new key.
+    ///
+    /// # Errors
+    /// [`QueueRefusal::OtherRequest`] if the key was used for another request.
+    pub(crate) fn keyed(&self, key: &str, entry: &Entry) -> Result<Option<u64>, QueueRefusal> {
+        match self.keys.iter().find(|used| used.key == key) {
+            Some(used) if used.digest == entry.digest() => Ok(Some(used.number)),
+            Some(UsedKey { key, number, .. }) => {
+                Err(QueueRefusal::OtherRequest { key: key.clone(), number: *number })
+            }
+            None => Ok(None),
+        }
+    }
+
+    /// Remembers the key of the request that has added an entry.
+    pub(crate) fn remember(&mut self, key: String, digest: String, number: u64) {
+        self.keys.push(UsedKey { key, digest, number });
+        let forgotten = self.keys.len().saturating_sub(KEYS_MAX);
+        self.keys.drain(..forgotten);
     }
 
     /// Takes an entry out.
@@ -294,164 +347,22 @@ impl Entry {
         format!("queue-{}-{}", self.added_unix_ms, self.number)
     }
 
-    /// Whether a run of this duration that begins now ends in time.
-    pub(crate) fn is_in_time(&self, now_unix_ms: u64, duration_s: f64) -> bool {
+    /// Digest of what was asked for.
+    pub(crate) fn digest(&self) -> String {
+        let Self { toml, note, deadline_unix_ms, .. } = self;
+        fingerprint(&format!("{deadline_unix_ms:?}\n{}\n{note}\n{toml}", note.len()))
+    }
+
+    /// By how much a run that ends after this time from now misses the deadline, s; `None` if it is in time.
+    pub(crate) fn late_s(&self, now_unix_ms: u64, ends_in_s: f64) -> Option<f64> {
         #[expect(clippy::cast_precision_loss, reason = "times of this age are exact to 1 ms")]
         let left_ms = |deadline: u64| deadline as f64 - now_unix_ms as f64;
-        self.deadline_unix_ms.is_none_or(|deadline| left_ms(deadline) >= duration_s * 1e3)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use tempfile::TempDir;
-
-    use super::*;
-
-    fn entry(protocol: &str) -> Entry {
-        Entry {
-            number: 0,
-            protocol: protocol.to_owned(),
-            toml: String::new(),
-            note: String::new(),
-            deadline_unix_ms: None,
-            by: "ada".to_owned(),
-            added_unix_ms: 7,
-            is_missed: false,
-        }
+        let late_s = ends_in_s - left_ms(self.deadline_unix_ms?) / 1e3;
+        (late_s > 0.0).then_some(late_s)
     }
 
-    const IDLE: Seen<'static> =
-        Seen { state: RigState::Idle, fault: None, journal_error: None, is_silent: false };
-
-    fn queue_of(protocols: &[&str]) -> Queue {
-        let mut queue = Queue::default();
-        for protocol in protocols {
-            queue.add(entry(protocol)).unwrap();
-        }
-        queue
-    }
-
-    fn names(queue: &Queue) -> Vec<&str> {
-        queue.entries().iter().map(|entry| entry.protocol.as_str()).collect()
-    }
-
-    #[test]
-    fn entries_are_moved_and_cancelled_by_numbers_that_are_not_used_again() {
-        let mut queue = queue_of(&["a", "b", "c"]);
-        queue.move_to(3, 1).unwrap();
-        assert_eq!(names(&queue), ["c", "a", "b"]);
-        queue.move_to(3, 3).unwrap();
-        assert_eq!(names(&queue), ["a", "b", "c"]);
-        assert_eq!(queue.move_to(1, 0), Err(QueueRefusal::NoPlace { place: 0, entries: 3 }));
-        assert_eq!(queue.move_to(1, 4), Err(QueueRefusal::NoPlace { place: 4, entries: 3 }));
-        assert_eq!(queue.take(3).unwrap().protocol, "c");
-        assert_eq!(queue.take(3), Err(QueueRefusal::NoEntry(3)));
-        assert_eq!(queue.add(entry("d")), Ok(4));
-    }
-
-    #[test]
-    fn a_queue_and_a_note_have_a_largest_size() {
-        let mut queue = Queue::default();
-        for number in 1..=ENTRIES_MAX {
-            assert_eq!(queue.add(entry("a")), Ok(number as u64));
-        }
-        assert_eq!(queue.add(entry("a")), Err(QueueRefusal::Full));
-        let mut queue = Queue::default();
-        let noted = |length| Entry { note: "é".repeat(length), ..entry("a") };
-        assert_eq!(queue.add(noted(NOTE_MAX + 1)), Err(QueueRefusal::LongNote));
-        assert!(queue.add(noted(NOTE_MAX)).is_ok());
-    }
-
-    #[test]
-    fn only_a_released_queue_on_an_idle_rig_begins_its_first_entry() {
-        let mut queue = queue_of(&["a", "b"]);
-        let every = [
-            RigState::Preparing,
-            RigState::Idle,
-            RigState::Running,
-            RigState::WaitingForPerson,
-            RigState::Paused,
-            RigState::Retracting,
-            RigState::Latched,
-        ];
-        for state in every {
-            let seen = Seen { state, ..IDLE };
-            let begins = matches!(queue.turn(seen), Turn::Begin(entry) if entry.number == 1);
-            assert_eq!(begins, state == RigState::Idle, "{state:?}");
-            let holds = matches!(queue.turn(seen), Turn::Hold(HoldKind::Fault, _));
-            assert_eq!(holds, state == RigState::Latched, "{state:?}");
-            assert_eq!(queue.turn(Seen { is_silent: true, ..seen }), Turn::Wait);
-            let failed = Seen { journal_error: Some("disk"), ..seen };
-            assert!(matches!(queue.turn(failed), Turn::Hold(HoldKind::Fault, _)));
-        }
-        queue.stop(HoldKind::Person, "held".to_owned(), 0);
-        for state in every {
-            assert_eq!(queue.turn(Seen { state, ..IDLE }), Turn::Wait);
-        }
-    }
-
-    #[test]
-    fn an_entry_that_cannot_end_in_time_lets_the_next_one_begin() {
-        let late = Entry { deadline_unix_ms: Some(10_000), ..entry("a") };
-        assert!(late.is_in_time(4_000, 6.0) && !late.is_in_time(4_001, 6.0));
-        assert!(!late.is_in_time(20_000, 0.0) && entry("b").is_in_time(u64::MAX, 1e9));
-        let mut queue = queue_of(&["a", "b"]);
-        queue.miss(1);
-        assert!(matches!(queue.turn(IDLE), Turn::Begin(entry) if entry.number == 2));
-        queue.take(2).unwrap();
-        assert!(matches!(queue.turn(IDLE), Turn::Hold(HoldKind::Empty, _)));
-        assert_eq!(queue.release(), Err(QueueRefusal::Empty));
-        queue.move_to(1, 1).unwrap();
-        assert!(matches!(queue.turn(IDLE), Turn::Begin(entry) if entry.number == 1));
-    }
-
-    #[test]
-    fn a_queue_is_held_after_a_start_unless_asked_otherwise() {
-        let folder = TempDir::new().unwrap();
-        let kind = |queue: &Queue| queue.hold().map(|hold| hold.kind);
-        for (before, plain, released) in [
-            (None, Some(HoldKind::Start), None),
-            (Some(HoldKind::Start), Some(HoldKind::Start), None),
-            (Some(HoldKind::Empty), Some(HoldKind::Start), None),
-            (Some(HoldKind::Fault), Some(HoldKind::Fault), Some(HoldKind::Fault)),
-            (Some(HoldKind::Person), Some(HoldKind::Person), Some(HoldKind::Person)),
-        ] {
-            let mut queue = queue_of(&["a"]);
-            if let Some(before) = before {
-                queue.stop(before, "before".to_owned(), 1);
-            }
-            queue.write(folder.path()).unwrap();
-            let open = |is_released| Queue::open(folder.path(), is_released, 2).unwrap();
-            assert_eq!(open(false).entries(), queue.entries());
-            assert_eq!((kind(&open(false)), kind(&open(true))), (plain, released), "{before:?}");
-        }
-    }
-
-    #[test]
-    fn a_run_that_was_under_way_when_the_daemon_ended_holds_the_queue() {
-        let folder = TempDir::new().unwrap();
-        let mut queue = queue_of(&["a", "b"]);
-        queue.begin(1, "run".to_owned());
-        assert_eq!((names(&queue), queue.run()), (vec!["b"], Some("run")));
-        queue.write(folder.path()).unwrap();
-        let mut opened = Queue::open(folder.path(), true, 0).unwrap();
-        assert_eq!(opened.hold().map(|hold| hold.kind), Some(HoldKind::Fault));
-        opened.release().unwrap();
-        assert!(opened.run().is_none() && matches!(opened.turn(IDLE), Turn::Begin(_)));
-        queue.end();
-        queue.write(folder.path()).unwrap();
-        assert_eq!(Queue::open(folder.path(), true, 0).unwrap().hold(), None);
-    }
-
-    #[test]
-    fn a_file_of_another_version_is_not_read() {
-        let folder = TempDir::new().unwrap();
-        let other = Queue { format: FORMAT + 1, ..queue_of(&["a"]) };
-        other.write(folder.path()).unwrap();
-        let error = Queue::open(folder.path(), false, 0).unwrap_err().to_string();
-        assert_eq!(error, "its format is 2, and this rigd reads 1");
-        fs::write(folder.path().join(FILE), "{").unwrap();
-        assert!(Queue::open(folder.path(), false, 0).is_err());
+    /// Whether a run of this duration that begins now ends in time.
+    pub(crate) fn is_in_time(&self, now_unix_ms: u64, duration_s: f64) -> bool {
+        self.late_s(now_unix_ms, duration_s).is_none()
     }
 }

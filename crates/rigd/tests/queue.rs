@@ -2,15 +2,20 @@
 
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
+#[path = "queue/kills.rs"]
+mod kills;
+#[path = "support/preload.rs"]
+mod preload;
 #[expect(dead_code, reason = "other tests use more of it")]
 #[path = "support/program.rs"]
 mod program;
 
 use std::{
     fs,
+    io::{Read, Write},
     path::{Path, PathBuf},
     process::Command,
-    time::Instant,
+    time::{Duration, Instant, SystemTime, UNIX_EPOCH},
 };
 
 use program::{PATIENCE, Program, post, real_time_rig, request};
@@ -25,6 +30,22 @@ fn repository() -> PathBuf {
 
 /// A daemon without a loaded protocol, in real time or in virtual time.
 fn serve(folder: &Path, is_real_time: bool, more: &[&str]) -> (Program, String) {
+    serve_with(folder, is_real_time, more, &[])
+}
+
+/// The same with these variables.
+fn serve_with(
+    folder: &Path,
+    is_real_time: bool,
+    more: &[&str],
+    variables: &[(&str, &str)],
+) -> (Program, String) {
+    let mut daemon = start(folder, is_real_time, more, variables);
+    let address = daemon.wait_for_address();
+    (daemon, address)
+}
+
+fn start(folder: &Path, is_real_time: bool, more: &[&str], variables: &[(&str, &str)]) -> Program {
     let data = folder.join("data");
     let simulated = PathBuf::from("config/rigs/simulated.toml");
     let rig = if is_real_time { real_time_rig(folder) } else { simulated };
@@ -33,10 +54,9 @@ fn serve(folder: &Path, is_real_time: bool, more: &[&str]) -> (Program, String) 
         .args(["serve", "--listen", "127.0.0.1:0", "--data", data.to_str().unwrap()])
         .args(["--rig", rig.to_str().unwrap()])
         .args(more)
+        .envs(variables.iter().copied())
         .current_dir(repository());
-    let mut daemon = Program::spawn(&mut command, data);
-    let address = daemon.wait_for_address();
-    (daemon, address)
+    Program::spawn(&mut command, data)
 }
 
 /// The shipped smoke protocol under another name.
@@ -250,5 +270,84 @@ fn a_change_that_cannot_be_made_is_refused() {
     // A released queue without an entry would begin the next one at once.
     answered(&post(&address, "queue/release", ""), 409);
     assert_eq!(runs(&daemon.data), []);
+    end(daemon);
+}
+
+/// A request to add a protocol, with an idempotency key.
+fn add_keyed(address: &str, key: &str, body: &str) -> String {
+    let length = body.len();
+    let headers = format!(
+        "content-type: application/json\r\ncontent-length: {length}\r\nidempotency-key: {key}\r\n"
+    );
+    let mut client = std::net::TcpStream::connect(address).unwrap();
+    let head =
+        format!("POST /api/v1/queue HTTP/1.1\r\nhost: localhost\r\n{headers}connection: close");
+    client.write_all(format!("{head}\r\n\r\n{body}").as_bytes()).unwrap();
+    let mut answer = String::new();
+    client.read_to_string(&mut answer).unwrap();
+    answer
+}
+
+#[test]
+fn a_repeated_request_with_a_key_adds_one_entry_also_after_its_run_and_a_restart() {
+    let folder = TempDir::new().unwrap();
+    let (daemon, address) = serve(folder.path(), false, &[]);
+    let body = json!({ "protocol_toml": protocol("one"), "note": "n" }).to_string();
+    assert_eq!(names(&answered(&add_keyed(&address, "k", &body), 201)), ["one"]);
+    assert_eq!(names(&answered(&add_keyed(&address, "k", &body), 200)), ["one"]);
+    let other = json!({ "protocol_toml": protocol("one"), "note": "m" }).to_string();
+    let refused = answered(&add_keyed(&address, "k", &other), 422);
+    assert!(refused["detail"].as_str().unwrap().contains("Idempotency-Key k"), "{refused}");
+    answered(&add_keyed(&address, &"k".repeat(256), &body), 400);
+    // Of many at once, one adds an entry.
+    let added = std::thread::scope(|scope| {
+        let ask = || scope.spawn(|| add_keyed(&address, "many", &body));
+        let asked: Vec<_> = (0..8).map(|_| ask()).collect();
+        asked.into_iter().map(|asked| asked.join().unwrap()).collect::<Vec<_>>()
+    });
+    assert!(added.iter().all(|answer| answer.starts_with("HTTP/1.1 20")), "{added:?}");
+    assert_eq!(names(&queue(&address)), ["one", "one"]);
+    answered(&post(&address, "queue/release", ""), 200);
+    wait_for(&address, |queue| queue["hold"]["kind"] == "empty");
+    assert_eq!(names(&answered(&add_keyed(&address, "k", &body), 200)), [""; 0]);
+    end(daemon);
+    let (daemon, address) = serve(folder.path(), false, &[]);
+    assert_eq!(names(&answered(&add_keyed(&address, "k", &body), 200)), [""; 0]);
+    assert_eq!(runs(&daemon.data).len(), 2);
+    end(daemon);
+}
+
+#[test]
+fn a_deadline_that_is_missed_or_will_be_is_said_before_its_turn() {
+    let folder = TempDir::new().unwrap();
+    let (daemon, address) = serve(folder.path(), true, &[]);
+    let first = add(&address, "one");
+    let duration_s = first["entries"][0]["duration_s"].as_f64().unwrap();
+    // It could end in time if it began now, and not behind the first one.
+    let takes = Duration::from_secs_f64(duration_s) + Duration::from_secs(20);
+    let deadline = (SystemTime::now() + takes).duration_since(UNIX_EPOCH).unwrap().as_millis();
+    let form = json!({ "protocol_toml": protocol("two"), "deadline_unix_ms": deadline });
+    let told = answered(&post(&address, "queue", &form.to_string()), 201);
+    let entry = &told["entries"][1];
+    let late_s = entry["late_s"].as_f64().unwrap();
+    assert!((duration_s - 25.0..duration_s - 19.0).contains(&late_s), "{told}");
+    assert_eq!((&entry["is_missed"], &told["missed"]), (&json!(false), &json!(0)));
+    assert!(told["entries"][0].get("late_s").is_none(), "{told}");
+    // On the terminal too.
+    let list = Command::new(env!("CARGO_BIN_EXE_rigd"))
+        .args(["queue", "list", "--data", daemon.data.to_str().unwrap()])
+        .output()
+        .unwrap();
+    let text = String::from_utf8(list.stdout).unwrap();
+    assert!(text.contains("entry 2 would end ") && text.contains("after its deadline"), "{text}");
+    end(daemon);
+    // A deadline that passes while nobody releases the queue: the file has one of long ago.
+    let file = folder.path().join("data/queue.json");
+    let mut kept: Value = serde_json::from_str(&fs::read_to_string(&file).unwrap()).unwrap();
+    kept["entries"][1]["deadline_unix_ms"] = json!(1_000);
+    fs::write(&file, kept.to_string()).unwrap();
+    let (daemon, address) = serve(folder.path(), true, &[]);
+    let told = queue(&address);
+    assert_eq!((&told["entries"][1]["is_missed"], &told["missed"]), (&json!(true), &json!(1)));
     end(daemon);
 }

@@ -30,12 +30,14 @@ export function QueuePanel({ view }: { view: View }) {
     <section class="queue" aria-label="Queue">
       <h2>Queue</h2>
       <p class={queue.hold ? "soft" : "good-word"} role="status">{queue.hold ? `Held: ${queue.hold.reason}.` : "Released: entries begin one after the other."}</p>
+      {queue.missed > 0 && <p class="bad-word" role="alert">{queue.missed === 1 ? "One entry has missed its deadline" : `${queue.missed} entries have missed their deadlines`}. </p>}
       <ol>
         {queue.entries.map((entry, index) => (
           <li key={entry.number}>
             <Entry entry={entry} />
             <div class="row">
               {index > 0 && <AskButton send={change(`/${entry.number}/move`, { place: index })} disabled={isLost}>Earlier</AskButton>}
+              {index + 1 < queue.entries.length && <AskButton send={change(`/${entry.number}/move`, { place: index + 2 })} disabled={isLost}>Later</AskButton>}
               <AskButton send={() => remove<Queue>(`queue/${entry.number}`).then(set)} disabled={isLost}>Cancel</AskButton>
             </div>
           </li>
@@ -57,6 +59,7 @@ function Entry({ entry }: { entry: QueueEntry }) {
       <strong>{entry.protocol}</strong> <span class="soft">{duration(entry.duration_s)}, {entry.by}</span>
       {entry.note && <p class="soft">{entry.note}</p>}
       {entry.deadline_unix_ms !== undefined && <p class={entry.is_missed ? "bad-word" : "soft"}>{entry.is_missed ? "could not end" : "must have ended"} by {day(new Date(entry.deadline_unix_ms).toISOString())}</p>}
+      {entry.late_s !== undefined && !entry.is_missed && <p class="bad-word">would end {duration(entry.late_s)} after that, even if released now</p>}
       {entry.fault !== undefined && <p class="bad-word">cannot run here: {entry.fault}</p>}
       {first && (
         <details>

@@ -191,6 +191,7 @@ export interface QueueEntry {
   by: string;
   deadline_unix_ms?: number;
   is_missed: boolean;
+  late_s?: number;
   duration_s: number;
   prompts: { prompt: string; after_s: number }[];
   fault?: string;
@@ -201,6 +202,7 @@ export interface Queue {
   entries: QueueEntry[];
   duration_s: number;
   prompts: number;
+  missed: number;
 }
 
 export type TouchStatus = "measured" | "refused" | "skipped" | "not_reached";

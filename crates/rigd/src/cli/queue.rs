@@ -134,6 +134,7 @@ struct EntryView {
     by: String,
     deadline_unix_ms: Option<i64>,
     is_missed: bool,
+    late_s: Option<f64>,
     duration_s: f64,
     begins_in_s: f64,
     prompts: Vec<PromptView>,
@@ -244,10 +245,14 @@ impl EntryView {
         let asks = self.prompts.iter().map(|PromptView { prompt, after_s }| {
             format!("entry {number}, after {}: {prompt}", duration(*after_s))
         });
-        let missed = self.is_missed.then(|| {
-            format!(
-                "entry {number} could not end by its deadline; cancel it, or move it to try again"
-            )
+        let late = self.late_s.map(duration);
+        let missed = late.filter(|_| !self.is_missed).map(|late| {
+            format!("entry {number} would end {late} after its deadline, even if released now")
+        });
+        let missed = missed.or_else(|| {
+            self.is_missed.then(|| {
+                format!("entry {number} missed its deadline; cancel it, or move it to try again")
+            })
         });
         let fault = self.fault.iter().map(|fault| format!("entry {number} cannot run: {fault}"));
         note.into_iter().chain(asks).chain(missed).chain(fault).collect()
@@ -284,8 +289,12 @@ mod tests {
             "entries": [{
                 "number": 12, "protocol": "three-direction", "note": "the night run", "by": "Ada",
                 "deadline_unix_ms": 1_795_000_000_000_i64, "is_missed": false,
-                "duration_s": 589.0, "begins_in_s": 161.0, "fault": null,
+                "duration_s": 589.0, "begins_in_s": 161.0, "fault": null, "late_s": 65.0,
                 "prompts": [{ "prompt": "Put sample 1 under the probe.", "after_s": 0.0 }],
+            }, {
+                "number": 13, "protocol": "smoke", "note": "", "by": "Ada",
+                "deadline_unix_ms": 1_795_000_000_000_i64, "is_missed": true,
+                "duration_s": 60.0, "begins_in_s": 750.0, "late_s": 700.0, "prompts": [],
             }],
         }))
         .unwrap();
@@ -295,5 +304,7 @@ mod tests {
             text.contains("entry 12: the night run\nentry 12, after 0 s: Put sample 1"),
             "{text}"
         );
+        let late = "entry 12 would end 1 min 05 s after its deadline, even if released now";
+        assert!(text.contains(late) && text.contains("entry 13 missed its deadline"), "{text}");
     }
 }

@@ -2,33 +2,35 @@
 //!
 //! Every change is noted in the journal, with who asked, before the file of the queue has it.
 
+mod view;
+
 use std::{io, time::SystemTime};
 
 use axum::{
     Extension, Json,
     extract::{Path, State},
-    http::StatusCode,
+    http::{HeaderMap, StatusCode},
 };
 use rig_engine::RunStatus as Ended;
 use rig_model::with_causes;
-use rig_protocol::{Action, Plan};
 use rig_store::{Ending, RunId, RunStatus};
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use tokio::sync::{Mutex, Notify};
 use tokio_util::sync::CancellationToken;
 
+pub(super) use self::view::QueueView;
+use self::view::{first, wall_s};
 use super::{
     Problem, Shared,
     object::{Object, ObjectBody},
     progress::unix_ms,
+    runs::idempotency_key,
 };
 use crate::{
-    describe,
-    loaded_rig::RigFacts,
     operator::Operator,
     protocol_file::LoadedProtocol,
-    queue::{Entry, Hold, HoldKind, Queue, QueueRefusal, Seen, Turn},
+    queue::{Entry, HoldKind, Queue, QueueRefusal, Seen, Turn},
     rig::{RequestRefusal, Status},
 };
 
@@ -58,57 +60,6 @@ impl Keeper {
         let missed = entries.iter().filter(|entry| entry.is_missed).count();
         (entries.len(), missed, kept.queue.hold().is_some())
     }
-}
-
-/// The queue.
-#[derive(Debug, Serialize, JsonSchema)]
-pub(super) struct QueueView {
-    /// Why nothing begins; absent from a queue that is released.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    hold: Option<Hold>,
-    /// The run of the queue that is under way.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    run: Option<String>,
-    /// In the order in which they begin.
-    entries: Vec<EntryView>,
-    /// Expected time of all entries on the rig's clock, without the time that a person takes, s.
-    duration_s: f64,
-    /// How often a person is needed.
-    prompts: usize,
-}
-
-/// An entry of the queue.
-#[derive(Debug, Serialize, JsonSchema)]
-struct EntryView {
-    number: u64,
-    /// Name of the protocol.
-    protocol: String,
-    note: String,
-    /// The operator who added it.
-    by: String,
-    added_unix_ms: u64,
-    /// The run must have ended by this time.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    deadline_unix_ms: Option<u64>,
-    /// It could no longer end by its deadline when its turn came, and does not begin.
-    is_missed: bool,
-    /// Expected on the rig's clock, without the time that a person takes, s.
-    duration_s: f64,
-    /// Expected time until it begins if the queue is released now, s.
-    begins_in_s: f64,
-    /// What it asks of a person.
-    prompts: Vec<EntryPrompt>,
-    /// The rig cannot run it: the first fault.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    fault: Option<String>,
-}
-
-/// Something that a person has to do during an entry.
-#[derive(Debug, Serialize, JsonSchema)]
-struct EntryPrompt {
-    prompt: String,
-    /// Expected time from the beginning of the entry, s.
-    after_s: f64,
 }
 
 /// A protocol for the queue.
@@ -141,9 +92,10 @@ pub(super) async fn show(State(shared): State<Shared>) -> Answer {
 pub(super) async fn add(
     State(shared): State<Shared>,
     Extension(operator): Extension<Operator>,
+    headers: HeaderMap,
     form: ObjectBody<QueueForm>,
 ) -> Result<(StatusCode, Json<QueueView>), Problem> {
-    let Json(Object(form)) = form?;
+    let (key, Json(Object(form))) = (idempotency_key(&headers)?, form?);
     let facts = &shared.inner.facts;
     let checked = form.protocol_toml.map(|text| LoadedProtocol::check("protocol", &text, facts));
     let checked = checked.transpose().map_err(|faults| Problem::protocol(&faults))?;
@@ -162,13 +114,28 @@ pub(super) async fn add(
         added_unix_ms: now_unix_ms,
         is_missed: false,
     };
+    if let Some(key) = &key
+        && shared.inner.queue.kept.lock().await.queue.keyed(key, &entry)?.is_some()
+    {
+        return Ok((StatusCode::OK, shared.queue_view().await?));
+    }
     if !entry.is_in_time(now_unix_ms, wall_s(facts, protocol.summary.duration_s)) {
         let detail = "a run of this protocol that began now would end after the deadline";
         return Err(Problem::unprocessable(detail.to_owned()));
     }
     let add = move |queue: &mut Queue| {
-        let name = entry.protocol.clone();
-        queue.add(entry).map(|number| format!("add entry {number} of the queue, {name}"))
+        // Two requests with one key can come at once.
+        if let Some(key) = &key
+            && queue.keyed(key, &entry)?.is_some()
+        {
+            return Ok(None);
+        }
+        let (name, digest) = (entry.protocol.clone(), entry.digest());
+        let number = queue.add(entry)?;
+        if let Some(key) = key {
+            queue.remember(key, digest, number);
+        }
+        Ok(Some(format!("add entry {number} of the queue, {name}")))
     };
     Ok((StatusCode::CREATED, changed(shared, &operator, add).await?))
 }
@@ -181,7 +148,7 @@ pub(super) async fn cancel(
     let number = entry_number(&number)?;
     let cancel = move |queue: &mut Queue| {
         let entry = queue.take(number)?;
-        Ok(format!("cancel entry {number} of the queue, {}", entry.protocol))
+        Ok(Some(format!("cancel entry {number} of the queue, {}", entry.protocol)))
     };
     changed(shared, &operator, cancel).await
 }
@@ -195,7 +162,7 @@ pub(super) async fn place(
     let (number, Json(Object(PlaceForm { place }))) = (entry_number(&number)?, form?);
     let place = move |queue: &mut Queue| {
         queue.move_to(number, place)?;
-        Ok(format!("move entry {number} of the queue to place {place}"))
+        Ok(Some(format!("move entry {number} of the queue to place {place}")))
     };
     changed(shared, &operator, place).await
 }
@@ -207,7 +174,7 @@ pub(super) async fn hold(
     let reason = format!("{operator} holds it");
     let hold = move |queue: &mut Queue| {
         queue.stop(HoldKind::Person, reason, unix_ms(SystemTime::now()));
-        Ok("hold the queue".to_owned())
+        Ok(Some("hold the queue".to_owned()))
     };
     changed(shared, &operator, hold).await
 }
@@ -216,7 +183,8 @@ pub(super) async fn release(
     State(shared): State<Shared>,
     Extension(operator): Extension<Operator>,
 ) -> Answer {
-    let release = |queue: &mut Queue| queue.release().map(|()| "release the queue".to_owned());
+    let release =
+        |queue: &mut Queue| queue.release().map(|()| Some("release the queue".to_owned()));
     changed(shared, &operator, release).await
 }
 
@@ -224,21 +192,23 @@ fn entry_number(text: &str) -> Result<u64, Problem> {
     text.parse().map_err(|_| Problem::not_found(format!("the queue has no entry {text}")))
 }
 
-/// Changes the queue for a client. A client that goes away does not leave the change half made.
+/// Changes the queue for a client, unless there is nothing to change. A client that goes away does not leave
+/// the change half made.
 async fn changed(
     shared: Shared,
     operator: &Operator,
-    change: impl FnOnce(&mut Queue) -> Result<String, QueueRefusal> + Send + 'static,
+    change: impl FnOnce(&mut Queue) -> Result<Option<String>, QueueRefusal> + Send + 'static,
 ) -> Answer {
     let by = operator.clone();
     let making = tokio::spawn(async move {
         let mut kept = shared.inner.queue.kept.lock().await;
         let mut queue = kept.queue.clone();
-        let action = change(&mut queue)?;
-        shared.inner.rig.note(action, by.as_str()).await?;
-        kept.queue = shared.written(queue).await?;
+        if let Some(action) = change(&mut queue)? {
+            shared.inner.rig.note(action, by.as_str()).await?;
+            kept.queue = shared.written(queue).await?;
+            shared.inner.queue.changed.notify_one();
+        }
         drop(kept);
-        shared.inner.queue.changed.notify_one();
         shared.queue_view().await
     });
     making.await.map_err(|_| Problem::internal("the change of the queue has panicked"))?
@@ -416,85 +386,6 @@ impl Shared {
     }
 }
 
-impl QueueView {
-    fn new(queue: &Queue, status: &Status, facts: &RigFacts) -> Self {
-        let mut begins_in_s = remaining_s(status, facts);
-        let mut entry = |entry: &Entry| {
-            let view = EntryView::new(entry, begins_in_s, facts);
-            if !entry.is_missed {
-                begins_in_s += view.duration_s;
-            }
-            view
-        };
-        let entries: Vec<_> = queue.entries().iter().map(&mut entry).collect();
-        let ahead = || entries.iter().filter(|entry| !entry.is_missed);
-        Self {
-            hold: queue.hold().cloned(),
-            run: queue.run().map(str::to_owned),
-            duration_s: ahead().map(|entry| entry.duration_s).sum(),
-            prompts: ahead().map(|entry| entry.prompts.len()).sum(),
-            entries,
-        }
-    }
-}
-
-impl EntryView {
-    fn new(entry: &Entry, begins_in_s: f64, facts: &RigFacts) -> Self {
-        // Another version of rigd or another rig file may see the protocol otherwise.
-        let checked = LoadedProtocol::check(&entry.protocol, &entry.toml, facts);
-        let (duration_s, prompts, fault) = match checked {
-            Ok(protocol) => {
-                let prompts = prompts(&protocol.plan, facts);
-                (protocol.summary.duration_s, prompts, None)
-            }
-            Err(faults) => (0.0, Vec::new(), Some(first(&faults))),
-        };
-        Self {
-            number: entry.number,
-            protocol: entry.protocol.clone(),
-            note: entry.note.clone(),
-            by: entry.by.clone(),
-            added_unix_ms: entry.added_unix_ms,
-            deadline_unix_ms: entry.deadline_unix_ms,
-            is_missed: entry.is_missed,
-            duration_s,
-            begins_in_s,
-            prompts,
-            fault,
-        }
-    }
-}
-
-/// What a protocol asks of a person, and when.
-fn prompts(plan: &Plan, facts: &RigFacts) -> Vec<EntryPrompt> {
-    let mut after_s = 0.0;
-    let mut prompts = Vec::new();
-    for (step, duration_s) in plan.steps.iter().zip(plan.durations_s(&facts.limits)) {
-        if let Action::Prompt(prompt) = &step.action {
-            prompts.push(EntryPrompt { prompt: describe::prompt(plan, prompt), after_s });
-        }
-        after_s += duration_s;
-    }
-    prompts
-}
-
-/// The least time until the run under way has ended, s.
-fn remaining_s(status: &Status, facts: &RigFacts) -> f64 {
-    let run = status.run.as_ref().filter(|run| run.ending.is_none());
-    let now = status.present(facts.is_virtual_time);
-    run.zip(status.snapshot.progress.as_ref())
-        .map_or(0.0, |(run, progress)| run.remaining(progress.step, now).least_s)
-}
-
-/// The same by the clock of the computer: virtual time takes none.
-const fn wall_s(facts: &RigFacts, duration_s: f64) -> f64 {
-    if facts.is_virtual_time { 0.0 } else { duration_s }
-}
-
-fn first(faults: &rig_files::Faults) -> String {
-    faults.to_string().lines().next().unwrap_or_default().to_owned()
-}
-
 impl From<QueueRefusal> for Problem {
     fn from(refusal: QueueRefusal) -> Self {
         let detail = refusal.to_string();
@@ -502,7 +393,9 @@ impl From<QueueRefusal> for Problem {
             QueueRefusal::NoEntry(_) => Self::not_found(detail),
             QueueRefusal::Full | QueueRefusal::Empty => Self::of(StatusCode::CONFLICT, detail),
             QueueRefusal::LongNote => Self::bad_request(detail),
-            QueueRefusal::NoPlace { .. } => Self::unprocessable(detail),
+            QueueRefusal::NoPlace { .. } | QueueRefusal::OtherRequest { .. } => {
+                Self::unprocessable(detail)
+            }
         }
     }
 }

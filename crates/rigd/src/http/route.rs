@@ -136,7 +136,7 @@ impl Route {
 const KEY: Header = Header {
     name: "Idempotency-Key",
     pattern: "^[!-~]{1,255}$",
-    description: "a repeated request with it begins no second run",
+    description: "a repeated request with it begins no second run, and adds no second entry",
 };
 const LAST: Header = Header {
     name: "Last-Event-ID",
@@ -412,7 +412,8 @@ fn of_the_queue() -> Vec<Route> {
             201,
             json::<QueueView>(),
             || post(queue::add),
-        ),
+        )
+        .with_headers(&[KEY]),
         Route::post(
             "/queue/hold",
             "holdQueue",

@@ -159,12 +159,13 @@ class Rig:
         return document
 
     def add_to_queue(self, protocol: str | Path | None = None, note: str = "",
-                     deadline_unix_ms: int | None = None) -> Json:
+                     deadline_unix_ms: int | None = None, key: str | None = None) -> Json:
         """Adds a protocol at the end of the queue, and returns the queue. Its run does not begin if it cannot
-        end by the deadline."""
+        end by the deadline. A repeated call with the same key adds no second entry."""
         form: Json = {"note": note, "deadline_unix_ms": deadline_unix_ms,
                       "protocol_toml": None if protocol is None else _text(protocol)}
-        return self._change_queue("POST", "", form)
+        headers = {"Idempotency-Key": key} if key else None
+        return self._change_queue("POST", "", form, headers)
 
     def move_in_queue(self, number: int, place: int) -> Json:
         """Moves an entry to another place, counted from 1."""
@@ -182,8 +183,9 @@ class Rig:
         """Lets the entries begin, one after the other."""
         return self._change_queue("POST", "/release")
 
-    def _change_queue(self, method: str, path: str, form: Json | None = None) -> Json:
-        document: Json = json.loads(self.request(method, f"/queue{path}", form))
+    def _change_queue(self, method: str, path: str, form: Json | None = None,
+                      headers: dict[str, str] | None = None) -> Json:
+        document: Json = json.loads(self.request(method, f"/queue{path}", form, headers))
         return document
 
     def find(self, name: str = "latest") -> Run:
