@@ -147,7 +147,7 @@ pub(super) fn judge(touches: &Usable<'_>, fit: &Fit) -> Option<ModelCheck> {
     let tests = 1.0 + evidence.len() as f64;
     let main = touches.touches.len();
     let chi2 = weighted(&state.residuals[..main], &state.residuals[..main], &state.weights);
-    let by_chi2 = chi2_probability(chi2, freedom as f64 / touches.overlap(state));
+    let by_chi2 = shared_probability(chi2, freedom as f64, touches.overlap(state));
     let least = evidence.iter().map(|one| one.probability).fold(by_chi2, f64::min);
     let verdict = Verdict::of(tests * least);
     evidence.sort_by(|a, b| b.chi2_removed.total_cmp(&a.chi2_removed));
@@ -277,6 +277,15 @@ impl Usable<'_> {
     }
 }
 
+/// Probability of a χ² at least as large whose variance is larger by this factor, and whose mean is that of
+/// independent rows: a χ² of fewer degrees of freedom, times the factor.
+///
+/// # Source
+/// Satterthwaite, Biometrics Bulletin 2 (1946) 110.
+fn shared_probability(chi2: f64, freedom: f64, overlap: f64) -> f64 {
+    chi2_probability(chi2 / overlap, freedom / overlap)
+}
+
 /// Probability of a χ² at least as large, by the cube root of Wilson and Hilferty; exact for one degree
 /// of freedom.
 pub(super) fn chi2_probability(chi2: f64, freedom: f64) -> f64 {
@@ -309,7 +318,36 @@ pub(super) fn above(x: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use rand_core::{Rng, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
     use super::*;
+
+    /// Sixty rows of which twelve each share a third of their variance: each pair of them has a squared
+    /// correlation of 1/9, and χ² exceeds its twentieth as often as it should, within four deviations.
+    #[test]
+    fn a_shared_error_makes_chi2_wider_and_not_larger() {
+        let overlap = 1.0 + 11.0 / 9.0;
+        let mut random = Pcg64Mcg::seed_from_u64(7);
+        // Box and Muller; the first is never zero.
+        let mut normal = || {
+            let [a, b] = [0, 1].map(|_| (random.next_u64() as f64 + 1.0) / 2.0_f64.powi(64));
+            (-2.0 * a.ln()).sqrt() * (std::f64::consts::TAU * b).cos()
+        };
+        let mut run = || {
+            let mut chi2 = 0.0;
+            for _ in 0..5 {
+                let shared = normal();
+                for _ in 0..12 {
+                    let own = normal() * (2.0_f64 / 3.0).sqrt();
+                    chi2 += (shared / 3.0_f64.sqrt() + own).powi(2);
+                }
+            }
+            shared_probability(chi2, 60.0, overlap) < 0.05
+        };
+        let below = (0..4000).filter(|_| run()).count();
+        assert!((145..=255).contains(&below), "{below} of 4000");
+    }
 
     /// Tables of the normal and the χ² distribution.
     #[test]
