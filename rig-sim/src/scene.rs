@@ -1,6 +1,7 @@
-//! Scene files. The comments in `config/scenes/paper.toml` are the manual of their keys.
+//! Scene files. The comments in `config/scenes/paper.toml` are the manual of their keys; those of adhesion and
+//! thickness are in `matched.toml`, because a change of the first would set the campaign's ledger back.
 
-use rig_contact::{Friction, SensorDesign};
+use rig_contact::{Friction, SensorDesign, Specimen};
 use rig_files::{
     Complaint, Faults,
     samples::{KnownSample, samples},
@@ -54,10 +55,23 @@ pub fn matched() -> Scene {
 }
 
 fn scene(table: &mut Table<'_>) -> Scene {
-    let samples = samples(table, Presence::Required, sample);
+    let listed = samples(table, Presence::Required, sample);
     let contact = table.section("contact", contact).required().value;
     let section = table.section("sensor", design).required();
     let sensor = section.value.sensor(table, &section);
+    let samples = listed.into_iter().map(|(sample, thickness)| {
+        if let Some(thickness) = thickness.filter(|thickness| thickness.sound().is_some()) {
+            let radius_mm = sensor.design().probe_radius_mm;
+            let least_mm = Specimen::least_thickness_mm(radius_mm, sample.max_indentation_mm);
+            if contact.poisson != 0.5 {
+                table.refuse(&thickness, &ThinAndCompressible { poisson: contact.poisson });
+            } else if thickness.value < least_mm {
+                table.refuse(&thickness, &TooThin { thickness_mm: thickness.value, least_mm });
+            }
+        }
+        sample
+    });
+    let samples = samples.collect();
     Scene {
         name: table.text("name").required().value,
         seed: table.whole("seed").range(0..=MAX_SEED).or(1).value,
@@ -82,6 +96,12 @@ const ORIENTATIONS: [(&str, Orientation); 2] = [
     (Orientation::Left.name(), Orientation::Left),
 ];
 
+/// Deeper than any sample is thick, mm.
+const DEEPEST_MM: f64 = 100.0;
+
+/// Largest work of adhesion, J/m²: that of a glue. Silicone on glass has 0.05.
+const ADHESION_MAX: f64 = 10.0;
+
 /// Furthest that a ball may be from the axis of its probe, mm: further than any probe is bent.
 const BALL_OFFSET_MAX_MM: f64 = 5.0;
 
@@ -94,10 +114,13 @@ fn design(table: &mut Table<'_>) -> DesignKeys {
     keys
 }
 
-fn sample(table: &mut Table<'_>, known: KnownSample) -> Sample {
+fn sample(table: &mut Table<'_>, known: KnownSample) -> (Sample, Option<Setting<f64>>) {
     let KnownSample { name, stiffness_mpa } = known;
-    let max_indentation_mm = table.number("max_indentation_mm").above(0.0).required().value;
-    Sample { name, stiffness_mpa, max_indentation_mm }
+    let tears = table.number("max_indentation_mm").range(0.001..=DEEPEST_MM).required();
+    let max_indentation_mm = tears.value;
+    let thickness = table.number("thickness_mm").above(0.0).optional();
+    let thickness_mm = thickness.as_ref().map_or(f64::INFINITY, |thickness| thickness.value);
+    (Sample { name, stiffness_mpa, max_indentation_mm, thickness_mm }, thickness)
 }
 
 /// Reads the contact. The design is replaced by that of the section `[sensor]`.
@@ -118,6 +141,11 @@ fn contact(table: &mut Table<'_>) -> SensorScene {
         tangential_ratio,
         friction_coefficient: coefficient.map_or(f64::INFINITY, |coefficient| coefficient.value),
         relaxation: Relaxation { part, time_s },
+        adhesion_j_per_m2: table
+            .number("adhesion_j_per_m2")
+            .range(0.0..=ADHESION_MAX)
+            .or(0.0)
+            .value,
         tolerance_hz: table.number("tolerance_hz").above(0.0).or(TOLERANCE_HZ).value,
         poisson: kind.poisson,
         tissue_loss: kind.loss,
@@ -187,6 +215,33 @@ struct StartBeyondTravel {
 
 impl Complaint for StartBeyondTravel {}
 
+/// A sample so thin that its model does not hold down to the depth at which it tears.
+#[derive(Debug, thiserror::Error)]
+#[error("thickness_mm = {thickness_mm} is below {least_mm:.3}, the least for max_indentation_mm")]
+struct TooThin {
+    thickness_mm: f64,
+    least_mm: f64,
+}
+
+impl Complaint for TooThin {
+    fn suggestion(&self) -> Option<String> {
+        Some("use a thicker sample or a smaller max_indentation_mm".to_owned())
+    }
+}
+
+/// The model of a thin sample is that of an incompressible one.
+#[derive(Debug, thiserror::Error)]
+#[error("thickness_mm needs poisson = 0.5, found {poisson}")]
+struct ThinAndCompressible {
+    poisson: f64,
+}
+
+impl Complaint for ThinAndCompressible {
+    fn suggestion(&self) -> Option<String> {
+        Some("use poisson = 0.5, or leave thickness_mm out for a thick sample".to_owned())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -252,6 +307,27 @@ mod tests {
         // Without the keys the ball is on the axis.
         let without = text.replacen(keys, "", 1).replacen("ball_across_mm = 0", "", 1);
         assert_eq!(read("s.toml", &without).unwrap().sensor, matched().sensor);
+    }
+
+    #[test]
+    fn samples_may_stick_and_lie_thin_on_a_base() {
+        let text = include_str!("../../config/scenes/matched.toml");
+        let tears = "max_indentation_mm = 1.0 # Depth at which it tears.";
+        assert!(text.contains(tears));
+        let thin = text.replacen(tears, &format!("{tears}\nthickness_mm = 3"), 1);
+        let sticky = thin.replacen("adhesion_j_per_m2 = 0", "adhesion_j_per_m2 = 0.05", 1);
+        let scene = read("s.toml", &sticky).unwrap();
+        assert_eq!(scene.samples[0].thickness_mm, 3.0);
+        assert_eq!(scene.samples[1].thickness_mm, f64::INFINITY);
+        assert_eq!(scene.sensor.adhesion_j_per_m2, 0.05);
+        assert!(crate::world::World::new(scene, 1).is_ok());
+        let with = |thickness| format!("{tears}\nthickness_mm = {thickness}");
+        check(tears, &with("1"), "thickness_mm = 1 is below 1.414, the least for max_indentation");
+        check(tears, &with("0"), "thickness_mm = 0");
+        let compressible = sticky.replacen("poisson = 0.5", "poisson = 0.45", 1);
+        let faults = read("s.toml", &compressible).unwrap_err().to_string();
+        assert!(faults.contains("thickness_mm needs poisson = 0.5, found 0.45"), "{faults}");
+        check("adhesion_j_per_m2 = 0", "adhesion_j_per_m2 = -1", "adhesion_j_per_m2 = -1");
     }
 
     #[test]

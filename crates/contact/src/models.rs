@@ -114,9 +114,36 @@ impl Models {
         contact: &Contact,
     ) -> Result<Circuit, Refusal> {
         let load = self.load(tier, tissue, contact)?;
+        self.circuit_of(tier, tissue, &contact.pose, &load)
+    }
+
+    /// The equivalent circuit of a sensor under this load, which must come from [`Sensor::load_on`] or
+    /// [`Sensor::load`].
+    ///
+    /// # Errors
+    /// [`Refusal::NoImpedance`] when the tier has no electrodes, [`Refusal::TooStiff`] and
+    /// [`Refusal::Turned`] when the load is outside of it.
+    pub fn circuit_of_load(
+        &self,
+        tier: Tier,
+        tissue: &Tissue,
+        pose: &Pose,
+        load: &Load,
+    ) -> Result<Circuit, Refusal> {
+        self.check_load(tier, pose, load)?;
+        self.circuit_of(tier, tissue, pose, load)
+    }
+
+    fn circuit_of(
+        &self,
+        tier: Tier,
+        tissue: &Tissue,
+        pose: &Pose,
+        load: &Load,
+    ) -> Result<Circuit, Refusal> {
         match tier {
-            Tier::E1 | Tier::E1s => Ok(self.element.circuit(&contact.pose, &load, tissue)),
-            Tier::Reference => Ok(self.reference.circuit(&contact.pose, &load, tissue)),
+            Tier::E1 | Tier::E1s => Ok(self.element.circuit(pose, load, tissue)),
+            Tier::Reference => Ok(self.reference.circuit(pose, load, tissue)),
             Tier::T0 | Tier::T0b | Tier::T1 | Tier::T2 | Tier::T2s | Tier::Exact => {
                 Err(Refusal::NoImpedance { tier })
             }
@@ -132,13 +159,17 @@ impl Models {
     ) -> Result<Load, Refusal> {
         check_control(tier, contact)?;
         let load = self.sensor.load(tissue, contact)?;
-        let ratio = self.stiffness_ratio(&load);
+        self.check_load(tier, &contact.pose, &load)?;
+        Ok(load)
+    }
+
+    fn check_load(&self, tier: Tier, pose: &Pose, load: &Load) -> Result<(), Refusal> {
+        let ratio = self.stiffness_ratio(load);
         let limit = tier.validity().stiffness_ratio_max;
         if ratio > limit {
             return Err(Refusal::TooStiff { tier, ratio, limit });
         }
-        self.check_turn(tier, &contact.pose, load.force_n)?;
-        Ok(load)
+        self.check_turn(tier, pose, load.force_n)
     }
 
     /// Refuses a force that turns the end of the sensor by more than the tier's limit.

@@ -27,6 +27,14 @@ pub enum SensorError {
         /// The largest allowed value.
         limit: f64,
     },
+    /// The piezoelectric layers turn more of their energy into electricity than any material does.
+    #[error("sensor piezo: coupling² = {k2:.3} by its constants is above {limit}")]
+    Coupled {
+        /// e²/(E ε + e²).
+        k2: f64,
+        /// The largest allowed value.
+        limit: f64,
+    },
     /// The beam is too thick for its length: shear, which no tier models, would matter.
     #[error("sensor length_mm = {length_mm} is below {limit_mm:.3}, ten times the thickness")]
     NotSlender {
@@ -48,6 +56,10 @@ pub struct Sensor {
 const SLENDERNESS_MIN: f64 = 10.0;
 /// Largest loss factor: above it there is no resonance.
 pub(crate) const LOSS_MAX: f64 = 1.0;
+/// Largest square of the coupling of the layers along the beam: above that of the strongest single crystals.
+const COUPLING2_MAX: f64 = 0.85;
+/// Widest bimorph in its lengths: beyond, it is a plate.
+const WIDTH_MAX_REL: f64 = 2.0;
 /// Heavier than any probe on a bimorph.
 const TIP_MASS_MAX_G: f64 = 1000.0;
 /// Longest probe arm in beam lengths.
@@ -81,6 +93,7 @@ impl Sensor {
         }
         let [along_mm, across_mm] = design.probe_offset_mm;
         let bounded = [
+            ("width_mm", design.width_mm, WIDTH_MAX_REL * design.length_mm),
             ("arm_mm", design.arm_mm, ARM_MAX_REL * design.length_mm),
             ("probe_offset_mm", along_mm.hypot(across_mm), design.length_mm),
             ("tip_mass_g", design.tip_mass_g, TIP_MASS_MAX_G),
@@ -92,6 +105,13 @@ impl Sensor {
             if !(0.0 <= found && found <= limit) {
                 return Err(SensorError::OutOfRange { what, found, limit });
             }
+        }
+        let piezo = &design.piezo;
+        let coupled = piezo.coupling_c_per_m2.powi(2);
+        // GPa · nF/m is C²/m⁴.
+        let k2 = coupled / (piezo.modulus_gpa * piezo.permittivity_nf_per_m + coupled);
+        if k2 > COUPLING2_MAX {
+            return Err(SensorError::Coupled { k2, limit: COUPLING2_MAX });
         }
         let thickness_mm = 2.0 * design.piezo_thickness_mm + design.core_thickness_mm;
         let limit_mm = SLENDERNESS_MIN * thickness_mm;
@@ -143,6 +163,11 @@ mod tests {
         refused(
             |d| d.length_mm = 5.9,
             "sensor length_mm = 5.9 is below 6.000, ten times the thickness",
+        );
+        refused(|d| d.width_mm = 71.0, "sensor width_mm = 71 is outside [0, 70]");
+        refused(
+            |d| d.piezo.coupling_c_per_m2 = 104.0,
+            "sensor piezo: coupling² = 0.930 by its constants is above 0.85",
         );
     }
 }

@@ -1,5 +1,7 @@
 //! The keys of a sensor and of its contact, which a rig file and a scene file share.
 
+use std::ops::RangeInclusive;
+
 use rig_contact::{
     ContactLaw, CoreMaterial, Friction, PiezoMaterial, Sensor, SensorDesign, SensorError,
     inverse::TissueKind,
@@ -103,7 +105,8 @@ impl DesignKeys {
             tip_gyration_mm: number("tip_gyration_mm", 0.0..=1000.0, reference.tip_gyration_mm),
             piezo,
             core,
-            beam_loss: number("beam_loss", 0.0..=1.0, reference.beam_loss),
+            // Without any loss a sensor rings for ever.
+            beam_loss: number("beam_loss", 1e-6..=1.0, reference.beam_loss),
             dielectric_loss: number("dielectric_loss", 0.0..=1.0, reference.dielectric_loss),
         };
         Self { design, is_sound }
@@ -124,13 +127,14 @@ impl DesignKeys {
 /// The material of the piezoelectric layers, and whether none of its constants is faulty.
 fn piezo(table: &mut Table<'_>) -> (PiezoMaterial, bool) {
     let mut is_sound = true;
-    let mut number = |key| constant(table, key, &mut is_sound);
+    let mut number = |key, range| constant(table, key, range, &mut is_sound);
     let material = PiezoMaterial {
-        modulus_gpa: number("modulus_gpa"),
-        shear_gpa: number("shear_gpa"),
-        density_kg_per_m3: number("density_kg_per_m3"),
-        coupling_c_per_m2: number("coupling_c_per_m2"),
-        permittivity_nf_per_m: number("permittivity_nf_per_m"),
+        modulus_gpa: number("modulus_gpa", MODULUS_GPA),
+        shear_gpa: number("shear_gpa", SHEAR_GPA),
+        density_kg_per_m3: number("density_kg_per_m3", DENSITY_KG_PER_M3),
+        // From polymers to the strongest single crystals.
+        coupling_c_per_m2: number("coupling_c_per_m2", 0.001..=100.0),
+        permittivity_nf_per_m: number("permittivity_nf_per_m", 0.01..=200.0),
     };
     (material, is_sound)
 }
@@ -138,17 +142,27 @@ fn piezo(table: &mut Table<'_>) -> (PiezoMaterial, bool) {
 /// The material of the core, and whether none of its constants is faulty.
 fn core(table: &mut Table<'_>) -> (CoreMaterial, bool) {
     let mut is_sound = true;
-    let mut number = |key| constant(table, key, &mut is_sound);
+    let mut number = |key, range| constant(table, key, range, &mut is_sound);
     let material = CoreMaterial {
-        modulus_gpa: number("modulus_gpa"),
-        shear_gpa: number("shear_gpa"),
-        density_kg_per_m3: number("density_kg_per_m3"),
+        modulus_gpa: number("modulus_gpa", MODULUS_GPA),
+        shear_gpa: number("shear_gpa", SHEAR_GPA),
+        density_kg_per_m3: number("density_kg_per_m3", DENSITY_KG_PER_M3),
     };
     (material, is_sound)
 }
 
-fn constant(table: &mut Table<'_>, key: &'static str, is_sound: &mut bool) -> f64 {
-    let read = table.number(key).required();
+/// From rubber to diamond, and from wood to osmium. Other numbers have another unit.
+const MODULUS_GPA: RangeInclusive<f64> = 0.001..=1500.0;
+const SHEAR_GPA: RangeInclusive<f64> = 0.0003..=700.0;
+const DENSITY_KG_PER_M3: RangeInclusive<f64> = 100.0..=25_000.0;
+
+fn constant(
+    table: &mut Table<'_>,
+    key: &'static str,
+    range: RangeInclusive<f64>,
+    is_sound: &mut bool,
+) -> f64 {
+    let read = table.number(key).range(range).required();
     *is_sound &= read.sound().is_some();
     read.value
 }
@@ -172,6 +186,10 @@ impl Complaint for SensorFault {
             }
             // The message names the field and its limit.
             SensorError::NotPositive { .. } => None,
+            SensorError::Coupled { .. } => Some(
+                "give modulus, coupling and permittivity of one material in GPa, C/m² and nF/m"
+                    .to_owned(),
+            ),
         }
     }
 }

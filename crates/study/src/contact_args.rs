@@ -53,7 +53,7 @@ pub(crate) struct ContactArgs {
     #[arg(long, default_value = "front", value_parser = direction_parser())]
     direction: Direction,
     /// Indentation along the probe, mm.
-    #[arg(long, default_value_t = 0.5)]
+    #[arg(long, default_value_t = 0.5, value_parser = not_negative)]
     indentation_mm: f64,
     /// Take the indentation as a move of the stage, which also deflects the sensor.
     #[arg(long)]
@@ -62,7 +62,7 @@ pub(crate) struct ContactArgs {
     #[arg(long, value_parser = law_parser())]
     law: Option<ContactLaw>,
     /// Coefficient of friction. Default: the contact always sticks.
-    #[arg(long, conflicts_with = "frictionless")]
+    #[arg(long, conflicts_with = "frictionless", value_parser = not_negative)]
     friction: Option<f64>,
     /// The contact slides without resistance.
     #[arg(long)]
@@ -159,6 +159,29 @@ fn named<T: Copy + Send + Sync + 'static>(
 
 pub(crate) fn tier_parser() -> impl TypedValueParser<Value = Tier> {
     named(&Tier::ALL, Tier::name)
+}
+
+/// A number that is not finite, or below zero.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum NotANumber {
+    /// Not a number at all.
+    #[error(transparent)]
+    Text(#[from] std::num::ParseFloatError),
+    /// A negative, infinite or undefined number.
+    #[error("{found} is not a number of zero or more")]
+    Below {
+        /// The value given.
+        found: f64,
+    },
+}
+
+/// Reads a finite number of zero or more.
+pub(crate) fn not_negative(text: &str) -> Result<f64, NotANumber> {
+    let found: f64 = text.parse()?;
+    if found.is_finite() && found >= 0.0 {
+        return Ok(found);
+    }
+    Err(NotANumber::Below { found })
 }
 
 fn direction_parser() -> impl TypedValueParser<Value = Direction> {

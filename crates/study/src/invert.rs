@@ -12,7 +12,7 @@ use rig_contact::{
 use serde::Serialize;
 
 use crate::{
-    contact_args::{ContactArgs, ContactNames, SensorArgs, tier_parser},
+    contact_args::{ContactArgs, ContactNames, SensorArgs, not_negative, tier_parser},
     outcome::{StudyError, print_json},
 };
 
@@ -32,16 +32,16 @@ pub(crate) struct Args {
     #[arg(long, value_name = "SPIN,DEPTH,SHIFT", conflicts_with_all = ["angle_deg", "direction"])]
     touch: Vec<TouchArg>,
     /// Standard deviation of a shift, Hz.
-    #[arg(long, default_value_t = 0.3)]
+    #[arg(long, default_value_t = 0.3, value_parser = not_negative)]
     shift_sigma_hz: f64,
     /// Standard deviation of the depth, mm; for several touches that of the shared error.
-    #[arg(long, default_value_t = 0.02)]
+    #[arg(long, default_value_t = 0.02, value_parser = not_negative)]
     depth_sigma_mm: f64,
     /// Standard deviation of the independent depth error of each of several touches, mm.
-    #[arg(long, default_value_t = 0.0, requires = "touch")]
+    #[arg(long, default_value_t = 0.0, requires = "touch", value_parser = not_negative)]
     each_depth_sigma_mm: f64,
     /// Standard deviation of the angle, degrees.
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, default_value_t = 1.0, value_parser = not_negative)]
     angle_sigma_deg: f64,
     /// Largest possible angle of several touches, degrees.
     #[arg(long, default_value_t = 45.0, requires = "touch")]

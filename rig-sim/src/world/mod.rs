@@ -60,6 +60,7 @@ const STUCK: WorldContact = WorldContact {
     contact_deg: 0.0,
     orientation: Orientation::FrontBack,
     rested_s: 0.0,
+    thickness_mm: f64::INFINITY,
 };
 
 /// While the rotary stage turns, contact is checked this many times between two events.
@@ -121,17 +122,20 @@ impl World {
     /// # Errors
     /// [`SceneError`] with the first thing that cannot be.
     pub fn new(scene: Scene, seed: u64) -> Result<Self, SceneError> {
-        let largest = |of: fn(&Sample) -> f64| scene.samples.iter().map(of).fold(0.0, f64::max);
-        let mut sensor = SensorModel::new(
-            scene.sensor,
-            largest(|sample| sample.stiffness_mpa),
-            largest(|sample| sample.max_indentation_mm),
-        )?;
+        let (mut stiffest_mpa, mut deepest_mm) = (0.0, 0.0);
         for sample in &scene.samples {
-            sensor
-                .tissue(sample.stiffness_mpa)
-                .map_err(|source| SceneError::Sample { name: sample.name.clone(), source })?;
+            let Sample { name, stiffness_mpa, max_indentation_mm, thickness_mm } = sample;
+            let tissue = scene.sensor.tissue(*stiffness_mpa);
+            tissue.map_err(|source| SceneError::Sample { name: name.clone(), source })?;
+            let specimen = scene.sensor.specimen(*thickness_mm);
+            let specimen =
+                specimen.map_err(|source| SceneError::Specimen { name: name.clone(), source })?;
+            let radius_mm = scene.sensor.design.probe_radius_mm;
+            let felt_mpa = stiffness_mpa * specimen.stiffening(radius_mm, *max_indentation_mm);
+            stiffest_mpa = f64::max(stiffest_mpa, felt_mpa);
+            deepest_mm = f64::max(deepest_mm, *max_indentation_mm);
         }
+        let mut sensor = SensorModel::new(scene.sensor, stiffest_mpa, deepest_mm)?;
         for (axis, mechanics) in [(AxisId::Linear, scene.linear), (AxisId::Rotary, scene.rotary)] {
             let Mechanics { start, travel: (min, max) } = mechanics;
             if !(min..=max).contains(&start) {
@@ -476,6 +480,7 @@ impl World {
             contact_deg: self.contact_deg(now),
             orientation: self.orientation,
             rested_s: now.since(self.linear.rests_from().min(now)).as_secs_f64(),
+            thickness_mm: self.scene.samples[mounted.sample].thickness_mm,
         })
     }
 }

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use rig_contact::{SensorError, TissueError};
+use rig_contact::{SensorError, SpecimenError, TissueError};
 use rig_model::Orientation;
 
 use super::{nuisance::Nuisances, sensor::SensorScene, true_geometry::TrueGeometry};
@@ -67,6 +67,8 @@ pub struct Sample {
     pub stiffness_mpa: f64,
     /// Depth at which it tears, mm.
     pub max_indentation_mm: f64,
+    /// Thickness on a hard base to which it is bonded, mm; infinite for one that is thick.
+    pub thickness_mm: f64,
 }
 
 /// Why a scene cannot be played.
@@ -85,6 +87,14 @@ pub enum SceneError {
         name: String,
         /// The fault of the value.
         source: TissueError,
+    },
+    /// A sample with a base cannot be made.
+    #[error("sample \"{name}\"")]
+    Specimen {
+        /// The name of the sample.
+        name: String,
+        /// The fault of the value.
+        source: SpecimenError,
     },
     /// The initial position of a stage is not between its limit switches.
     #[error("{axis} stage: start {start} is outside its travel [{min}, {max}]")]

@@ -4,7 +4,7 @@ use std::cell::Cell;
 
 use rig_contact::{
     Choice, Circuit, Contact, ContactLaw, Depth, Direction, Friction, Models, Pose, Refusal,
-    Requirements, SensorDesign, SensorError, Tier, Tissue, TissueError,
+    Requirements, SensorDesign, SensorError, Specimen, SpecimenError, Tier, Tissue, TissueError,
 };
 use rig_model::Orientation;
 
@@ -23,6 +23,8 @@ pub struct SensorScene {
     pub friction_coefficient: f64,
     /// Relaxation of the tissue under a resting load.
     pub relaxation: Relaxation,
+    /// Work of adhesion between samples and ball, J/m².
+    pub adhesion_j_per_m2: f64,
     /// Poisson's ratio of all samples.
     pub poisson: f64,
     /// Loss factor of all samples.
@@ -30,6 +32,18 @@ pub struct SensorScene {
     /// Largest difference from the reference allowed to the model, Hz. The cheapest model within it is
     /// used.
     pub tolerance_hz: f64,
+}
+
+impl SensorScene {
+    /// A sample of this stiffness.
+    pub(super) fn tissue(&self, stiffness_mpa: f64) -> Result<Tissue, TissueError> {
+        Tissue::new(stiffness_mpa, self.poisson, self.tissue_loss)
+    }
+
+    /// A sample of this thickness.
+    pub(super) fn specimen(&self, thickness_mm: f64) -> Result<Specimen, SpecimenError> {
+        Specimen::new(self.adhesion_j_per_m2, thickness_mm)
+    }
 }
 
 /// Relaxation of a tissue: the force of a resting contact falls. A vibration at the sensor's resonance
@@ -63,6 +77,8 @@ pub(super) struct WorldContact {
     pub(super) orientation: Orientation,
     /// Time since the last move, s.
     pub(super) rested_s: f64,
+    /// Of the sample on its hard base; infinite for a thick one.
+    pub(super) thickness_mm: f64,
 }
 
 /// A checked sensor with its models.
@@ -99,7 +115,7 @@ impl SensorModel {
         let limit_mm = scene.law.depth_limit_rel() * scene.design.probe_radius_mm;
         let deepest_mm = deepest_mm.min(limit_mm);
         // A scene that the reference does not take in whole is left to it, as far as it does.
-        let choice = tissue(&scene, stiffest_mpa).ok().and_then(|stiffest| {
+        let choice = scene.tissue(stiffest_mpa).ok().and_then(|stiffest| {
             let asked = Requirements {
                 sensor,
                 stiffest,
@@ -116,10 +132,6 @@ impl SensorModel {
         Ok(Self { scene, models: Models::new(&sensor, scene.law), choice, held: None })
     }
 
-    pub(super) fn tissue(&self, stiffness_mpa: f64) -> Result<Tissue, TissueError> {
-        tissue(&self.scene, stiffness_mpa)
-    }
-
     /// The circuit without contact or in contact, with the free resonance shifted by `shift_hz`.
     pub(super) fn circuit(&mut self, touched: Option<WorldContact>, shift_hz: f64) -> Circuit {
         // Without depth any tissue leaves the free sensor.
@@ -129,6 +141,7 @@ impl SensorModel {
             contact_deg: 0.0,
             orientation: Orientation::FrontBack,
             rested_s: 0.0,
+            thickness_mm: f64::INFINITY,
         }));
         // Warmth softens the beam: it scales the resonance with and without contact alike.
         let factor = 1.0 + shift_hz / self.models.no_load_hz(self.choice.tier);
@@ -136,7 +149,8 @@ impl SensorModel {
     }
 
     fn touching(&mut self, touched: WorldContact) -> Circuit {
-        let tissue = self.tissue(touched.stiffness_mpa).expect("stiffness was checked");
+        let tissue = self.scene.tissue(touched.stiffness_mpa).expect("stiffness was checked");
+        let specimen = self.scene.specimen(touched.thickness_mm).expect("thickness was checked");
         let direction = match touched.orientation {
             Orientation::FrontBack if touched.contact_deg < 0.0 => Direction::Back,
             Orientation::FrontBack => Direction::Front,
@@ -149,13 +163,15 @@ impl SensorModel {
         let law = scene.law;
         let depth = depth(&scene, touched.indentation_mm);
         let pressed = Contact { pose, depth, law, friction: friction(&scene) };
-        let contact = self.at_rest(&touched, &pressed).and_then(|rested| {
+        let load = self.at_rest(&touched, &pressed, &specimen).and_then(|rested| {
             let tangential_ratio =
                 scene.tangential_ratio * self.held_part(&touched, &tissue, &pressed)?;
-            Ok(Contact { friction: Friction::Elastic { tangential_ratio }, ..rested })
+            let friction = Friction::Elastic { tangential_ratio };
+            let contact = Contact { friction, ..rested };
+            self.models.sensor().load_on(&tissue, &contact, &specimen)
         });
-        let circuit =
-            contact.and_then(|contact| self.models.circuit(self.choice.tier, &tissue, &contact));
+        let circuit = load
+            .and_then(|load| self.models.circuit_of_load(self.choice.tier, &tissue, &pose, &load));
         circuit.unwrap_or_else(|_| {
             // Deeper than the law holds, or with more force than the sensor bears, as in a crash: the
             // contact grows no further.
@@ -172,13 +188,19 @@ impl SensorModel {
 
     /// The contact with the indentation that it has come to while the tissue relaxed: a sensor that
     /// deflects then presses less and goes deeper.
-    fn at_rest(&self, touched: &WorldContact, pressed: &Contact) -> Result<Contact, Refusal> {
+    fn at_rest(
+        &self,
+        touched: &WorldContact,
+        pressed: &Contact,
+        specimen: &Specimen,
+    ) -> Result<Contact, Refusal> {
         let left = self.scene.relaxation.left(touched.rested_s);
         if !self.scene.deflects || left == 1.0 {
             return Ok(*pressed);
         }
-        let softer = self.tissue(touched.stiffness_mpa * left).expect("stiffness was checked");
-        let normal_mm = self.models.sensor().load(&softer, pressed)?.depth_mm;
+        let softer =
+            self.scene.tissue(touched.stiffness_mpa * left).expect("stiffness was checked");
+        let normal_mm = self.models.sensor().load_on(&softer, pressed, specimen)?.depth_mm;
         let depth = Depth::Indentation { along_probe_mm: normal_mm / pressed.pose.cos() };
         Ok(Contact { depth, ..*pressed })
     }
@@ -234,10 +256,6 @@ fn cheapest_for(asked: &Requirements, tolerance_hz: f64) -> Option<Choice> {
     }
 }
 
-fn tissue(scene: &SensorScene, stiffness_mpa: f64) -> Result<Tissue, TissueError> {
-    Tissue::new(stiffness_mpa, scene.poisson, scene.tissue_loss)
-}
-
 const fn friction(scene: &SensorScene) -> Friction {
     Friction::Elastic { tangential_ratio: scene.tangential_ratio }
 }
@@ -263,9 +281,53 @@ mod tests {
     fn rested(scene: SensorScene, indentation_mm: f64, contact_deg: f64, rested_s: f64) -> Circuit {
         let orientation = Orientation::FrontBack;
         let stiffness_mpa = 0.649;
-        let touched =
-            WorldContact { stiffness_mpa, indentation_mm, contact_deg, orientation, rested_s };
+        let thickness_mm = f64::INFINITY;
+        let touched = WorldContact {
+            stiffness_mpa,
+            indentation_mm,
+            contact_deg,
+            orientation,
+            rested_s,
+            thickness_mm,
+        };
         SensorModel::new(scene, 0.649, 1.0).unwrap().circuit(Some(touched), 0.0)
+    }
+
+    /// The shift of sample 1, which is soft and of this thickness, Hz.
+    fn soft_shift_hz(scene: SensorScene, thickness_mm: f64) -> f64 {
+        let mut model = SensorModel::new(scene, 0.649, 1.0).unwrap();
+        let touched = WorldContact {
+            stiffness_mpa: 0.045,
+            indentation_mm: 0.4,
+            contact_deg: 0.0,
+            orientation: Orientation::FrontBack,
+            rested_s: 0.0,
+            thickness_mm,
+        };
+        let free_hz = model.circuit(None, 0.0).series_resonance_hz;
+        model.circuit(Some(touched), 0.0).series_resonance_hz - free_hz
+    }
+
+    /// So soft a contact shifts in proportion to its stiffness: as Johnson, Kendall and Roberts widen it, by
+    /// the root of 1 + √(2π w a/E*)/d, and as a base at 3 mm stiffens it.
+    #[test]
+    fn adhesion_and_a_base_stiffen_a_soft_sample_as_the_theory_says() {
+        let matched = SensorScene { law: ContactLaw::Hertz, ..matched().sensor };
+        let sticky = SensorScene { adhesion_j_per_m2: 0.05, ..matched };
+        let plain_hz = soft_shift_hz(matched, f64::INFINITY);
+        let found = soft_shift_hz(sticky, f64::INFINITY) / plain_hz;
+        let (radius, depth, modulus) = (0.5e-3_f64, 0.4e-3_f64, 0.06e6_f64);
+        let mut wide = (radius * depth).sqrt();
+        for _ in 0..50 {
+            let deeper = depth + (std::f64::consts::TAU * 0.05 * wide / modulus).sqrt();
+            wide = (radius * deeper).sqrt();
+        }
+        let expected = wide / (radius * depth).sqrt();
+        assert!(expected > 1.04 && (found / expected - 1.0).abs() < 5e-3, "{found} {expected}");
+        let found = soft_shift_hz(matched, 3.0) / plain_hz;
+        let x = (0.5_f64 * 0.4).sqrt() / 3.0;
+        let expected = 1.0 + 1.133 * 4.0 / 3.0 * x + 1.283 * 5.0 / 3.0 * x * x;
+        assert!(expected > 1.2 && (found / expected - 1.0).abs() < 0.02, "{found} {expected}");
     }
 
     fn circuit(deflects: bool, indentation_mm: f64, contact_deg: f64) -> Circuit {

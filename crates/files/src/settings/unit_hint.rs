@@ -4,10 +4,14 @@
 type OtherUnits = &'static [(f64, &'static str)];
 
 /// The units by the ending of the key. Longer endings come first: `_mm_per_s` also ends in `_s`.
-const OTHER_UNITS: [(&str, OtherUnits); 10] = [
+const OTHER_UNITS: [(&str, OtherUnits); 14] = [
     ("_mm_per_s2", &[(1e3, "in m/s²"), (1e-3, "in µm/s²")]),
     ("_mm_per_s", &[(1e3, "in m/s"), (1e-3, "in µm/s"), (1.0 / 60.0, "in mm/min")]),
     ("_per_s", &[]),
+    ("_gpa", &[(1e-9, "in Pa"), (1e-3, "in MPa")]),
+    ("_kg_per_m3", &[(1e3, "in g/cm³")]),
+    ("_nf_per_m", &[(1e9, "in F/m"), (1e-3, "in pF/m")]),
+    ("_c_per_m2", &[]),
     ("_mm", &[(1e3, "in metres"), (1e-3, "in micrometres"), (10.0, "in centimetres")]),
     ("_hz", &[(1e3, "in kHz")]),
     ("_mpa", &[(1e-3, "in kPa"), (1e-6, "in Pa")]),
@@ -76,6 +80,14 @@ mod tests {
         check("speed_mm_per_s", 0.0007, (0.1, 9.0), Some("if 0.0007 is in m/s, write 0.7"));
         check("settle_s", 500.0, (0.0, 60.0), Some("if 500 is in milliseconds, write 0.5"));
         check("min_hz", 0.125, (20.0, 2000.0), Some("if 0.125 is in kHz, write 125"));
+        check("modulus_gpa", 61e9, (0.001, 1500.0), Some("if 61000000000 is in Pa, write 61"));
+        check("density_kg_per_m3", 7.75, (100.0, 25e3), Some("if 7.75 is in g/cm³, write 7750"));
+        check(
+            "permittivity_nf_per_m",
+            13e-9,
+            (0.01, 200.0),
+            Some("if 0.000000013 is in F/m, write 13"),
+        );
         check("sample_rel", 3.0, (0.0, 1.0), Some("if 3 is per cent, write 0.03"));
         check("contact_threshold", 7.0, (0.001, 1.0), Some("if 7 is per cent, write 0.07"));
         check("poisson", 0.6, (0.0, 0.5), None);

@@ -64,7 +64,10 @@ const PROTOCOL: &str = include_str!("../../../../config/protocols/three-directio
 const RIG: &str = include_str!("../../../../config/rigs/simulated.toml");
 const SERVICE: &str = include_str!("../../../../config/service/service.toml");
 #[cfg(feature = "simulator")]
-const SCENE: &str = include_str!("../../../../config/scenes/paper.toml");
+const SCENE: &str = concat!(
+    include_str!("../../../../config/scenes/paper.toml"),
+    include_str!("../../../../config/scenes/matched.toml")
+);
 
 /// Prints the JSON Schema of a kind of file.
 pub(super) fn schema(args: &SchemaArgs) -> Result<(), Failure> {

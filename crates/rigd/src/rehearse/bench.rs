@@ -43,6 +43,7 @@ fn bench_of(file: &RigFile, plan: &Plan) -> LoadedScene {
         name: name.clone(),
         stiffness_mpa: known(name),
         max_indentation_mm: TEARS_AT_MM,
+        thickness_mm: f64::INFINITY,
     };
     let (geometry, linear, rotary) =
         (&file.limits.geometry, &file.limits.linear, &file.limits.rotary);

@@ -4,8 +4,8 @@ use std::f64::consts::PI;
 
 use rig_analysis::stiffness::{Halfway, PosedTouch};
 use rig_contact::{
-    Contact, ContactLaw, Depth, Direction, Friction, Models, Pose, Sensor, SensorDesign, Tier,
-    Tissue,
+    Contact, ContactLaw, Depth, Direction, Friction, Models, Pose, Sensor, SensorDesign, Specimen,
+    Tier, Tissue,
 };
 use rig_model::random::Stream;
 
@@ -49,6 +49,10 @@ pub(super) struct Truth {
     is_held_by_stage: bool,
     /// The exponent with which the stiffness grows with the depth along the normal.
     layered: f64,
+    /// Work of adhesion between samples and ball, J/m².
+    adhesion_j_per_m2: f64,
+    /// Of every sample on its hard base, mm.
+    thickness_mm: f64,
     /// The part of the force that the sample has lost by relaxing, under a depth held by the stage.
     relaxed: f64,
     /// Radius of a flat on the ball, in ball radii.
@@ -77,6 +81,8 @@ impl Truth {
         slips_beyond_deg: f64::INFINITY,
         is_held_by_stage: false,
         layered: 0.0,
+        adhesion_j_per_m2: 0.0,
+        thickness_mm: f64::INFINITY,
         relaxed: 0.0,
         flat_rel: 0.0,
         tilt_deg: 0.0,
@@ -103,6 +109,7 @@ impl Truth {
             friction: Friction::Elastic { tangential_ratio },
             ..one
         };
+        let thin = |name, thickness_mm| Self { name, is_within: false, thickness_mm, ..one };
         vec![
             one,
             Self { name: "arm +5 %", arm_rel: 1.05, ..one },
@@ -143,6 +150,9 @@ impl Truth {
             Self { name: "slip beyond 8.5°", is_within: false, slips_beyond_deg: 8.53, ..one },
             Self { name: "stiffer with depth", is_within: false, layered: 0.5, ..one },
             Self { name: "softer with depth", is_within: false, layered: -0.3, ..one },
+            Self { name: "adhesion of 0.05 J/m²", adhesion_j_per_m2: 0.05, ..one },
+            thin("samples 5 mm thick on a hard base", 5.0),
+            thin("samples 2 mm thick on a hard base", 2.0),
         ]
     }
 
@@ -290,16 +300,21 @@ impl Bench {
         } else {
             Depth::Indentation { along_probe_mm }
         };
+        let specimen = Specimen::new(truth.adhesion_j_per_m2, truth.thickness_mm);
+        let specimen = specimen.expect("both are possible");
         let mut contact = Contact { pose, depth, law: truth.law, friction };
         if truth.relaxed > 0.0 {
             // The sensor presses on a tissue that is softer at rest than in vibration.
             let softer = tissue(felt_mpa * (1.0 - truth.relaxed));
-            let rested = sensor.load(&softer, &contact).expect("the depth is within the law");
+            let rested = sensor.load_on(&softer, &contact, &specimen);
+            let rested = rested.expect("the depth is within the law");
             let along_probe_mm = rested.depth_mm / pose.cos();
             contact.depth = Depth::Indentation { along_probe_mm };
         }
-        let found = self.models.predict(Tier::Reference, &tissue(felt_mpa), &contact);
-        found.expect("the depth is within the law").shift_hz
+        let tissue = tissue(felt_mpa);
+        let load = sensor.load_on(&tissue, &contact, &specimen);
+        let load = load.expect("the depth is within the law");
+        self.models.shift_of_load(Tier::Reference, &tissue, &pose, &load)
     }
 }
 

@@ -7,11 +7,12 @@ use serde_json::{Map, Value};
 use super::KeyComment;
 
 /// Units by the ends of the names of keys, the longest first.
-const UNITS: [(&str, &str); 25] = [
+const UNITS: [(&str, &str); 26] = [
     ("_hz_per_sqrt_hour", "Hz/√h"),
     ("_nf_per_m", "nF/m"),
     ("_kg_per_m3", "kg/m³"),
     ("_c_per_m2", "C/m²"),
+    ("_j_per_m2", "J/m²"),
     ("_mm_per_s2", "mm/s²"),
     ("_deg_per_s2", "°/s²"),
     ("_mm_per_s", "mm/s"),
