@@ -161,7 +161,7 @@ mod tests {
         assert!(learnt.noticed() >= 0.9 && learnt.coverage() > 0.9, "{learnt:?}");
     }
 
-    /// One depth tells a layered sample in half of the runs.
+    /// One depth tells a layered sample in less than half of the runs.
     #[test]
     fn a_layered_sample_is_noticed_by_a_measurement_halfway() {
         for name in ["stiffer with depth", "softer with depth"] {
