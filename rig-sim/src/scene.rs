@@ -340,6 +340,13 @@ mod tests {
         check("modulus_gpa = 61.0", "", "`modulus_gpa` is missing in [sensor.piezo]");
         check("modulus_gpa = 100", "", "`modulus_gpa` is missing in [sensor.core]");
         check("stiffness_mpa = 0.104", "stiffness_mpa = 0", "stiffness_mpa = 0");
+        check("modulus_gpa = 61.0", "modulus_gpa = 61e9", "if 61000000000 is in Pa, write 61");
+        check("= 7750 # Density", "= 7.75 # Density", "if 7.75 is in g/cm³, write 7750");
+        check("shear_gpa = 5 ", "shear_gpa = -5 ", "shear_gpa = -5 is below the limit");
+        check("coupling_c_per_m2 = 10.4", "coupling_c_per_m2 = 99", "coupling² = 0.924");
+        check("width_mm = 5.888", "width_mm = 80", "sensor width_mm = 80 is outside [0, 70]");
+        check("beam_loss = 0.015", "beam_loss = 0", "beam_loss = 0 is below the limit of 0.000001");
+        check("max_indentation_mm = 1.0", "max_indentation_mm = 1e9", "above the limit of 100 mm");
         check("law = \"sneddon\"", "law = \"snedon\"", "did you mean \"sneddon\"");
         check("slope_deg = 1", "slope_degrees = 1", "`slope_degrees` is not a key in [nuisances]");
     }
