@@ -168,7 +168,7 @@ fn quoted(words: &[&str]) -> String {
 /// The unit of a key, in the form that follows a number.
 fn unit(key: &str) -> &'static str {
     // Longer endings come first: `_mm_per_s` also ends in `_s`.
-    const UNITS: [(&str, &str); 9] = [
+    const UNITS: [(&str, &str); 14] = [
         ("_mm_per_s", " mm/s"),
         ("_deg_per_s", " °/s"),
         ("_mm", " mm"),
@@ -178,6 +178,11 @@ fn unit(key: &str) -> &'static str {
         ("_v", " V"),
         ("_ohm", " ohm"),
         ("_mpa", " MPa"),
+        ("_gpa", " GPa"),
+        ("_kg_per_m3", " kg/m³"),
+        ("_c_per_m2", " C/m²"),
+        ("_j_per_m2", " J/m²"),
+        ("_nf_per_m", " nF/m"),
     ];
     UNITS.iter().find(|(ending, _)| key.ends_with(ending)).map_or("", |(_, unit)| unit)
 }
