@@ -208,7 +208,7 @@ impl InForce {
     ) -> Result<Self, FileError> {
         let mut values: BTreeMap<_, _> = config::in_force(&flags.bench, settings)?.collect();
         if let Some(scene) = &rig.scene {
-            let digest = fingerprint(&scene.source.toml);
+            let digest = fingerprint(&scene.source().toml);
             values.insert(ConfigKey::of_rig(SCENE), Some(format!("SHA-256 {digest}")));
         }
         Ok(Self(values))
