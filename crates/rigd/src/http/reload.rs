@@ -4,6 +4,7 @@
 //! other.
 
 use axum::{Extension, Json, extract::State, http::StatusCode};
+use rig_model::with_causes;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tokio::sync::{mpsc, oneshot};
@@ -67,8 +68,8 @@ pub(crate) enum ReloadRefusal {
          (`rigd token new`)"
     )]
     Open,
-    #[error("the journal has no note of it: {0}")]
-    Unrecorded(#[source] RequestRefusal),
+    #[error("the journal has no note of it: {}", with_causes(.0))]
+    Unrecorded(RequestRefusal),
     #[error("the notifications cannot be changed: {0}")]
     Notifications(String),
 }
