@@ -1,5 +1,5 @@
 //! Scene files. The comments in `config/scenes/paper.toml` are the manual of their keys; those of adhesion and
-//! thickness are in `matched.toml`, because a change of the first would set the campaign's ledger back.
+//! thickness are in `matched.toml`.
 
 use rig_contact::{Friction, SensorDesign, Specimen};
 use rig_files::{
