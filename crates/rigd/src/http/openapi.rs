@@ -15,7 +15,7 @@ use serde_json::{Map, Value, json};
 
 use super::{
     problem::{PROBLEM_JSON, Problem},
-    route::{self, Content, Header, Route},
+    route::{self, Content, Header, KEY, Route},
     runs::RunForm,
 };
 
@@ -92,6 +92,11 @@ fn operation(route: &Route, problem: &Value, schemas: &mut Schemas) -> Value {
             },
         },
     });
+    if route.status == 201 && route.headers.iter().any(|header| header.name == KEY.name) {
+        let mut repeated = operation["responses"]["201"].clone();
+        repeated["description"] = json!("The request was repeated, and adds nothing");
+        operation["responses"]["200"] = repeated;
+    }
     if let Some(content) = content(&route.body, &mut schemas.requests) {
         let is_required = matches!(route.body, Content::Json(_));
         operation["requestBody"] = json!({ "required": is_required, "content": content });

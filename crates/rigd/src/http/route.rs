@@ -133,7 +133,7 @@ impl Route {
     }
 }
 
-const KEY: Header = Header {
+pub(super) const KEY: Header = Header {
     name: "Idempotency-Key",
     pattern: "^[!-~]{1,255}$",
     description: "a repeated request with it begins no second run, and adds no second entry",
