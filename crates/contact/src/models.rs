@@ -113,8 +113,9 @@ impl Models {
         tissue: &Tissue,
         contact: &Contact,
     ) -> Result<Circuit, Refusal> {
-        let load = self.load(tier, tissue, contact)?;
-        self.circuit_of(tier, tissue, &contact.pose, &load)
+        check_control(tier, contact)?;
+        let load = self.sensor.load(tissue, contact)?;
+        self.circuit_of_load(tier, tissue, &contact.pose, &load)
     }
 
     /// The equivalent circuit of a sensor under this load, which must come from [`Sensor::load_on`] or
@@ -131,16 +132,6 @@ impl Models {
         load: &Load,
     ) -> Result<Circuit, Refusal> {
         self.check_load(tier, pose, load)?;
-        self.circuit_of(tier, tissue, pose, load)
-    }
-
-    fn circuit_of(
-        &self,
-        tier: Tier,
-        tissue: &Tissue,
-        pose: &Pose,
-        load: &Load,
-    ) -> Result<Circuit, Refusal> {
         match tier {
             Tier::E1 | Tier::E1s => Ok(self.element.circuit(pose, load, tissue)),
             Tier::Reference => Ok(self.reference.circuit(pose, load, tissue)),

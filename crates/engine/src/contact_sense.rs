@@ -8,6 +8,7 @@
 mod tests;
 
 use rig_model::{Impedance, Mm, PointResult, Position, Reading};
+use rig_protocol::Approach;
 use rig_resonance::{Circuit, Refusal, Resonance};
 
 use crate::{
@@ -308,13 +309,14 @@ pub(crate) fn check_alive(
 pub(crate) fn check_reference(
     last: Option<&Resonance>,
     now: &Resonance,
-    contact_threshold: f64,
+    approach: &Approach,
 ) -> Result<(), ContactSenseFault> {
+    let Approach { contact_threshold, cycles: asked_cycles, .. } = *approach;
     let cycles = cycles_needed(now, contact_threshold);
-    if f64::from(CYCLES_MAX) < cycles {
+    let cycles_max = CYCLES_MAX.max(asked_cycles);
+    if f64::from(cycles_max) < cycles {
         let noise_percent = 100.0 * now.noise_at_ten_cycles;
         let threshold_percent = 100.0 * contact_threshold;
-        let cycles_max = CYCLES_MAX;
         return Err(ContactSenseFault::TooNoisy {
             noise_percent,
             threshold_percent,

@@ -30,7 +30,8 @@ const BASELINE_TIME_CONSTANTS: f64 = 4.0;
 /// contact.
 const NOISES_OF_THRESHOLD: f64 = 8.0;
 
-/// No reading of the contact sense integrates more cycles; a threshold that needs more is too close to the noise.
+/// No reading of the contact sense integrates more cycles, unless the protocol asks for more; a threshold that needs
+/// more is too close to the noise.
 pub(crate) const CYCLES_MAX: u32 = 200;
 
 /// Cycles that a reading must integrate so that noise is no contact.

@@ -177,10 +177,10 @@ impl Run {
                 confirmed
             }
             Machine::NoLoad(machine) => {
-                let (last, threshold) = (self.no_load, self.plan.touch.approach.contact_threshold);
+                let (last, approach) = (self.no_load, self.plan.touch.approach);
                 let step = machine.advance(event, last.as_ref(), &mut context);
                 step.and_then(|(resonance, bench)| {
-                    if let Err(fault) = check_reference(last.as_ref(), &resonance, threshold) {
+                    if let Err(fault) = check_reference(last.as_ref(), &resonance, &approach) {
                         return MachineStep::Fault(Fault::ContactSense(fault));
                     }
                     (self.no_load, self.bench) = (Some(resonance), bench);

@@ -98,8 +98,20 @@ fn a_reading_integrates_as_many_cycles_as_the_noise_asks_for_and_too_much_noise_
         let needed = cycles_needed(&noisy(noise), threshold);
         assert!((needed - cycles).abs() < 1e-9, "{noise}, {threshold}: {needed}");
     }
-    let check = |noise| check_reference(None, &noisy(noise), 0.1);
+    let approach = Approach {
+        start_above_mm: 0.4,
+        give_up_below_mm: 0.6,
+        coarse_step_mm: 0.1,
+        fine_step_mm: 0.005,
+        contact_threshold: 0.1,
+        settle_s: 0.1,
+        cycles: 2,
+        slip_mm: 0.05,
+    };
+    let check = |noise| check_reference(None, &noisy(noise), &approach);
     assert_eq!(check(0.055), Ok(()));
+    let patient = Approach { cycles: 300, ..approach };
+    assert_eq!(check_reference(None, &noisy(0.06), &patient), Ok(()));
     assert_eq!(
         check(0.06).unwrap_err().to_string(),
         "contact sense: the noise of ten cycles is 6.00 % of the impedance, and a change by 10.0 % needs \
