@@ -145,7 +145,15 @@ impl StopBench {
         let access = Access::new(Ipv4Addr::LOCALHOST.into(), [], None, operator);
         let (handle, facts) = (rig.handle.clone(), rig.facts.clone());
         let directory = data.path().to_owned();
-        let shared = Shared::new(handle, facts, None, directory, access, closing.clone());
+        let shared = Shared::new(
+            handle,
+            facts,
+            None,
+            directory,
+            access,
+            tokio::runtime::Handle::current(),
+            closing.clone(),
+        );
         let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
         let address = listener.local_addr().expect("it is bound").to_string();
         tokio::spawn(serve(listener, None, router(shared), closing.clone()));

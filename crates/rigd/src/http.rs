@@ -60,7 +60,9 @@ use futures_util::FutureExt;
 use rig_model::{panic_message, with_causes};
 use rig_store::{Reader, RunId, RunKind, RunStatus};
 use tokio::{
+    runtime::Handle,
     sync::{Mutex, Semaphore, mpsc},
+    task::JoinHandle,
     time::timeout,
 };
 use tokio_util::sync::CancellationToken;
@@ -70,7 +72,7 @@ use crate::{
     notify::{Notifier, Post},
     protocol_file::LoadedProtocol,
     rig::{RigHandle, Status},
-    run_files,
+    run_files::{self, RunFiles, RunFilesError},
 };
 use access::Access;
 pub(crate) use guard::FOREIGN_PAGE;
@@ -104,6 +106,8 @@ struct Inner {
     /// To the task that reads the configuration again.
     reloads: OnceLock<mpsc::Sender<ReloadRequest>>,
     results: ResultsCache,
+    /// Its blocking threads build the documents of runs.
+    builders: Handle,
     /// What the figures of the service say of the journal.
     happened: Mutex<Happened>,
     /// What the models of ended runs were found to be.
@@ -121,13 +125,15 @@ struct Inner {
 
 impl Shared {
     /// State for the handlers: the rig, the protocol for a run without a body, the directory of the
-    /// journal, and the rules of access.
+    /// journal, and the rules of access. Documents of runs are built on the blocking threads of
+    /// `builders`.
     pub fn new(
         rig: RigHandle,
         facts: RigFacts,
         loaded: Option<LoadedProtocol>,
         data: PathBuf,
         access: Access,
+        builders: Handle,
         closing: CancellationToken,
     ) -> Self {
         let streams = Arc::new(Semaphore::new(events::STREAMS_MAX));
@@ -145,6 +151,7 @@ impl Shared {
             notifications: RwLock::default(),
             reloads: OnceLock::new(),
             results,
+            builders,
             happened,
             verdicts: Verdicts::default(),
             streams,
@@ -199,14 +206,38 @@ impl Shared {
         &self,
         work: impl FnOnce(&Reader) -> Result<T, Problem> + Send + 'static,
     ) -> Result<T, Problem> {
+        self.read_on(&Handle::current(), work).await
+    }
+
+    /// Reads all records of a run and makes a document of them. A short question never waits for it.
+    async fn build<T: Send + 'static>(
+        &self,
+        work: impl FnOnce(&Reader) -> Result<T, Problem> + Send + 'static,
+    ) -> Result<T, Problem> {
+        self.read_on(&self.inner.builders, work).await
+    }
+
+    async fn read_on<T: Send + 'static>(
+        &self,
+        threads: &Handle,
+        work: impl FnOnce(&Reader) -> Result<T, Problem> + Send + 'static,
+    ) -> Result<T, Problem> {
         let data = self.inner.data.clone();
-        tokio::task::spawn_blocking(move || work(&Reader::open(&data)?))
+        threads
+            .spawn_blocking(move || work(&Reader::open(&data)?))
             .await
             .map_err(|_| Problem::internal("the reader of the journal has panicked"))?
     }
-}
 
-impl Shared {
+    /// Begins to write the folder of a run.
+    pub(crate) fn start_writing_files(
+        &self,
+        run: RunId,
+    ) -> JoinHandle<Result<RunFiles, RunFilesError>> {
+        let data = self.inner.data.clone();
+        self.inner.builders.spawn_blocking(move || run_files::write(&data, run))
+    }
+
     /// Writes the folder of a run anew, unless the run is under way: then it is written at its end. The
     /// journal has the change already, so that a failure is no answer to the request.
     async fn write_files(&self, run: RunId) {
@@ -214,9 +245,7 @@ impl Shared {
         if !matches!(write.await, Ok(status) if status != RunStatus::Running) {
             return;
         }
-        let data = self.inner.data.clone();
-        let written = tokio::task::spawn_blocking(move || run_files::write(&data, run)).await;
-        if let Ok(Err(error)) = written {
+        if let Ok(Err(error)) = self.start_writing_files(run).await {
             let error = with_causes(&error);
             tracing::warn!(%run, error, "the folder of the run cannot be written");
         }

@@ -62,7 +62,15 @@ impl Daemon {
                 access.with_tokens(Tokens::open(data.path()).unwrap(), &Secret::new().unwrap());
         }
         let (folder, closing) = (data.path().to_owned(), CancellationToken::new());
-        let shared = Shared::new(handle.clone(), facts, Some(smoke), folder, access, closing);
+        let shared = Shared::new(
+            handle.clone(),
+            facts,
+            Some(smoke),
+            folder,
+            access,
+            tokio::runtime::Handle::current(),
+            closing,
+        );
         let daemon = Self { router: router(shared), handle, data };
         daemon.reaches(RigState::Idle).await;
         daemon

@@ -73,7 +73,15 @@ impl Daemon {
         let (directory, closing) = (data.path().to_owned(), CancellationToken::new());
         let operator = "the lab".parse().unwrap();
         let access = Access::new(Ipv4Addr::LOCALHOST.into(), [], None, operator);
-        let shared = Shared::new(handle.clone(), facts, None, directory, access, closing);
+        let shared = Shared::new(
+            handle.clone(),
+            facts,
+            None,
+            directory,
+            access,
+            tokio::runtime::Handle::current(),
+            closing,
+        );
         let daemon = Self { router: router(shared), handle, thread, data };
         daemon.wait_until_idle().await;
         daemon

@@ -42,7 +42,15 @@ impl Daemon {
         let operator = "the lab".parse().unwrap();
         let access = Access::new(Ipv4Addr::LOCALHOST.into(), [], None, operator);
         let closing = CancellationToken::new();
-        let shared = Shared::new(handle.clone(), facts, None, directory, access, closing);
+        let shared = Shared::new(
+            handle.clone(),
+            facts,
+            None,
+            directory,
+            access,
+            tokio::runtime::Handle::current(),
+            closing,
+        );
         let daemon = Self { router: router(shared), handle, thread, _data: data };
         daemon.wait_for(RigState::Idle).await;
         daemon

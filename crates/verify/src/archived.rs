@@ -3,6 +3,8 @@
 //! The readings have lost their content and kept their digests. Each record that is left stands between two
 //! digests, so that a change of it is found; the end of the chain stands under the seal and in the note.
 
+use rusqlite::Connection;
+
 use crate::{
     chain::Chain,
     finding::{ArchivedPart, Check, Findings, Verdict},
@@ -17,7 +19,7 @@ const KINDS: [&str; 5] =
     ["sweep", "surface_found", "surface_not_found", "surface_checked", "black_box"];
 
 /// Checks the records that are left, the list of runs, the seal and the note.
-pub(crate) fn check(journal: &Journal, note: &Journal) -> Verdict {
+pub(crate) fn check(connection: &Connection, journal: &Journal, note: &Journal) -> Verdict {
     let (mut chain, mut findings) = (Chain::new(), Findings::default());
     let mut archived = 0;
     for entry in journal.entries.iter().filter(|entry| entry.is_own) {
@@ -44,6 +46,9 @@ pub(crate) fn check(journal: &Journal, note: &Journal) -> Verdict {
         findings.add(Check::Readable, chain.records(), what, "records", damage);
     }
     chain.check_list(journal, true, &mut findings);
+    if let Some(finding) = walk::check(connection, note).findings.first() {
+        findings.add(Check::Seal, 0, "the note of its archive", "a sound note", finding);
+    }
     let place = check_note(journal, note, &chain, &mut findings);
     let (records, digest) = (chain.records(), chain.digest());
     let mut findings = findings.0;
@@ -60,12 +65,8 @@ pub(crate) fn check(journal: &Journal, note: &Journal) -> Verdict {
     }
 }
 
-/// The note is a sound run of its own, and says how the run ended. Returns the place in the archive.
+/// The note says how the run ended. Returns the place in the archive.
 fn check_note(journal: &Journal, note: &Journal, chain: &Chain, findings: &mut Findings) -> String {
-    if let Some(finding) = walk::check(note).findings.first() {
-        let what = "the note of its archive";
-        findings.add(Check::Seal, 0, what, "a sound note", finding);
-    }
     let first = note.entries.iter().find(|entry| entry.is_own);
     let record = first.map(|entry| serde_json::from_str(&entry.payload));
     let Some(Ok(Record::Archived(said))) = record else {

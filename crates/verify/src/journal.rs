@@ -8,7 +8,9 @@ use std::{
     sync::atomic::{AtomicU64, Ordering},
 };
 
-use rusqlite::{Connection, ErrorCode, OpenFlags, OptionalExtension, config::DbConfig, params};
+use rusqlite::{
+    Connection, ErrorCode, OpenFlags, OptionalExtension, Row, config::DbConfig, params,
+};
 use sha2::{Digest, Sha256};
 
 use crate::record::{Record, RunStarted};
@@ -39,7 +41,7 @@ pub enum JournalError {
     },
 }
 
-/// A run with its records, and what moved the axes before it.
+/// A run with its records. [`before`] reads what moved the axes before it.
 #[derive(Debug)]
 pub(crate) struct Journal {
     pub(crate) run: Listed,
@@ -47,7 +49,8 @@ pub(crate) struct Journal {
     pub(crate) links: Result<(), Broken>,
     pub(crate) stretches: Vec<Stretch>,
     pub(crate) seal: Option<Seal>,
-    /// All records that may concern the run, in the order in which they were written.
+    /// The records from the first of the run to its last that may concern it, in the order in which they were
+    /// written.
     pub(crate) entries: Vec<Entry>,
     /// Addresses of touches that have an amendment, and so an outcome elsewhere.
     pub(crate) elsewhere: Vec<String>,
@@ -165,8 +168,7 @@ pub(crate) fn digest<'a>(parts: impl IntoIterator<Item = Part<'a>>) -> [u8; 32] 
     hash.finalize().into()
 }
 
-/// Reads a run. Of other runs and sessions since the start of the session only what moves the axes
-/// is read.
+/// Reads a run. Of other runs and sessions between its records only what moves the axes is read.
 pub(crate) fn read(connection: &Connection, run: &str) -> Result<Journal, JournalError> {
     let found: u32 = connection.pragma_query_value(None, "user_version", |row| row.get(0))?;
     if found != FORMAT {
@@ -405,6 +407,29 @@ fn settings_of(
     })
 }
 
+/// Calls `pass` for each record since the start of the session, up to the first of the run, that moves the axes. A
+/// session may last for months, so that one record is kept at a time.
+pub(crate) fn before(
+    connection: &Connection,
+    run: &Listed,
+    mut pass: impl FnMut(&Entry),
+) -> Result<(), rusqlite::Error> {
+    let mut statement = connection.prepare_cached(
+        "SELECT run, seq, records.epoch, rig_us, records.kind, payload, records.digest, runs.kind
+         FROM records JOIN runs ON runs.key = records.run
+         WHERE records.id < (SELECT min(id) FROM records WHERE run = ?1)
+             AND records.id >= (SELECT min(id) FROM records WHERE run =
+                 (SELECT max(key) FROM runs WHERE kind = 'session' AND key <= ?1))
+             AND records.kind IN ('operator', 'intent', 'moved', 'fault')
+         ORDER BY records.id",
+    )?;
+    let mut rows = statement.query([run.key])?;
+    while let Some(row) = rows.next()? {
+        pass(&Entry::from_row(row, run.key)?);
+    }
+    Ok(())
+}
+
 fn entries(
     connection: &Connection,
     key: i64,
@@ -414,18 +439,23 @@ fn entries(
         "WITH own AS (SELECT min(id) AS first, max(id) AS last FROM records WHERE run = ?1)
          SELECT run, seq, records.epoch, rig_us, records.kind, payload, records.digest, runs.kind
          FROM own, records JOIN runs ON runs.key = records.run
-         WHERE run = ?1 OR records.id <= own.last AND records.id >= coalesce(
-             (SELECT min(id) FROM records WHERE run =
-                 (SELECT max(key) FROM runs WHERE kind = 'session' AND key <= ?1)), own.first)
-             AND records.kind IN ('operator', 'intent', 'moved', 'fault')
+         WHERE records.id BETWEEN own.first AND own.last
+             AND (run = ?1 OR records.kind IN ('operator', 'intent', 'moved', 'fault'))
          ORDER BY records.id",
     )?;
-    let mut rows = statement.query(params![key])?;
+    let mut rows = statement.query([key])?;
     while let Some(row) = rows.next()? {
-        let run: i64 = row.get(0)?;
-        entries.push(Entry {
-            key: run,
-            is_own: run == key,
+        entries.push(Entry::from_row(row, key)?);
+    }
+    Ok(())
+}
+
+impl Entry {
+    fn from_row(row: &Row<'_>, own: i64) -> Result<Self, rusqlite::Error> {
+        let key: i64 = row.get(0)?;
+        Ok(Self {
+            key,
+            is_own: key == own,
             is_of_session: row.get::<_, String>(7)? == "session",
             seq: row.get::<_, i64>(1)?.cast_unsigned(),
             epoch: row.get::<_, i64>(2)?.cast_unsigned(),
@@ -433,7 +463,6 @@ fn entries(
             kind: row.get(4)?,
             payload: row.get(5)?,
             digest: row.get(6)?,
-        });
+        })
     }
-    Ok(())
 }

@@ -48,8 +48,7 @@ pub use model::{ModelCheck, StatedModel, verify_model};
 /// [`JournalError`] if the journal cannot be opened, has another format, or has no such run. Damage
 /// inside the run is a finding.
 pub fn verify(data: &Path, run: &str) -> Result<Verdict, JournalError> {
-    let journal = journal::read(&journal::open(&data.join("rigd.db"))?, run)?;
-    Ok(walk::check(&journal))
+    check(&journal::open(&data.join("rigd.db"))?, run)
 }
 
 /// A journal of this program in memory, which is checked with one connection.
@@ -70,7 +69,10 @@ impl MemoryJournal {
     /// # Errors
     /// As for [`verify`].
     pub fn verify(&self, runs: &[String]) -> Result<Vec<Verdict>, JournalError> {
-        let verdict = |run: &String| Ok(walk::check(&journal::read(&self.0, run)?));
-        runs.iter().map(verdict).collect()
+        runs.iter().map(|run| check(&self.0, run)).collect()
     }
+}
+
+fn check(connection: &Connection, run: &str) -> Result<Verdict, JournalError> {
+    Ok(walk::check(connection, &journal::read(connection, run)?))
 }

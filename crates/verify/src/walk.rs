@@ -2,13 +2,14 @@
 
 use std::collections::BTreeMap;
 
+use rusqlite::Connection;
 use serde::Deserialize;
 
 use crate::{
     archived,
     chain::Chain,
     finding::{Check, Findings, Verdict},
-    journal::{Entry, Journal},
+    journal::{self, Entry, Journal},
     labels::Labels,
     motion::{Motion, Probe, Turn},
     plan,
@@ -18,10 +19,10 @@ use crate::{
     settings::Settings,
 };
 
-/// Checks a run.
-pub(crate) fn check(journal: &Journal) -> Verdict {
+/// Checks a run that was read from this database.
+pub(crate) fn check(connection: &Connection, journal: &Journal) -> Verdict {
     if let Some(note) = &journal.note {
-        return archived::check(journal, note);
+        return archived::check(connection, journal, note);
     }
     let mut walk = Walk {
         kind: match (&*journal.run.kind, &journal.amended) {
@@ -48,6 +49,12 @@ pub(crate) fn check(journal: &Journal) -> Verdict {
     };
     if let Some(started) = &journal.amended {
         walk.settings = Settings::read(&started.rig.toml, &started.protocol.toml).ok();
+    }
+    let before =
+        journal::before(connection, &journal.run, |entry| walk.pass(entry, &journal.sessions));
+    if let Err(error) = before {
+        let what = "the database is damaged before the first record";
+        walk.findings.add(Check::Readable, 0, what, "records", error);
     }
     for entry in &journal.entries {
         walk.pass(entry, &journal.sessions);

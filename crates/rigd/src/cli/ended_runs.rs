@@ -7,7 +7,7 @@ use rig_store::{Reader, RunId};
 use tokio::{sync::watch, task::spawn_blocking};
 
 use super::screen::say;
-use crate::{http::Shared, rig::Status, run_files};
+use crate::{http::Shared, rig::Status};
 
 /// Writes the folder of each run when it has ended, until the rig is closed.
 ///
@@ -47,8 +47,7 @@ async fn write_after(shared: &Shared, data: &Path, mut event: u64) -> u64 {
     };
     for (ending, run) in ended {
         event = ending;
-        let directory = data.to_path_buf();
-        match spawn_blocking(move || run_files::write(&directory, run)).await {
+        match shared.start_writing_files(run).await {
             Ok(Ok(files)) => {
                 if let Some(verdict) = files.results.model_verdict() {
                     shared.count_verdict(verdict);

@@ -55,8 +55,14 @@ pub(super) struct ServeArgs {
     service: ServiceArgs,
 }
 
-/// Journals are read on threads of their own. With more of them the disk would be no faster.
-const READERS_MAX: usize = 8;
+/// Short questions to the journal are answered on threads of their own. With more of them the disk would be
+/// no faster, and the allocator keeps memory for each of them.
+const READERS_MAX: usize = 4;
+/// Threads that build reports, exports and the folders of runs. The allocator keeps for each of them what its
+/// largest document took (decision 96).
+const BUILDERS_MAX: usize = 2;
+/// A thread that ends and one that begins cost more than one that waits.
+const IDLE_THREAD_TIME: Duration = Duration::from_secs(3600);
 /// Time limit for reading at the end of the daemon.
 const READING_TIME: Duration = Duration::from_secs(1);
 
@@ -65,10 +71,18 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
         .max_blocking_threads(READERS_MAX)
+        .thread_keep_alive(IDLE_THREAD_TIME)
         .enable_all()
         .build()
         .map_err(|source| Failure::System { what: "runtime", source })?;
-    let served = runtime.block_on(daemon.serve());
+    let builders = tokio::runtime::Builder::new_current_thread()
+        .thread_name("builder")
+        .max_blocking_threads(BUILDERS_MAX)
+        .thread_keep_alive(IDLE_THREAD_TIME)
+        .build()
+        .map_err(|source| Failure::System { what: "runtime", source })?;
+    let served = runtime.block_on(daemon.serve(builders.handle().clone()));
+    builders.shutdown_timeout(READING_TIME);
     runtime.shutdown_timeout(READING_TIME);
     served
 }
@@ -101,7 +115,7 @@ impl Daemon {
         Ok(Self { settings, flags, in_force, rig, loaded, tls, access, secret, targets })
     }
 
-    async fn serve(self) -> Result<(), Failure> {
+    async fn serve(self, builders: Handle) -> Result<(), Failure> {
         let Self { settings, flags, in_force, rig, loaded, tls, access, secret, targets } = self;
         let (data, facts) = (settings.data.value.clone(), rig.facts());
         let (mut signals, hangups) = Signals::of_daemon()?;
@@ -111,8 +125,15 @@ impl Daemon {
         watch_over_http(Handle::current(), handle.clone())?;
         let closing = CancellationToken::new();
         let told = Told::start(targets, &settings, &facts, handle.status())?;
-        let shared =
-            http::Shared::new(handle.clone(), facts, loaded, data.clone(), access, closing.clone());
+        let shared = http::Shared::new(
+            handle.clone(),
+            facts,
+            loaded,
+            data.clone(),
+            access,
+            builders,
+            closing.clone(),
+        );
         tokio::spawn(ended_runs::write(shared.clone(), handle.status(), data.clone()));
         let opened = shared.open_queue(settings.release_queue.value).await;
         opened.map_err(|source| Failure::File { path: data.join(queue::FILE), source })?;

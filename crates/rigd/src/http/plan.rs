@@ -95,7 +95,7 @@ pub(super) async fn of_run(
     Path(id): Path<String>,
 ) -> Result<Json<PlanView>, Problem> {
     let id = shared.run(&id).await?;
-    let view = shared.read(move |reader| {
+    let view = shared.build(move |reader| {
         let amended = amended(reader, id)?;
         let run = amended.as_ref().map_or(Ok(id), |amended| amended.run.parse())?;
         let started = started(reader, run)?;
@@ -146,7 +146,7 @@ pub(super) async fn sweep(
     Path((id, number)): Path<(String, String)>,
 ) -> Result<Json<Sweep>, Problem> {
     let id = shared.run(&id).await?;
-    let found = shared.read(move |reader| {
+    let found = shared.build(move |reader| {
         reader.run(id)?;
         let is_wanted = |sweep: &Sweep| sweep.number.to_string() == number;
         let sweeps = reader.records(id)?.into_iter().filter_map(|record| match record.record() {

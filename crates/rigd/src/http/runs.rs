@@ -236,7 +236,7 @@ pub(super) async fn show(
 ) -> Result<Json<RunDetail>, Problem> {
     let id = shared.run(&id).await?;
     let inner = Arc::clone(&shared.inner);
-    let detail = shared.read(move |reader| {
+    let detail = shared.build(move |reader| {
         let found = inner.results.of(reader, id)?;
         intact(id, &found.check)?;
         let folder = run_files::folder(&inner.data, found.results.run());
@@ -255,7 +255,7 @@ pub(super) async fn report(
 ) -> Result<Html<String>, Problem> {
     let id = shared.run(&id).await?;
     let inner = Arc::clone(&shared.inner);
-    let html = shared.read(move |reader| {
+    let html = shared.build(move |reader| {
         let found = inner.results.of(reader, id)?;
         let began = local_time::local(&found.results.run().started_at);
         Ok(found.results.html(&found.check, found.verdict(&inner.data), &began))
@@ -272,7 +272,7 @@ pub(super) async fn export(
     let Query(options) = options?;
     let (media_type, file) = (options.media_type(), options.file());
     let inner = Arc::clone(&shared.inner);
-    let export = shared.read(move |reader| {
+    let export = shared.build(move |reader| {
         let simulated = if reader.is_simulated(id) { "-simulated" } else { "" };
         let disposition = format!("attachment; filename=\"{id}{simulated}-{file}\"");
         let mut bytes = Vec::new();

@@ -47,7 +47,7 @@ pub(super) async fn of_run(
     Path(id): Path<String>,
 ) -> Result<Json<Vec<SweepLine>>, Problem> {
     let id = shared.run(&id).await?;
-    let found = shared.read(move |reader| {
+    let found = shared.build(move |reader| {
         reader.run(id)?;
         let line = |record: StoredRecord| match record.record() {
             Ok(Record::Sweep(sweep)) => Some(SweepLine {
