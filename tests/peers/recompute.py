@@ -41,9 +41,10 @@ MEAN = np.array([np.log(30), 1.0, 0.0, 0.0])
 SPREAD = np.array([1.0, 1.0, 0.15, 0.03])
 
 
-def stays_of(frequency_hz, begin_s, integration_s):
+def stays_of(frequency_hz, begin_s, integration_s, first_gap_s):
     """The readings of each stay at one frequency, and for each reading the time since the first of its
-    stay. A reading that would end after the next has begun was reported late by the analyzer."""
+    stay. A reading that would end after the next has begun was reported late by the analyzer, and the
+    first gap of every stay is longer than recorded by what the survey found."""
     stays, since_s, start_s = [], [], np.zeros(len(frequency_hz))
     for i, hz in enumerate(frequency_hz):
         after_s = begin_s[i] - begin_s[i - 1] if i else 0.0
@@ -62,6 +63,8 @@ def stays_of(frequency_hz, begin_s, integration_s):
                 start_s[i] += late_s
             else:
                 start_s[i - 1] -= late_s
+        if len(stay) == 1:
+            start_s[i] += first_gap_s
         stay.append(i)
     return stays, np.array(since_s), start_s
 
@@ -72,13 +75,17 @@ def decay(rate, start_s, integration_s):
     return np.exp(rate * start_s) * (np.exp(x) - 1) / x
 
 
-def fit(frequency_hz, impedance_ohm, started_s, settle_s, integration_s, stated):
+def fit(frequency_hz, impedance_ohm, started_s, settle_s, integration_s, first_gap_s, stated):
     """The series resonance of readings that still ring, Hz: the circuit, the amplitude of the free decay
     of each stay and the error of the time of each reading are fitted at once."""
-    stays, since_s, start_s = stays_of(frequency_hz, started_s + settle_s, integration_s)
+    stays, since_s, start_s = stays_of(
+        frequency_hz, started_s + settle_s, integration_s, first_gap_s)
     firsts = np.array([stay[0] for stay in stays])
     stay_of = np.concatenate([[n] * len(stay) for n, stay in enumerate(stays)])
     begins = np.isin(np.arange(len(frequency_hz)), firsts)
+    # The first gap of a stay varies by as much as a survey found it to be wrong.
+    is_second = np.isin(np.arange(len(frequency_hz)), firsts + 1)
+    gap_sigma_s = np.where(is_second, np.hypot(GAP_SIGMA_S, first_gap_s), GAP_SIGMA_S)
     omega = 2 * np.pi * frequency_hz
     unit = 1 / (omega[0] * abs(impedance_ohm[0]))
     z = impedance_ohm * unit
@@ -111,7 +118,7 @@ def fit(frequency_hz, impedance_ohm, started_s, settle_s, integration_s, stated)
         _, _, s, _, steady = circuit(x)
         n = len(stays)
         a = (x[5 : 5 + n] + 1j * x[5 + n : 5 + 2 * n]) * rms
-        steps = x[5 + 2 * n :] * GAP_SIGMA_S
+        steps = x[5 + 2 * n :] * gap_sigma_s
         times = start_s + late(steps)
         model = steady + a[stay_of] * decay(s - 1j * omega, times, integration_s)
         # What turns against the drive is as large, and has any phase.
@@ -198,14 +205,15 @@ def main():
         rows = readings[sweep["sweep"]]
         column = lambda name: np.array([float(row[name]) for row in rows])
         frequency = column("frequency_hz")
-        # The phase error of the analyzer that a survey found, rad.
+        # The errors of the analyzer that a survey found: of its phase, rad, and of the first gap, s.
         phase = float(rows[0]["fit_bench_phase_rad"] or 0)
+        first_gap = float(rows[0]["fit_bench_first_gap_s"] or 0)
         impedance = column("resistance_ohm") + 1j * column("reactance_ohm")
         impedance = impedance * np.exp(-1j * phase)
         times = [column(name) for name in ("started_s", "settle_s", "integration_s")]
         names = ("resonance_hz", "quality_factor", "static_capacitance_f", "capacitance_ratio")
         stated = [*np.log([float(sweep[name]) for name in names]), float(sweep["loss_tangent"])]
-        mine[sweep["sweep"]] = fit(frequency, impedance, *times, stated=stated)
+        mine[sweep["sweep"]] = fit(frequency, impedance, *times, first_gap, stated=stated)
         theirs, sigma = float(sweep["resonance_hz"]), float(sweep["sigma_hz"])
         difference = abs(mine[sweep["sweep"]] - theirs) / sigma
         worst = max(worst, difference)

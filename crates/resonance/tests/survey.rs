@@ -4,6 +4,8 @@
 #[expect(dead_code, reason = "each test file uses its part")]
 mod support;
 
+use std::time::Duration;
+
 use num_complex::Complex64;
 use rig_model::{Reading, RigTime, SweepMethod, SweepPoint, SweepRequest};
 use rig_resonance::{Bench, Circuit, FitOutcome, Next, NoisePrior, Planner, Prior, Reason};
@@ -11,12 +13,17 @@ use support::{Plant, Random, circuit, impedance, measured, request};
 
 const NOISE: f64 = 0.005;
 const SECONDS: u32 = 20;
+/// Between two readings, s.
+const GAP_S: f64 = 1e-3;
 
 /// A sensor, perhaps with a second mode, on an analyzer with a phase error.
 struct Scene {
     sensor: Plant,
     second: Option<(Plant, Circuit)>,
     phase: Complex64,
+    /// How much longer than it is the gap after the first reading at a frequency seems to be, s: the
+    /// reading began later than recorded.
+    late_s: f64,
     now: RigTime,
     last_hz: f64,
     random: Random,
@@ -34,6 +41,7 @@ impl Scene {
             sensor: Plant::at_rest(sensor),
             second,
             phase: Complex64::cis(phase_deg.to_radians()),
+            late_s: 0.0,
             now: RigTime::from_micros(1_000_000),
             last_hz: 0.0,
             random: Random::new(seed),
@@ -41,7 +49,8 @@ impl Scene {
     }
 
     fn measure(&mut self, point: &SweepPoint) -> Reading {
-        if point.frequency_hz.total_cmp(&self.last_hz).is_ne() {
+        let is_first = point.frequency_hz.total_cmp(&self.last_hz).is_ne();
+        if is_first {
             let turns = self.random.between(0.0, 1.0);
             self.sensor.jump(turns);
             if let Some((second, _)) = &mut self.second {
@@ -56,8 +65,13 @@ impl Scene {
             let motional = 1.0 / impedance(&other) - fixed.admittance_siemens(point.frequency_hz);
             ohm = 1.0 / (1.0 / ohm + motional);
         }
+        self.sensor.drive(point.frequency_hz, GAP_S);
+        if let Some((second, _)) = &mut self.second {
+            second.drive(point.frequency_hz, GAP_S);
+        }
         reading.measured = measured(ohm * self.phase);
-        self.now = after;
+        let late_s = if is_first { self.late_s } else { 0.0 };
+        self.now = after + Duration::from_secs_f64(late_s + GAP_S);
         reading
     }
 
@@ -129,6 +143,40 @@ fn a_survey_refuses_a_second_mode_that_a_planned_sweep_can_miss() {
         let (verdict, bench, _) = scene.survey();
         let FitOutcome::Refused(refusal) = &verdict else { panic!("seed {seed}: {verdict:?}") };
         assert!(matches!(refusal.reason, Reason::SecondMode { .. }), "seed {seed}: {refusal}");
+        assert_eq!(bench, None);
+    }
+}
+
+#[test]
+fn a_first_reading_that_begins_late_is_no_second_mode() {
+    let late_ms = [1.0, 0.5, 2.0, 5.0].into_iter().cycle();
+    for ((seed, of), late_ms) in (1..=12).zip(SENSORS.into_iter().cycle()).zip(late_ms) {
+        let truth = sensor(of, seed);
+        let scene = |second| {
+            let scene = Scene::new(truth, second, 0.3, seed);
+            Scene { late_s: 1e-3 * late_ms, ..scene }
+        };
+        let mut alone = scene((0.0, 0.0));
+        let (verdict, bench, _) = alone.survey();
+        let Some(bench) = bench else { panic!("seed {seed}: {verdict:?}") };
+        let off_ms = 1e3 * bench.first_gap_s + late_ms;
+        // A short and weak free decay tells less of the times.
+        let allowed_ms = if of == (30.0, 0.02) { 1.2 } else { 0.5 };
+        assert!(off_ms.abs() < allowed_ms, "seed {seed}: {off_ms} of {late_ms}");
+        let off_rad = bench.phase_rad - 0.3_f64.to_radians();
+        assert!(off_rad.abs() < 4.5 * bench.phase_sigma_rad, "seed {seed}: {off_rad} {bench:?}");
+        for verdict in [verdict, alone.sweep(&request(SweepMethod::Adaptive), Some(bench)).0] {
+            let Some(found) = verdict.accepted() else { panic!("seed {seed}: {verdict:?}") };
+            let off_hz = found.resonance_hz - truth.resonance_hz;
+            assert!(
+                off_hz.abs() < 4.5 * found.sigma_hz,
+                "seed {seed}: {off_hz} {}",
+                found.sigma_hz
+            );
+        }
+        // A true one is still refused.
+        let (verdict, bench, _) = scene((0.05, 1.0)).survey();
+        assert!(matches!(verdict, FitOutcome::Refused(_)), "seed {seed}: {verdict:?}");
         assert_eq!(bench, None);
     }
 }

@@ -24,7 +24,7 @@ use self::{
 };
 use crate::{
     normal::Normal,
-    record::{Circuit, Extra, FitNoise, Flag, Reading},
+    record::{Circuit, Extra, FitNoise, FitSettings, Flag, Reading},
 };
 
 /// Relative noise of a reading of ten cycles where nothing is known of it, and the number of readings
@@ -67,17 +67,43 @@ pub(crate) fn is_usable(reading: &Reading) -> bool {
     reading.flag == Flag::Normal && is_finite && reading.frequency_hz * reading.integration_s > 0.0
 }
 
+/// What is known of the motion of the sensor during the readings.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Motion {
+    /// It has settled.
+    Settled,
+    /// It rings after each change of frequency. The first gap of every stay is longer than recorded by
+    /// this much.
+    Ringing { first_gap_s: f64 },
+}
+
+impl Motion {
+    /// Ringing with the times as recorded.
+    #[cfg(test)]
+    pub(crate) const RINGING: Self = Self::Ringing { first_gap_s: 0.0 };
+
+    /// The motion during a sweep that was fitted with these settings.
+    pub(crate) fn of(settings: &FitSettings) -> Self {
+        let first_gap_s = settings.bench.map_or(0.0, |bench| bench.first_gap_s);
+        if settings.is_ringing() { Self::Ringing { first_gap_s } } else { Self::Settled }
+    }
+}
+
 /// A stated resonance, Hz, its circuit, and what is beside it, which a fit with free decay ignores.
 pub(crate) type Stated<'a> = (f64, &'a Circuit, Option<&'a Extra>);
 
 /// Fits usable readings from the neighbourhood of a statement; `None` if that does not converge.
 pub(crate) fn fit(
     readings: &[Reading],
-    is_ringing: bool,
+    motion: Motion,
     noise: Option<FitNoise>,
     (resonance_hz, stated, extra): Stated<'_>,
 ) -> Option<Fitted> {
     let first = readings.first()?;
+    let (is_ringing, first_gap_s) = match motion {
+        Motion::Settled => (false, 0.0),
+        Motion::Ringing { first_gap_s } => (true, first_gap_s),
+    };
     let is_noise_unknown = noise.is_none() && !is_ringing;
     let noise = noise.unwrap_or(if is_ringing { NOISE } else { NOISE_OF_SETTLED });
     let unit = 1.0 / (TAU * first.frequency_hz * impedance(first).norm());
@@ -85,7 +111,8 @@ pub(crate) fn fit(
     let beside = extra.map(|extra| Beside::of(extra, stated, unit));
     let (beside, stated_beside) =
         beside.map_or((None, [0.0; BESIDE]), |(kind, at)| (Some(kind), at));
-    let trace = Trace { stays: stays(readings, unit), is_ringing, beside };
+    let stays = stays(readings, unit, first_gap_s);
+    let trace = Trace { stays, is_ringing, first_gap_s, beside };
     let c0 = stated.static_capacitance_f / unit;
     // A little beside the stated circuit: a stated value that is no minimum moves away from it.
     let q = stated.quality_factor * 1.1;

@@ -265,6 +265,8 @@ pub(crate) struct FitSettings {
 pub(crate) struct Bench {
     pub(crate) phase_rad: f64,
     pub(crate) phase_sigma_rad: f64,
+    #[serde(default)]
+    pub(crate) first_gap_s: f64,
     pub(crate) mode_sigma: f64,
     pub(crate) surveyed_hz: [f64; 2],
 }

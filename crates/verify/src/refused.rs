@@ -6,8 +6,8 @@
 
 use crate::{
     finding::{Check, Findings},
-    fit::{self, Fitted},
-    record::{Circuit, FitSettings, Outcome, Reading, Sweep},
+    fit::{self, Fitted, Motion},
+    record::{Circuit, Outcome, Reading, Sweep},
     results::{READINGS_MIN, most_scatter},
 };
 
@@ -79,9 +79,8 @@ fn determined(sweep: &Sweep, before: &Circuit, sigmas: f64) -> Option<Fitted> {
     let [min_hz, max_hz] = settings.window_hz;
     let step_hz = (max_hz - min_hz) / f64::from(BEGINS);
     let begins = (0..BEGINS).map(|n| min_hz + (f64::from(n) + 0.5) * step_hz);
-    let is_ringing = FitSettings::is_ringing(settings);
-    let fits =
-        begins.filter_map(|hz| fit::fit(&readings, is_ringing, Some(noise), (hz, before, None)));
+    let motion = Motion::of(settings);
+    let fits = begins.filter_map(|hz| fit::fit(&readings, motion, Some(noise), (hz, before, None)));
     let found = fits.min_by(|a, b| a.scatter.total_cmp(&b.scatter))?;
     let linewidth_hz = found.resonance_hz / found.circuit.quality_factor;
     let sigma_hz = found.sigma_hz.max(found.with_mode_hz);

@@ -4,7 +4,7 @@ use std::{num::NonZero, thread};
 
 use crate::{
     finding::{Check, Findings},
-    fit::{self, Fitted},
+    fit::{self, Fitted, Motion},
     labels::READINGS_PER_OUTLIER,
     record::{Circuit, FitNoise, FitSettings, Outcome, Reading, Sweep},
     survey::{self, Doubt, turned},
@@ -179,20 +179,17 @@ fn check_readings(accepted: &Accepted, readings: &[Reading]) -> (Findings, f64) 
         findings.within(check, *seq, format!("sweep {number}: {what}"), expected, found, limit);
     };
     let settings = sweep.fit.as_ref();
-    let is_ringing = settings.is_some_and(FitSettings::is_ringing);
+    let motion = settings.map_or(Motion::Settled, Motion::of);
     let noise = settings.and_then(|FitSettings { noise, .. }| *noise);
     let stated = circuit.as_ref().filter(|_| *sigma_hz > 0.0 && sigma_hz.is_finite());
-    let bench = settings.and_then(|settings| settings.bench).filter(|_| is_ringing);
-    let fit_at = |phase_rad: f64, circuit| {
-        fit::fit(
-            &turned(readings, -phase_rad),
-            is_ringing,
-            noise,
-            (*resonance_hz, circuit, extra.as_ref()),
-        )
+    let bench = settings.and_then(|settings| settings.bench);
+    let bench = bench.filter(|_| motion != Motion::Settled);
+    let fit_at = |phase_rad: f64, motion, circuit| {
+        let turned = turned(readings, -phase_rad);
+        fit::fit(&turned, motion, noise, (*resonance_hz, circuit, extra.as_ref()))
     };
     let phase_rad = bench.map_or(0.0, |bench| bench.phase_rad);
-    let fitted = stated.and_then(|circuit| Some((fit_at(phase_rad, circuit)?, circuit)));
+    let fitted = stated.and_then(|circuit| Some((fit_at(phase_rad, motion, circuit)?, circuit)));
     let Some((fitted, circuit)) = fitted else {
         let what = "no resonance follows from the readings";
         add(Check::Resonance, what, "none".to_owned(), *resonance_hz, None);
@@ -206,7 +203,10 @@ fn check_readings(accepted: &Accepted, readings: &[Reading]) -> (Findings, f64) 
         add(Check::Resonance, what, "near 1".to_owned(), scatter, Some(most.to_string()));
     }
     if let Some(bench) = bench.filter(|_| *is_survey) {
-        let cost = |phase_rad: f64| fit_at(phase_rad, circuit).map(|fit| fit.scatter * fit.degrees);
+        let cost = |phase_rad: f64, first_gap_s: f64| {
+            let fit = fit_at(phase_rad, Motion::Ringing { first_gap_s }, circuit)?;
+            Some(fit.scatter * fit.degrees)
+        };
         for Doubt { check, what, expected, found, limit } in
             survey::doubts(&bench, cost, (scatter, degrees), mode_sigma)
         {

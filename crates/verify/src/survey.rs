@@ -13,6 +13,10 @@ const PHASE_SIGMAS: f64 = 3.0;
 /// The sum of squares rises by four at two standard deviations. Stated ones include the drift that the
 /// survey allows for, which this checker does not: by how much less or more it may rise.
 const RISE: [f64; 2] = [0.4, 40.0];
+/// The error of the first gap of a survey is the one at which its readings fit best, within this many
+/// standard deviations, which the sum of squares at these times beside it tells.
+const FIRST_GAP_SIGMAS: f64 = 4.0;
+const FIRST_GAP_BESIDE_S: f64 = 0.3e-3;
 /// A stated standard deviation of a second mode over that of this checker, at least.
 const MODE_LEAST: f64 = 0.4;
 
@@ -26,17 +30,18 @@ pub(crate) struct Doubt {
     pub(crate) limit: String,
 }
 
-/// The doubts about a survey with this sum of squares for each phase error, this scatter and these
-/// degrees of freedom at the stated one, and this standard deviation of a second mode.
+/// The doubts about a survey with this sum of squares for each phase error and error of the first gap, this
+/// scatter and these degrees of freedom at the stated ones, and this standard deviation of a second mode.
 pub(crate) fn doubts(
     bench: &Bench,
-    cost: impl Fn(f64) -> Option<f64>,
+    cost: impl Fn(f64, f64) -> Option<f64>,
     (scatter, degrees): (f64, f64),
     mode_sigma: f64,
 ) -> Vec<Doubt> {
     let mut doubts = Vec::new();
-    let Bench { phase_rad, phase_sigma_rad: sigma, mode_sigma: stated, .. } = *bench;
-    let sides = cost(phase_rad - 2.0 * sigma).zip(cost(phase_rad + 2.0 * sigma));
+    let Bench { phase_rad, phase_sigma_rad: sigma, first_gap_s, mode_sigma: stated, .. } = *bench;
+    let cost_at = |phase_rad| cost(phase_rad, first_gap_s);
+    let sides = cost_at(phase_rad - 2.0 * sigma).zip(cost_at(phase_rad + 2.0 * sigma));
     let (below, above) = sides.unwrap_or((f64::NAN, f64::NAN));
     let rise = 0.5 * (below + above) / scatter - degrees;
     // The lowest point of the parabola through the three, in standard deviations.
@@ -48,6 +53,26 @@ pub(crate) fn doubts(
             expected: phase_rad + off * sigma,
             found: phase_rad,
             limit: format!("{PHASE_SIGMAS} standard deviations of {sigma}"),
+        });
+    }
+    let beside_s = FIRST_GAP_BESIDE_S;
+    let sides =
+        cost(phase_rad, first_gap_s - beside_s).zip(cost(phase_rad, first_gap_s + beside_s));
+    let (below, above) = sides.unwrap_or((f64::NAN, f64::NAN));
+    let rise = 0.5 * (below + above) / scatter - degrees;
+    let off = 0.25 * (below - above) / scatter / rise;
+    let sigma_s = beside_s / rise.sqrt();
+    let limit_s = FIRST_GAP_SIGMAS * sigma_s;
+    let is_near = (off * beside_s).abs() <= limit_s;
+    // Below that the readings do not tell it.
+    let is_told = rise.is_nan() || rise > 1.0;
+    if is_told && !is_near {
+        doubts.push(Doubt {
+            check: Check::Resonance,
+            what: "the error of the first gap, s",
+            expected: first_gap_s + off * beside_s,
+            found: first_gap_s,
+            limit: format!("{limit_s} s"),
         });
     }
     let least = MODE_LEAST * mode_sigma;

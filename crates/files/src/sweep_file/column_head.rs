@@ -3,7 +3,7 @@
 use super::quantity::Quantity;
 
 /// Names of the quantities, in the form of [`plain`].
-const NAMES: [(Quantity, &[&str]); 44] = [
+const NAMES: [(Quantity, &[&str]); 45] = [
     (Quantity::Frequency, &["frequency", "freq", "f"]),
     (
         Quantity::Resistance,
@@ -88,6 +88,7 @@ const NAMES: [(Quantity, &[&str]); 44] = [
     (Quantity::NearLoss, &["fitnearlosstangent"]),
     (Quantity::BenchPhase, &["fitbenchphase"]),
     (Quantity::BenchPhaseSigma, &["fitbenchphasesigma"]),
+    (Quantity::BenchFirstGap, &["fitbenchfirstgap"]),
     (Quantity::BenchMode, &["fitbenchmodesigma"]),
     (Quantity::BenchMin, &["fitbenchmin"]),
     (Quantity::BenchMax, &["fitbenchmax"]),
@@ -141,7 +142,7 @@ impl Quantity {
             Self::SeriesInductance | Self::ParallelInductance => prefixed(unit, &["h", "henry"]),
             Self::Phase | Self::AdmittancePhase | Self::ReflectionPhase => among(&ANGLE),
             Self::ReflectionDecibel => (lower == "db").then_some(1.0),
-            Self::Time | Self::Settle | Self::Integration => among(&SECOND),
+            Self::Time | Self::Settle | Self::Integration | Self::BenchFirstGap => among(&SECOND),
             Self::Dissipation
             | Self::Quality
             | Self::ReflectionReal

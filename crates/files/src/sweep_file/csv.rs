@@ -109,6 +109,7 @@ fn fit_settings(rows: &[Row], faults: &mut FaultCollector) -> FitSettings {
         Quantity::NearLoss,
         Quantity::BenchPhase,
         Quantity::BenchPhaseSigma,
+        Quantity::BenchFirstGap,
         Quantity::BenchMode,
         Quantity::BenchMin,
         Quantity::BenchMax,
@@ -125,8 +126,8 @@ fn fit_settings(rows: &[Row], faults: &mut FaultCollector) -> FitSettings {
         }
     }
     let values = numbers.map(|quantity| first.value(quantity));
-    let [min_hz, max_hz, at_ten_cycles, degrees, target_hz, near @ .., _, _, _, _, _] = values;
-    let [.., phase, phase_sigma, mode_sigma, low_hz, high_hz] = values;
+    let [min_hz, max_hz, at_ten_cycles, degrees, target_hz, near @ .., _, _, _, _, _, _] = values;
+    let [.., phase, phase_sigma, first_gap_s, mode_sigma, low_hz, high_hz] = values;
     let window = min_hz.zip(max_hz).map(|(min_hz, max_hz)| Window { min_hz, max_hz });
     if let Some(Window { min_hz, max_hz }) = window.filter(|window| window.max_hz <= window.min_hz)
     {
@@ -148,7 +149,9 @@ fn fit_settings(rows: &[Row], faults: &mut FaultCollector) -> FitSettings {
     let bench = match [phase, phase_sigma, mode_sigma, low_hz, high_hz] {
         [Some(phase_rad), Some(phase_sigma_rad), Some(mode_sigma), Some(min_hz), Some(max_hz)] => {
             let surveyed = Window { min_hz, max_hz };
-            Some(Bench { phase_rad, phase_sigma_rad, mode_sigma, surveyed })
+            // Older files do not have it.
+            let first_gap_s = first_gap_s.unwrap_or(0.0);
+            Some(Bench { phase_rad, phase_sigma_rad, first_gap_s, mode_sigma, surveyed })
         }
         _ => None,
     };

@@ -48,6 +48,7 @@ pub(super) enum Quantity {
     NearLoss,
     BenchPhase,
     BenchPhaseSigma,
+    BenchFirstGap,
     BenchMode,
     BenchMin,
     BenchMax,
@@ -132,6 +133,7 @@ impl Quantity {
             Self::NearLoss => "loss tangent for the weights of the fit",
             Self::BenchPhase => "phase error of the analyzer",
             Self::BenchPhaseSigma => "standard deviation of the phase error of the analyzer",
+            Self::BenchFirstGap => "error of the first gap",
             Self::BenchMode => "standard deviation of a second mode",
             Self::BenchMin => "lower end of the surveyed frequencies",
             Self::BenchMax => "upper end of the surveyed frequencies",
@@ -182,6 +184,7 @@ impl Quantity {
             Self::NearLoss => "fit_near_loss_tangent",
             Self::BenchPhase => "fit_bench_phase_rad",
             Self::BenchPhaseSigma => "fit_bench_phase_sigma_rad",
+            Self::BenchFirstGap => "fit_bench_first_gap_s",
             Self::BenchMode => "fit_bench_mode_sigma",
             Self::BenchMin => "fit_bench_min_hz",
             Self::BenchMax => "fit_bench_max_hz",
@@ -206,6 +209,7 @@ impl Quantity {
                 | Self::NearLoss
                 | Self::BenchPhase
                 | Self::BenchPhaseSigma
+                | Self::BenchFirstGap
                 | Self::BenchMode
                 | Self::BenchMin
                 | Self::BenchMax
@@ -231,6 +235,7 @@ impl Quantity {
             Self::NearLoss => -1e3..=1e3,
             Self::BenchPhase => -1.0..=1.0,
             Self::BenchPhaseSigma => 1e-12..=1.0,
+            Self::BenchFirstGap => -1.0..=1.0,
             Self::BenchMode => 1e-12..=1e6,
             Self::Magnitude | Self::AdmittanceMagnitude => 0.0..=*IMPEDANCE_OHM.end(),
             Self::Phase | Self::AdmittancePhase | Self::ReflectionPhase => -3600.0..=3600.0,

@@ -241,6 +241,10 @@ pub struct BenchSettings {
     pub phase_rad: f64,
     /// Its standard deviation, rad.
     pub phase_sigma_rad: f64,
+    /// By how much the time from the begin of the first reading of a stay to that of the second is longer
+    /// than recorded, s; it varies by as much.
+    #[serde(default)]
+    pub first_gap_s: f64,
     /// Standard deviation of the capacitance of a possible second mode, relative to that of the first.
     pub mode_sigma: f64,
     /// The frequencies at which a second mode would have been noticed, Hz.

@@ -289,7 +289,7 @@ pub(super) const READING: [Column; 7] = [
 ];
 
 /// Whether the fit used a reading, and the settings of the fit.
-pub(super) const FIT: [Column; 18] = [
+pub(super) const FIT: [Column; 19] = [
     flag(
         "is_used",
         "whether the outcome uses the reading; false if it is flagged or only helped to find the \
@@ -329,6 +329,12 @@ pub(super) const FIT: [Column; 18] = [
         "phase error of the analyzer by the survey, which the fit subtracts from each impedance",
     ),
     number("fit_bench_phase_sigma_rad", "rad", "its standard deviation"),
+    number(
+        "fit_bench_first_gap_s",
+        "s",
+        "by how much the time from the begin of the first reading of a stay to that of the second is \
+         longer than recorded, by the survey",
+    ),
     number(
         "fit_bench_mode_sigma",
         "1",

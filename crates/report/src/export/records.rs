@@ -180,7 +180,7 @@ pub(super) fn reading(reading: &ReadingRecord) -> [TableValue<'static>; 7] {
     ]
 }
 
-fn fit(sweep: &Sweep, reading: usize) -> [TableValue<'static>; 18] {
+fn fit(sweep: &Sweep, reading: usize) -> [TableValue<'static>; 19] {
     let fit = sweep.fit;
     let noise = fit.and_then(|fit| fit.noise);
     let near = fit.and_then(|fit| fit.near);
@@ -201,6 +201,7 @@ fn fit(sweep: &Sweep, reading: usize) -> [TableValue<'static>; 18] {
         TableValue::of(near, |near| TableValue::Exact(near.circuit.loss_tangent)),
         TableValue::of(bench, |bench| TableValue::Exact(bench.phase_rad)),
         TableValue::of(bench, |bench| TableValue::Exact(bench.phase_sigma_rad)),
+        TableValue::of(bench, |bench| TableValue::Exact(bench.first_gap_s)),
         TableValue::of(bench, |bench| TableValue::Exact(bench.mode_sigma)),
         TableValue::of(bench, |bench| TableValue::Exact(bench.surveyed_hz[0])),
         TableValue::of(bench, |bench| TableValue::Exact(bench.surveyed_hz[1])),

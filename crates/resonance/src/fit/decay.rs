@@ -50,12 +50,20 @@ pub(crate) struct Known {
     pub(crate) variance: f64,
     /// Standard deviation of the time between two readings of a stay, s.
     pub(crate) gap_sigma_s: f64,
+    /// The same of the time between the first two.
+    pub(crate) first_gap_sigma_s: f64,
 }
 
 impl Known {
     /// Knowledge of an analyzer with this noise, whose times are known to 1 ms.
     pub(crate) const fn with(variance: f64) -> Self {
-        Self { variance, gap_sigma_s: GAP_SIGMA_S }
+        Self { variance, gap_sigma_s: GAP_SIGMA_S, first_gap_sigma_s: GAP_SIGMA_S }
+    }
+
+    /// The same if a survey found this error of the first gap, s. It varies by as much, because not every
+    /// stay begins with the same settings.
+    fn with_first_gap(self, first_gap_s: f64) -> Self {
+        Self { first_gap_sigma_s: self.gap_sigma_s.hypot(first_gap_s), ..self }
     }
 }
 
@@ -173,6 +181,7 @@ impl Stays {
     pub(crate) fn new(known: Known, bench: Option<Bench>, first: &Reading) -> Option<Self> {
         let ohm = complex_ohm(first)?.norm();
         let unit_farad = 1.0 / (TAU * first.frequency_hz * ohm);
+        let known = bench.map_or(known, |bench| known.with_first_gap(bench.first_gap_s));
         let (all, last, work) = (Vec::new(), None, Cell::new(0));
         Some(Self { all, unit_farad, known, bench, excluded: 0, last, work })
     }
@@ -206,6 +215,9 @@ impl Stays {
             Some(stay) if goes_on => {
                 sample.start_s = stay.samples.last().map_or(0.0, |one| one.start_s) + after_s;
                 stay.mend_last(&mut sample);
+                if stay.samples.len() == 1 {
+                    sample.start_s += self.bench.map_or(0.0, |bench| bench.first_gap_s);
+                }
                 stay.samples.push(sample);
             }
             stay => {
@@ -218,6 +230,14 @@ impl Stays {
             }
         }
         !goes_on
+    }
+
+    /// Makes the first gap of every stay longer.
+    fn lengthen_first_gaps(&mut self, by_s: f64) {
+        for sample in self.all.iter_mut().flat_map(|stay| stay.samples.iter_mut().skip(1)) {
+            sample.start_s += by_s;
+        }
+        self.known = self.known.with_first_gap(by_s);
     }
 
     /// Excludes a reading.

@@ -12,7 +12,7 @@ use rig_model::Window;
 use crate::{
     circuit::residual_transient::ResidualTransient,
     circuit::ringup::{Motion, Response, plain},
-    circuit::trace::{CIRCUIT, ExtraTerm, ModelEstimate, Past, Sample, Timing, UNKNOWNS},
+    circuit::trace::{CIRCUIT, ExtraTerm, ModelEstimate, Past, Sample, Timing},
     numeric::dense::Cholesky,
     numeric::descent::Normal,
 };
@@ -212,7 +212,12 @@ impl CircuitPrior {
     }
 
     /// Adds the prior to the normal equations, for this noise variance.
-    pub(crate) fn add_to(self, normal: &mut Normal<UNKNOWNS>, at: &ModelEstimate, variance: f64) {
+    pub(crate) fn add_to<const N: usize>(
+        self,
+        normal: &mut Normal<N>,
+        at: &ModelEstimate,
+        variance: f64,
+    ) {
         let mut add = |i: usize, away: f64, spread: f64| {
             let precision = variance / (spread * spread);
             normal.matrix[i][i] += precision;

@@ -115,11 +115,12 @@ async fn sweep(
 }
 
 /// What a survey says of the bench, for a person.
-fn of_bench(bench: &BenchSettings) -> [(&'static str, String); 2] {
-    let BenchSettings { phase_rad, phase_sigma_rad, mode_sigma, .. } = bench;
+fn of_bench(bench: &BenchSettings) -> [(&'static str, String); 3] {
+    let BenchSettings { phase_rad, phase_sigma_rad, first_gap_s, mode_sigma, .. } = bench;
     let phase = format!("{:.4}° ± {:.4}°", phase_rad.to_degrees(), phase_sigma_rad.to_degrees());
+    let first_gap = format!("{:+.2} ms beside the recorded time", 1e3 * first_gap_s);
     let modes = format!("none, ± {:.2} % of the first", 100.0 * mode_sigma);
-    [("analyzer phase", phase), ("second modes", modes)]
+    [("analyzer phase", phase), ("first gap", first_gap), ("second modes", modes)]
 }
 
 fn show(args: &MeasureArgs, Measurement { sweep, status }: Measurement) -> Result<(), Failure> {

@@ -34,7 +34,7 @@ const STATED: Circuit = Circuit {
 #[test]
 fn the_circuit_behind_steady_readings_is_found_from_a_wrong_start() {
     let readings = steady(141.3, 34.0, 21e-9, 0.09, 0.01);
-    let found = fit(&readings, false, None, (140.9, &STATED, None)).unwrap();
+    let found = fit(&readings, Motion::Settled, None, (140.9, &STATED, None)).unwrap();
     assert!((found.resonance_hz - 141.3).abs() < 2e-3, "{found:?}");
     assert!((found.circuit.quality_factor - 34.0).abs() < 0.05, "{found:?}");
     assert!(found.scatter < 0.2 && found.sigma_hz > 0.0, "{found:?}");
@@ -52,7 +52,7 @@ fn settled_readings_tell_their_noise_alone_where_nothing_is_known_of_it() {
         };
         let exact = steady(141.3, 34.0, 21e-9, 0.09, 0.01);
         let readings: Vec<Reading> = exact.iter().enumerate().map(disturbed).collect();
-        let found = fit(&readings, false, None, (141.3, &STATED, None)).unwrap();
+        let found = fit(&readings, Motion::Settled, None, (141.3, &STATED, None)).unwrap();
         // Half a linewidth times the noise, over the root of some readings near the resonance.
         let expected_hz = 141.3 / 34.0 * noise / 4.0;
         assert!((0.2..5.0).contains(&(found.sigma_hz / expected_hz)), "{noise}: {found:?}");
@@ -116,13 +116,16 @@ fn what_is_beside_the_circuit_is_fitted_with_it_and_a_wrong_statement_of_it_show
     for [extra, other] in extras() {
         let readings = steady(resonance_hz, q, c0, 0.09, 0.01);
         let readings = with_extra(&readings, resonance_hz, c0, extra);
-        let plain = fit(&readings, false, None, (resonance_hz, &stated, None)).unwrap();
-        let found = fit(&readings, false, None, (resonance_hz, &stated, Some(&extra))).unwrap();
+        let plain = fit(&readings, Motion::Settled, None, (resonance_hz, &stated, None)).unwrap();
+        let found =
+            fit(&readings, Motion::Settled, None, (resonance_hz, &stated, Some(&extra))).unwrap();
         let context = format!("{extra:?}: {found:?}; without: {plain:?}");
         assert!((found.resonance_hz - resonance_hz).abs() < 5e-3, "{context}");
         assert!(found.beside_sigmas < 2.0 && found.scatter < 0.2, "{context}");
         assert!(plain.scatter > 4.0 * found.scatter, "{context}");
-        if let Some(found) = fit(&readings, false, None, (resonance_hz, &stated, Some(&other))) {
+        if let Some(found) =
+            fit(&readings, Motion::Settled, None, (resonance_hz, &stated, Some(&other)))
+        {
             assert!(found.beside_sigmas > 5.0, "{other:?}: {found:?}");
         }
     }
@@ -134,9 +137,9 @@ fn slopes_by_what_is_beside_the_circuit_agree_with_differences() {
         steady(141.3, 34.0, 21e-9, 0.09, 0.01).iter().step_by(5).copied().collect();
     for [extra, _] in extras() {
         let (kind, beside) = Beside::of(&extra, &STATED, 20e-9);
-        let stays = stays(&readings, 20e-9);
+        let stays = stays(&readings, 20e-9, 0.0);
         let count = stays.len();
-        let trace = Trace { stays, is_ringing: false, beside: Some(kind) };
+        let trace = Trace { stays, is_ringing: false, first_gap_s: 0.0, beside: Some(kind) };
         let at = Unknowns {
             circuit: [141.0_f64.ln(), 30.0_f64.ln(), 1.0, 0.1, 0.02],
             beside,
@@ -172,7 +175,8 @@ fn slopes_agree_with_differences() {
         let first = two[0];
         two.insert(k, Reading { settle_s: first.settle_s + after_s, ..first });
     }
-    let trace = Trace { stays: stays(&two, 20e-9), is_ringing: true, beside: None };
+    let trace =
+        Trace { stays: stays(&two, 20e-9, 0.0), is_ringing: true, first_gap_s: 0.0, beside: None };
     let at = Unknowns {
         circuit: [141.0_f64.ln(), 30.0_f64.ln(), 1.0, 0.1, 0.02],
         beside: [0.0; BESIDE],
@@ -208,10 +212,10 @@ fn slopes_agree_with_differences() {
 
 #[test]
 fn no_fit_is_made_of_nothing() {
-    assert!(fit(&[], true, None, (140.0, &STATED, None)).is_none());
+    assert!(fit(&[], Motion::RINGING, None, (140.0, &STATED, None)).is_none());
     let one = steady(141.3, 34.0, 21e-9, 0.09, 0.01)[0];
     // What is known beforehand decides then; it must not be called precise.
-    if let Some(found) = fit(&[one], true, None, (140.0, &STATED, None)) {
+    if let Some(found) = fit(&[one], Motion::RINGING, None, (140.0, &STATED, None)) {
         assert!(found.sigma_hz > 1.0, "{found:?}");
     }
 }
@@ -228,7 +232,7 @@ fn a_second_mode_shifts_a_resonance_by_no_more_than_its_widened_deviation() {
             let z = (impedance(reading).inv() + Complex64::new(0.0, omega * c0) * branch).inv();
             (reading.resistance_ohm, reading.reactance_ohm) = (Some(z.re), Some(z.im));
         }
-        let found = fit(&readings, true, None, (resonance_hz, &STATED, None)).unwrap();
+        let found = fit(&readings, Motion::RINGING, None, (resonance_hz, &STATED, None)).unwrap();
         let error_hz = (found.resonance_hz - resonance_hz).abs();
         let context = format!("{share} at {place}: {error_hz} {found:?}");
         assert!(found.sigma_hz < found.with_mode_hz, "{context}");
@@ -244,7 +248,7 @@ fn a_resonance_that_moves_evenly_has_the_value_of_the_fit_at_the_effective_time(
         let moving = |k: usize| steady(at(k as f64 + 0.57), 34.0, 21e-9, 0.09, 0.01)[k];
         // A part of the sweep, so that the resonance is not passed in its middle.
         let readings: Vec<Reading> = (0..15).map(moving).collect();
-        let found = fit(&readings, true, None, (at(11.0), &STATED, None)).unwrap();
+        let found = fit(&readings, Motion::RINGING, None, (at(11.0), &STATED, None)).unwrap();
         let time_s = found.effective_time_s.unwrap();
         let error_hz = (found.resonance_hz - at(time_s)).abs();
         let by_drift_hz = (drift_hz_per_s * 14.0).abs();

@@ -62,8 +62,9 @@ pub(super) struct Stay {
     pub(super) samples: Vec<Sample>,
 }
 
-/// The readings of each stay. A reading that would end after the next has begun was reported late.
-pub(super) fn stays(readings: &[Reading], unit: f64) -> Vec<Stay> {
+/// The readings of each stay. A reading that would end after the next has begun was reported late. The
+/// first gap of every stay is longer than recorded by `first_gap_s`.
+pub(super) fn stays(readings: &[Reading], unit: f64, first_gap_s: f64) -> Vec<Stay> {
     let mut stays: Vec<Stay> = Vec::new();
     let mut before: Option<&Reading> = None;
     let middle_s = |reading: &Reading| reading.begin_s() + 0.5 * reading.integration_s;
@@ -101,6 +102,9 @@ pub(super) fn stays(readings: &[Reading], unit: f64) -> Vec<Stay> {
             } else {
                 stay.samples[count - 1].start_s -= late_s;
             }
+        }
+        if count == 1 {
+            sample.start_s += first_gap_s;
         }
         stay.samples.push(sample);
     }
@@ -147,6 +151,8 @@ pub(super) struct Weights {
 pub(super) struct Trace {
     pub(super) stays: Vec<Stay>,
     pub(super) is_ringing: bool,
+    /// By how much the first gap of every stay is longer than recorded, s. It varies by as much.
+    pub(super) first_gap_s: f64,
     /// What is beside the circuit; only without a free decay.
     pub(super) beside: Option<Beside>,
 }
@@ -277,12 +283,17 @@ impl Trace {
     /// When each reading of a stay began, s after the first.
     fn times(&self, at: &Unknowns, stay: usize) -> Vec<f64> {
         let mut late = 0.0;
-        let steps = [0.0].into_iter().chain(at.steps[stay].iter().copied());
-        let time = |(sample, step): (&Sample, f64)| {
-            late += step * GAP_SIGMA_S;
+        let steps = at.steps[stay].iter().enumerate().map(|(i, step)| step * self.gap_sigma_s(i));
+        let time = |(sample, step_s): (&Sample, f64)| {
+            late += step_s;
             sample.start_s + late
         };
-        self.stays[stay].samples.iter().zip(steps).map(time).collect()
+        self.stays[stay].samples.iter().zip([0.0].into_iter().chain(steps)).map(time).collect()
+    }
+
+    /// Standard deviation of a gap of a stay, s.
+    fn gap_sigma_s(&self, gap: usize) -> f64 {
+        if gap == 0 { GAP_SIGMA_S.hypot(self.first_gap_s) } else { GAP_SIGMA_S }
     }
 
     /// The largest variance of the logarithm of the resonance if a second mode of any size is at one of
@@ -426,8 +437,10 @@ impl Trace {
             if self.is_ringing {
                 local[0] = slope * mean * size;
                 local[1] = local[0] * Complex64::I;
-                let late = slope * amplitude * lambda * mean * GAP_SIGMA_S;
-                local[2..2 + i].fill(late);
+                let in_time = slope * amplitude * lambda * mean;
+                for (gap, late) in local[2..2 + i].iter_mut().enumerate() {
+                    *late = in_time * self.gap_sigma_s(gap);
+                }
             }
             let re: Vec<f64> = local.iter().map(|x| x.re).collect();
             let im: Vec<f64> = local.iter().map(|x| x.im).collect();

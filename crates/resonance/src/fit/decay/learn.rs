@@ -1,13 +1,17 @@
 //! What many readings of the free sensor say of the bench: the phase error of the analyzer, and second
 //! modes.
+//!
+//! An analyzer may need more time for a reading that comes with its settings than for one without. The
+//! host does not see it, and all stays have the same error of the time from their first reading to the
+//! others. Fitted as one more unknown, it does not look like a second mode.
 
 use num_complex::Complex64;
 use rig_model::{Reading, Window};
 
-use super::{Hypothesis, Known, Stays, judge, model::Branch, search::allowed};
+use super::{Hypothesis, Known, Stays, judge, model::Branch, search::allowed, stay::WITH_BENCH};
 use crate::{
     Bench, FitOptions, Reason,
-    circuit::trace::{CIRCUIT, UNKNOWNS},
+    circuit::trace::CIRCUIT,
     diagnose::doubts::POINTS_MIN,
     fit::grid::CircuitPrior,
     noise::{NOISE, PooledVariance},
@@ -18,10 +22,14 @@ use crate::{
 /// Indices of the unknowns after the circuit.
 const MODE: usize = CIRCUIT;
 const PHASE: usize = CIRCUIT + 1;
+const FIRST_GAP: usize = CIRCUIT + 2;
 /// The circuit is fitted anew at most this many times for the phase error found.
 const ROUNDS: usize = 8;
-/// A phase error within this many of its standard deviations of the last one is that one.
+/// A disturbance within this many of its standard deviations of the last one is that one.
 const SAME_SIGMAS: f64 = 0.1;
+/// Standard deviation of the error of the first gap before it is measured, and largest error, s.
+const FIRST_GAP_SIGMA_S: f64 = 3e-3;
+const FIRST_GAP_MAX_S: f64 = 20e-3;
 /// Largest phase error of an analyzer, rad.
 const PHASE_MAX: f64 = 0.1;
 /// Smallest standard deviation of the phase error, rad: it changes with time and range.
@@ -45,22 +53,30 @@ pub(crate) fn learn(readings: &[Reading], options: &FitOptions) -> Result<Bench,
     let found = readings.iter().filter(|reading| reading.impedance().is_some()).count();
     let few = Reason::TooFewPoints { found, needed: POINTS_MIN };
     let window = options.window.ok_or(few)?;
-    let mut phase_rad = 0.0;
-    for _ in 0..ROUNDS {
-        // Readings that seemed wrong with another phase may be right.
+    let (mut phase_rad, mut first_gap_s) = (0.0, 0.0);
+    for round in 1..=ROUNDS {
+        // Readings that seemed wrong with another phase or other times may be right.
         let known = Known::with(noise.variance());
         let mut stays = Stays::of(known, None, readings).ok_or(few)?;
         stays.turn(-phase_rad);
+        stays.lengthen_first_gaps(first_gap_s);
         let found = judge::best(&mut stays, window, noise, options);
         let (best, expected) = found.ok_or(Reason::NotConverged)?;
-        let normal = normal(&stays, &best, &expected, None);
-        let (step_rad, sigma_rad, saved) = phase(&normal).ok_or(Reason::NotConverged)?;
-        if step_rad.abs() < SAME_SIGMAS * sigma_rad {
-            let (mode_sigma, surveyed) = modes(&stays, &best, &expected, window)?;
-            let phase_sigma_rad = sigma_rad.max(PHASE_SIGMA_MIN);
-            return Ok(Bench { phase_rad, phase_sigma_rad, mode_sigma, surveyed });
+        let normal = normal(&stays, &best, &expected, first_gap_s, None);
+        let Analyzer { phase, first_gap, saved } =
+            Analyzer::of(&normal).ok_or(Reason::NotConverged)?;
+        let is_same = phase.is_same() && first_gap.is_same();
+        if is_same || round == ROUNDS {
+            // A second mode may be what keeps them from converging.
+            let (mode_sigma, surveyed) = modes(&stays, &best, &expected, first_gap_s, window)?;
+            if !is_same {
+                return Err(Reason::NotConverged);
+            }
+            let phase_sigma_rad = phase.sigma.max(PHASE_SIGMA_MIN);
+            return Ok(Bench { phase_rad, phase_sigma_rad, first_gap_s, mode_sigma, surveyed });
         }
-        phase_rad += step_rad;
+        phase_rad += phase.step;
+        first_gap_s = (first_gap_s + first_gap.step).clamp(-FIRST_GAP_MAX_S, FIRST_GAP_MAX_S);
         if phase_rad.abs() > PHASE_MAX {
             // Readings that no circuit describes say nothing of a phase.
             let degrees = stays.degrees();
@@ -77,19 +93,43 @@ pub(crate) fn learn(readings: &[Reading], options: &FitOptions) -> Result<Bench,
     Err(Reason::NotConverged)
 }
 
-/// The phase error that remains and its standard deviation, rad, and the cost that it saves; without a
-/// second mode.
-fn phase(normal: &Normal<UNKNOWNS>) -> Option<(f64, f64, f64)> {
-    let mut normal = *normal;
-    for i in 0..UNKNOWNS {
-        (normal.matrix[MODE][i], normal.matrix[i][MODE]) = (0.0, 0.0);
+/// What remains of the errors of the analyzer, and the cost that they save; without a second mode.
+struct Analyzer {
+    /// rad
+    phase: Remainder,
+    /// s
+    first_gap: Remainder,
+    saved: f64,
+}
+
+/// A change of an unknown, and its standard deviation.
+struct Remainder {
+    step: f64,
+    sigma: f64,
+}
+
+impl Analyzer {
+    fn of(normal: &Normal<WITH_BENCH>) -> Option<Self> {
+        let mut normal = *normal;
+        for i in 0..WITH_BENCH {
+            (normal.matrix[MODE][i], normal.matrix[i][MODE]) = (0.0, 0.0);
+        }
+        (normal.matrix[MODE][MODE], normal.gradient[MODE]) = (1.0, 0.0);
+        let factor = Cholesky::new(&normal.matrix, WITH_BENCH, 0.0)?;
+        let (inverse, step) = (factor.inverse(), factor.solve(&normal.gradient));
+        let saved = step.iter().zip(&normal.gradient).map(|(a, b)| a * b).sum();
+        let of = |unknown: usize| Remainder {
+            step: -step[unknown],
+            sigma: inverse[unknown][unknown].sqrt(),
+        };
+        Some(Self { phase: of(PHASE), first_gap: of(FIRST_GAP), saved })
     }
-    (normal.matrix[MODE][MODE], normal.gradient[MODE]) = (1.0, 0.0);
-    let factor = Cholesky::new(&normal.matrix, UNKNOWNS, 0.0)?;
-    let variance = factor.inverse()[PHASE][PHASE];
-    let step = factor.solve(&normal.gradient);
-    let saved = step.iter().zip(&normal.gradient).map(|(a, b)| a * b).sum();
-    Some((-step[PHASE], variance.sqrt(), saved))
+}
+
+impl Remainder {
+    fn is_same(&self) -> bool {
+        self.step.abs() < SAME_SIGMAS * self.sigma
+    }
 }
 
 /// Standard deviation of a possible second mode relative to the first, the largest of all places, and
@@ -98,6 +138,7 @@ fn modes(
     stays: &Stays,
     best: &Hypothesis,
     expected: &CircuitPrior,
+    first_gap_s: f64,
     window: Window,
 ) -> Result<(f64, Window), Reason> {
     let (at_hz, width_hz) = (best.at.resonance_hz, best.linewidth_hz());
@@ -114,8 +155,8 @@ fn modes(
         if away < NEAREST {
             continue;
         }
-        let normal = normal(stays, best, expected, Some(near_hz));
-        let Some(factor) = Cholesky::new(&normal.matrix, UNKNOWNS, 0.0) else { continue };
+        let normal = normal(stays, best, expected, first_gap_s, Some(near_hz));
+        let Some(factor) = Cholesky::new(&normal.matrix, WITH_BENCH, 0.0) else { continue };
         let size = -factor.solve(&normal.gradient)[MODE];
         let variance = factor.inverse()[MODE][MODE];
         if size > 0.0 && size * size > MODE_GAIN * variance {
@@ -128,13 +169,15 @@ fn modes(
     Ok((mode_sigma, surveyed))
 }
 
-/// The normal equations of the circuit, a second mode at this frequency, the phase error and a drift.
+/// The normal equations of the circuit, a second mode at this frequency, the phase error, the error of
+/// the first gap, of which `first_gap_s` is in the stays already, and a drift.
 fn normal(
     stays: &Stays,
     best: &Hypothesis,
     expected: &CircuitPrior,
+    first_gap_s: f64,
     mode_hz: Option<f64>,
-) -> Normal<UNKNOWNS> {
+) -> Normal<WITH_BENCH> {
     let at = best.at;
     let mode_hz = mode_hz.unwrap_or(at.resonance_hz);
     let ends_s = stays.all.iter().skip(1).map(|next| next.since_s).chain([0.0]);
@@ -155,5 +198,8 @@ fn normal(
         before = Some((model.motion(&at, state.amplitude(), end_s), mode.motion(end_s)));
     }
     expected.add_to(&mut sum, &at, 1.0);
+    let precision = FIRST_GAP_SIGMA_S.powi(-2);
+    sum.matrix[FIRST_GAP][FIRST_GAP] += precision;
+    sum.gradient[FIRST_GAP] += precision * first_gap_s;
     sum
 }

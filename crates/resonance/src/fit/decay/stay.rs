@@ -20,8 +20,11 @@ const TIME: usize = CIRCUIT + 2;
 const ALONE: usize = CIRCUIT + 3;
 const WITH_ONE: usize = ALONE + 1;
 const WITH_ALL: usize = ALONE + PLACES;
-/// The same with a second mode, a phase error and a drift.
-const WITH_BENCH: usize = ALONE + UNKNOWNS - CIRCUIT;
+/// Number of the unknowns that a survey adds to the circuit: a second mode, a phase error, an error of
+/// the first gap and a drift.
+pub(super) const WITH_BENCH: usize = CIRCUIT + 4;
+/// Number of unknowns with them.
+const ALONE_WITH_BENCH: usize = ALONE + WITH_BENCH - CIRCUIT;
 /// Variance of each part of the amplitude relative to its mean square: half for a random phase,
 /// increased by half for the uncertainty of the circuit.
 pub(super) const AMPLITUDE_SHARE: f64 = 0.75;
@@ -172,7 +175,7 @@ impl Model {
             for row in &mut state.rows {
                 row.residual -= step * row.by_amplitude;
             }
-            let moved_s = shift(&mut state.late_s, &state.rows, known.gap_sigma_s);
+            let moved_s = shift(&mut state.late_s, &state.rows, known);
             let is_still = saved < SAVED && moved_s * self.rate.norm() < TURNED;
             if round == ROUNDS || is_still {
                 let freedom = (determinant(&normal) * state.prior * state.prior).ln();
@@ -207,22 +210,23 @@ impl Model {
     }
 
     /// The normal equations with further unknowns after the circuit: a second mode, the phase error of
-    /// the analyzer, and a drift of the logarithm of the resonance that has this size in this stay.
+    /// the analyzer, the error of the first gap, and a drift of the logarithm of the resonance that has
+    /// this size in this stay.
     pub(super) fn normal_for_bench(
         &self,
         stay: &Stay,
         known: &Known,
         state: &State,
         (mode, drift): (&Branch, f64),
-    ) -> Normal<UNKNOWNS> {
-        let mut sums = Sums::<WITH_BENCH>::new(state.amplitude, state.prior, state.square);
+    ) -> Normal<WITH_BENCH> {
+        let mut sums = Sums::<ALONE_WITH_BENCH>::new(state.amplitude, state.prior, state.square);
         let mut last = None;
         for (sample, &late_s) in stay.samples.iter().zip(&state.late_s) {
             let start_s = sample.start_s + late_s;
             let decayed = self.decayed(start_s, sample.integration_s, &mut last);
             let mean = Column::Admittance(mode.mean(start_s, sample.integration_s));
             sums.wait_until(late_s, known);
-            let columns = [mean, Column::Phase, Column::Drift(drift)].into_iter();
+            let columns = [mean, Column::Phase, Column::FirstGap, Column::Drift(drift)].into_iter();
             sums.add(self, sample, state.amplitude, &decayed, known, columns);
         }
         eliminated(&sums.without_time())
@@ -328,6 +332,8 @@ enum Column {
     Admittance(Complex64),
     /// A phase error of the analyzer turns the whole admittance.
     Phase,
+    /// An error of the first gap delays all readings of a stay but the first.
+    FirstGap,
     /// This multiple of a change of the logarithm of the resonance.
     Drift(f64),
 }
@@ -358,7 +364,7 @@ impl<const N: usize> Sums<N> {
     fn wait_until(&mut self, late_s: f64, known: &Known) {
         // The time axis starts with the first reading.
         if let Some(before_s) = self.late_s.replace(late_s) {
-            self.wait(late_s - before_s, known.gap_sigma_s);
+            self.wait(late_s - before_s, known);
         }
     }
 
@@ -389,11 +395,12 @@ impl<const N: usize> Sums<N> {
         if has_waited {
             columns[TIME] = amplitude * model.rate * e;
         }
-        let by_resonance = columns[0];
+        let (by_resonance, in_time) = (columns[0], columns[TIME]);
         for (column, disturbance) in columns.iter_mut().skip(ALONE).zip(disturbances) {
             *column = match disturbance {
                 Column::Admittance(of_mode) => of_mode,
                 Column::Phase => -Complex64::I * admittance,
+                Column::FirstGap => in_time,
                 Column::Drift(part) => part * by_resonance,
             };
         }
@@ -407,16 +414,17 @@ impl<const N: usize> Sums<N> {
 
     /// Adds a gap of uncertain length: the timing error takes another random step, of which `taken_s`
     /// is already included.
-    fn wait(&mut self, taken_s: f64, sigma_s: f64) {
+    fn wait(&mut self, taken_s: f64, times: &Known) {
         let Normal { matrix, gradient, cost } = &mut self.normal;
-        let square = sigma_s * sigma_s;
         let known = matrix[TIME][TIME];
         if known == 0.0 {
+            let square = times.first_gap_sigma_s * times.first_gap_sigma_s;
             matrix[TIME][TIME] = 1.0 / square;
             gradient[TIME] = taken_s / square;
             *cost += taken_s * taken_s / square;
             return;
         }
+        let square = times.gap_sigma_s * times.gap_sigma_s;
         *cost += taken_s * (2.0 * gradient[TIME] + known * taken_s);
         for (element, by_time) in gradient.iter_mut().zip(&matrix[TIME]) {
             *element += by_time * taken_s;
@@ -458,8 +466,8 @@ impl<const N: usize> Sums<N> {
 
 /// Moves the times of the readings to their most likely values for these amplitudes. The steps between
 /// them are independent, which gives a tridiagonal system. Returns the largest shift, s.
-fn shift(late_s: &mut [f64], rows: &[Row], sigma_s: f64) -> f64 {
-    let precision = 1.0 / (sigma_s * sigma_s);
+fn shift(late_s: &mut [f64], rows: &[Row], times: &Known) -> f64 {
+    let precision = times.gap_sigma_s.powi(-2);
     let count = rows.len();
     let (mut upper, mut right) = (vec![0.0; count], vec![0.0; count]);
     // Forward elimination; the first reading stays fixed.
@@ -467,11 +475,11 @@ fn shift(late_s: &mut [f64], rows: &[Row], sigma_s: f64) -> f64 {
         let row = &rows[i];
         let known = row.weight * row.in_time.norm_sqr();
         let pull = row.weight * (row.in_time.conj() * row.residual).re;
-        let neighbours = if i + 1 < count { 2.0 } else { 1.0 };
-        let diagonal = known + neighbours * precision;
-        let pivot = diagonal - precision * upper[i - 1];
-        upper[i] = precision / pivot;
-        right[i] = (known * late_s[i] - pull + precision * right[i - 1]) / pivot;
+        let before = if i == 1 { times.first_gap_sigma_s.powi(-2) } else { precision };
+        let after = if i + 1 < count { precision } else { 0.0 };
+        let pivot = known + before + after - before * upper[i - 1];
+        upper[i] = after / pivot;
+        right[i] = (known * late_s[i] - pull + before * right[i - 1]) / pivot;
     }
     let (mut next, mut moved_s) = (0.0, 0.0_f64);
     for i in (1..count).rev() {

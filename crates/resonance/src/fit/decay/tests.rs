@@ -5,7 +5,7 @@ use crate::circuit::trace::ExtraTerm;
 
 /// Stays of a circuit whose readings are slightly late and slightly wrong.
 fn stays(at: &ModelEstimate) -> Stays {
-    let known = Known { variance: 2.5e-5, gap_sigma_s: 0.58e-3 };
+    let known = Known::with(2.5e-5).with_first_gap(1e-3);
     let (all, last, work) = (Vec::new(), None, Cell::new(0));
     let mut stays = Stays { all, unit_farad: 1.0, known, bench: None, excluded: 0, last, work };
     let mut amplitude = Amplitude::new(at);

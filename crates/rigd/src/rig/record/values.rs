@@ -96,6 +96,7 @@ pub(super) fn fit_settings(outcome: &FinishedSweep) -> Option<store::FitSettings
         bench: options.bench.map(|bench| store::BenchSettings {
             phase_rad: bench.phase_rad,
             phase_sigma_rad: bench.phase_sigma_rad,
+            first_gap_s: bench.first_gap_s,
             mode_sigma: bench.mode_sigma,
             surveyed_hz: [bench.surveyed.min_hz, bench.surveyed.max_hz],
         }),
