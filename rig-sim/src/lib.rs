@@ -9,6 +9,7 @@ pub mod control;
 mod device;
 pub mod faults;
 pub mod modbus;
+pub mod person;
 pub mod plant;
 mod rig;
 pub mod scene;

@@ -92,6 +92,7 @@ impl Rig {
     /// [`SceneError`].
     pub fn new(scene: Scene, wiring: &Wiring, seed: u64) -> Result<Self, SceneError> {
         let per_command = Duration::from_secs_f64(scene.nuisances.analyzer_command_s);
+        let [linear, rotary] = [scene.linear.assembly, scene.rotary.assembly];
         let world = World::new(scene, seed)?;
         let analyzer: Box<dyn Analyzer> = match wiring.analyzer {
             AnalyzerMake::HiokiIm3536 => Box::new(Meter::<Hioki>::new(per_command)),
@@ -101,8 +102,10 @@ impl Rig {
             AnalyzerMake::KeysightE4990a => Box::new(Meter::<E4990a>::new(per_command)),
         };
         let drive = |axis, wiring: AxisWiring| (wiring.unit_id, Drive::new(axis, wiring, &world));
-        let units =
-            vec![drive(AxisId::Linear, wiring.linear), drive(AxisId::Rotary, wiring.rotary)];
+        let units = vec![
+            drive(AxisId::Linear, linear.of(wiring.linear)),
+            drive(AxisId::Rotary, rotary.of(wiring.rotary)),
+        ];
         let bus = Bus::new(TURNAROUND, units);
         let faults = FaultSchedule::new(Stream::new(seed, FAULT_STREAM));
         let echoes = wiring.analyzer == AnalyzerMake::TonghuiTh283x;

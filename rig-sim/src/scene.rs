@@ -1,5 +1,7 @@
 //! Scene files. The comments in `config/scenes/paper.toml` are the manual of their keys; those of adhesion and
-//! thickness are in `matched.toml`.
+//! thickness are in `matched.toml`, those of a bench that is not as its rig file describes it in `new-bench.toml`.
+
+use std::ops::RangeInclusive;
 
 use rig_contact::{Friction, SensorDesign, Specimen};
 use rig_files::{
@@ -11,7 +13,8 @@ use rig_files::{
 use rig_model::Orientation;
 
 use crate::world::{
-    Drift, Mechanics, Nuisances, Relaxation, Sample, Scene, SensorScene, TrueGeometry,
+    Assembly, Drift, Mechanics, Nuisances, PersonScene, Relaxation, Sample, Scene, SensorScene,
+    TrueGeometry,
 };
 
 /// Largest whole number of TOML.
@@ -80,14 +83,15 @@ fn scene(table: &mut Table<'_>) -> Scene {
         samples,
         place: table.section("place", place).required().value,
         linear: table
-            .section("linear", |table| mechanics(table, "start_mm", "travel_mm"))
+            .section("linear", |table| mechanics(table, ["start_mm", "travel_mm", "zero_mm"]))
             .required()
             .value,
         rotary: table
-            .section("rotary", |table| mechanics(table, "start_deg", "travel_deg"))
+            .section("rotary", |table| mechanics(table, ["start_deg", "travel_deg", "zero_deg"]))
             .required()
             .value,
         nuisances: table.section("nuisances", nuisances).or(Nuisances::NONE).value,
+        person: table.section("person", person).or(PersonScene::RELIABLE).value,
     }
 }
 
@@ -161,7 +165,14 @@ fn place(table: &mut Table<'_>) -> TrueGeometry {
     }
 }
 
-fn mechanics(table: &mut Table<'_>, start: &'static str, travel: &'static str) -> Mechanics {
+/// Reads a stage by its keys for the initial position, the limit switches and the zero.
+fn mechanics(table: &mut Table<'_>, [start, travel, zero]: [&'static str; 3]) -> Mechanics {
+    let none = Assembly::AS_DESCRIBED;
+    let assembly = Assembly {
+        is_reversed: table.flag("reversed").or(none.is_reversed).value,
+        scale_rel: table.number("scale_rel").range(SCALE_REL).or(none.scale_rel).value,
+        zero: table.number(zero).or(none.zero).value,
+    };
     let start = table.number(start).required();
     let travel = table.number(travel).interval().required();
     if let (Some(place), Some((min, max))) = (start.sound(), travel.sound())
@@ -169,7 +180,21 @@ fn mechanics(table: &mut Table<'_>, start: &'static str, travel: &'static str) -
     {
         table.refuse(&start, &StartBeyondTravel { start, travel });
     }
-    Mechanics { start: start.value, travel: travel.value }
+    Mechanics { start: start.value, travel: travel.value, assembly }
+}
+
+/// Relative difference of a step: from a twentieth of the described one to twenty times that.
+const SCALE_REL: RangeInclusive<f64> = -0.95..=19.0;
+
+fn person(table: &mut Table<'_>) -> PersonScene {
+    let reliable = PersonScene::RELIABLE;
+    PersonScene {
+        wrong_answers: table
+            .number("wrong_answers")
+            .range(0.0..=1.0)
+            .or(reliable.wrong_answers)
+            .value,
+    }
 }
 
 fn nuisances(table: &mut Table<'_>) -> Nuisances {
@@ -328,6 +353,25 @@ mod tests {
         let faults = read("s.toml", &compressible).unwrap_err().to_string();
         assert!(faults.contains("thickness_mm needs poisson = 0.5, found 0.45"), "{faults}");
         check("adhesion_j_per_m2 = 0", "adhesion_j_per_m2 = -1", "adhesion_j_per_m2 = -1");
+    }
+
+    #[test]
+    fn a_bench_may_differ_from_its_rig_file() {
+        let text = include_str!("../../config/scenes/new-bench.toml");
+        let scene = read("s.toml", text).unwrap();
+        let described = Assembly::AS_DESCRIBED;
+        assert_eq!(scene.linear.assembly, Assembly { scale_rel: 0.02, ..described });
+        let turned = Assembly { is_reversed: true, zero: 0.8, ..described };
+        assert_eq!(scene.rotary.assembly, turned);
+        assert_eq!(scene.person, PersonScene { wrong_answers: 0.1 });
+        assert!(crate::world::World::new(scene, 1).is_ok());
+        // Without the keys it is as described, and its person is reliable.
+        let bench = matched();
+        assert_eq!([bench.linear.assembly, bench.rotary.assembly], [described; 2]);
+        assert_eq!(bench.person, PersonScene::RELIABLE);
+        let misread = text.replacen("wrong_answers = 0.1", "wrong_answers = 1.5", 1);
+        let faults = read("s.toml", &misread).unwrap_err().to_string();
+        assert!(faults.contains("wrong_answers = 1.5"), "{faults}");
     }
 
     #[test]

@@ -17,6 +17,7 @@ use tokio::{
 };
 
 use crate::{
+    person::Person,
     rig::{Connection, Rig},
     wiring::{PortId, Wiring},
     world::{NoSuchSample, Scene, SceneError, Truth, Violation},
@@ -51,6 +52,11 @@ impl SimHandle {
     /// The technician at the bench.
     pub fn technician(&self) -> Technician {
         Technician(self.clone())
+    }
+
+    /// The person who says what is to be seen at the bench. The answers of one seed are always the same.
+    pub fn person(&self, seed: u64) -> Person {
+        Person::new(self.clone(), seed)
     }
 
     fn now(&self) -> RigTime {

@@ -35,13 +35,14 @@ fn is_read(kind: &str, text: &str) -> bool {
     }
 }
 
-const FILES: [(&str, &str); 7] = [
+const FILES: [(&str, &str); 8] = [
     ("protocol", "protocols/smoke.toml"),
     ("protocol", "protocols/three-direction.toml"),
     ("rig", "rigs/simulated.toml"),
     ("rig", "rigs/bench.toml"),
     ("scene", "scenes/paper.toml"),
     ("scene", "scenes/matched.toml"),
+    ("scene", "scenes/new-bench.toml"),
     ("service", "service/service.toml"),
 ];
 

@@ -26,7 +26,7 @@ use rig_model::{
 pub use self::{
     motion::Profile,
     nuisance::{Drift, Nuisances},
-    scene::{AxisId, Mechanics, NoSuchSample, Sample, Scene, SceneError},
+    scene::{Assembly, AxisId, Mechanics, NoSuchSample, PersonScene, Sample, Scene, SceneError},
     sensor::{Relaxation, SensorScene},
     stage::{Drivetrain, Stage},
     true_geometry::TrueGeometry,
@@ -137,7 +137,7 @@ impl World {
         }
         let mut sensor = SensorModel::new(scene.sensor, stiffest_mpa, deepest_mm)?;
         for (axis, mechanics) in [(AxisId::Linear, scene.linear), (AxisId::Rotary, scene.rotary)] {
-            let Mechanics { start, travel: (min, max) } = mechanics;
+            let Mechanics { start, travel: (min, max), .. } = mechanics;
             if !(min..=max).contains(&start) {
                 return Err(SceneError::Start { axis, start, min, max });
             }
@@ -244,6 +244,13 @@ impl World {
         const BY_HAND: Profile = Profile { speed: 20.0, acceleration: 50.0, deceleration: 50.0 };
         let (_, top) = self.travel(AxisId::Linear);
         self.drive(now, AxisId::Linear).start(now, top, &BY_HAND);
+    }
+
+    /// A person presses the emergency stop, which takes the power from both motors, or releases it.
+    pub(crate) fn press_stop(&mut self, now: RigTime, is_pressed: bool) {
+        for axis in [AxisId::Linear, AxisId::Rotary] {
+            self.drive(now, axis).set_jammed(now, is_pressed);
+        }
     }
 
     /// A person turns the sensor about its own axis.

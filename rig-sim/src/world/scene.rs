@@ -6,7 +6,7 @@ use rig_contact::{SensorError, SpecimenError, TissueError};
 use rig_model::Orientation;
 
 use super::{nuisance::Nuisances, sensor::SensorScene, true_geometry::TrueGeometry};
-use crate::plant::NotRinging;
+use crate::{plant::NotRinging, wiring::AxisWiring};
 
 /// Everything that a world is made of.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,6 +29,8 @@ pub struct Scene {
     pub orientation: Orientation,
     /// Drift, noise, backlash and scatter of the bench.
     pub nuisances: Nuisances,
+    /// The person at the bench.
+    pub person: PersonScene,
 }
 
 /// The mechanics of a stage, in the unit of its axis.
@@ -38,6 +40,46 @@ pub struct Mechanics {
     pub start: f64,
     /// Positions of its limit switches: the lower and the upper one.
     pub travel: (f64, f64),
+    /// In what it differs from the rig file.
+    pub assembly: Assembly,
+}
+
+/// How a stage and its drive differ from what the rig file says of them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Assembly {
+    /// The motor turns the other way.
+    pub is_reversed: bool,
+    /// Relative difference of the way for one step of the drive.
+    pub scale_rel: f64,
+    /// Position of the stage where the drive and the rig file say zero, in the unit of its axis.
+    pub zero: f64,
+}
+
+impl Assembly {
+    /// As the rig file says.
+    pub const AS_DESCRIBED: Self = Self { is_reversed: false, scale_rel: 0.0, zero: 0.0 };
+
+    /// The wiring of a drive in truth, where `described` is that of the rig file.
+    pub(crate) fn of(self, described: AxisWiring) -> AxisWiring {
+        let sense = if self.is_reversed { -1.0 } else { 1.0 };
+        AxisWiring {
+            units_per_step: sense * (1.0 + self.scale_rel) * described.units_per_step,
+            zero: described.zero + self.zero,
+            ..described
+        }
+    }
+}
+
+/// The person at a simulated bench, who says what is to be seen there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PersonScene {
+    /// Share of the answers that are wrong.
+    pub wrong_answers: f64,
+}
+
+impl PersonScene {
+    /// Never wrong.
+    pub const RELIABLE: Self = Self { wrong_answers: 0.0 };
 }
 
 /// One of the two stages.

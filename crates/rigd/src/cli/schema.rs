@@ -66,7 +66,8 @@ const SERVICE: &str = include_str!("../../../../config/service/service.toml");
 #[cfg(feature = "simulator")]
 const SCENE: &str = concat!(
     include_str!("../../../../config/scenes/paper.toml"),
-    include_str!("../../../../config/scenes/matched.toml")
+    include_str!("../../../../config/scenes/matched.toml"),
+    include_str!("../../../../config/scenes/new-bench.toml")
 );
 
 /// Prints the JSON Schema of a kind of file.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use rig_files::Location;
 use rig_files::rig_file::{Connection, Pace, RigFile, SimulatedPerson, Simulation};
 use rig_protocol::Plan;
-use rig_sim::world::{Mechanics, Sample, Scene, TrueGeometry};
+use rig_sim::world::{Assembly, Mechanics, Sample, Scene, TrueGeometry};
 use rig_store::Source;
 
 use crate::loaded_rig::{LoadedRig, LoadedScene};
@@ -58,10 +58,12 @@ fn bench_of(file: &RigFile, plan: &Plan) -> LoadedScene {
         linear: Mechanics {
             start: linear.rest_target().position().value(),
             travel: (linear.travel().min.value(), linear.travel().max.value()),
+            assembly: Assembly::AS_DESCRIBED,
         },
         rotary: Mechanics {
             start: rotary.rest_target().position().value(),
             travel: (rotary.travel().min.value(), rotary.travel().max.value()),
+            assembly: Assembly::AS_DESCRIBED,
         },
         ..matched
     };
