@@ -40,6 +40,45 @@ fn check_finding(doctor: &Output, finding: &str, advice: &str) {
     assert!(found.iter().any(is_there), "no `{finding}` with `{advice}` in {found:#?}");
 }
 
+/// The function codes of the requests to the drives since the bench listens in. Each arrives in one piece.
+fn functions(bench: &Bench) -> Vec<u8> {
+    bench.sim.with(|_, rig| {
+        let heard = rig.overheard().iter().filter(|heard| heard.port == PortId::Bus);
+        heard.map(|heard| heard.bytes[7]).collect()
+    })
+}
+
+/// Codes 1 to 4 read.
+fn are_reads(functions: &[u8]) -> bool {
+    functions.iter().all(|function| (1..=4).contains(function))
+}
+
+/// The rig file may be wrong: its limits and its scale are not given to a drive before a person opens the
+/// rig for work.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn nothing_is_written_into_a_drive_that_is_only_looked_at() {
+    for make in DriveMake::ALL {
+        let bench = Bench::with_linear_drive(make, 0.01).await;
+        let name = format!("register_map = \"{}\"", make.name());
+        let changes = [
+            ("register_map = \"oriental-az\"", &*name),
+            ("mm_per_step = 0.001", "mm_per_step = 0.01"),
+            ("tolerance_mm = 0.002", "tolerance_mm = 0.02"),
+        ];
+        for command in ["doctor", "identify"] {
+            bench.sim.with(|_, rig| rig.listen_in());
+            let looked = bench.rigd_with(&bench.analyzer, &bench.bus, &changes, &[command]);
+            let asked = functions(&bench);
+            assert!(asked.len() > 10 && are_reads(&asked), "{make:?} {command}: {asked:?}");
+            let told = String::from_utf8_lossy(&looked.stdout);
+            assert!(told.contains(&format!("{} at unit 1", make.name())), "{told}");
+        }
+        bench.sim.with(|_, rig| rig.listen_in());
+        bench.rigd_with(&bench.analyzer, &bench.bus, &changes, &["home"]);
+        assert!(!are_reads(&functions(&bench)), "{make:?}: `home` writes");
+    }
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_rig_that_is_well_has_only_good_findings() {
     let bench = Bench::start().await;

@@ -28,5 +28,5 @@ pub use halt::HaltFrames;
 pub use line::CheckRegisters;
 pub use map::RegisterMap;
 pub use request::{Reply, Request};
-pub use stage::Stage;
+pub use stage::{Look, Stage};
 pub use symptom::Symptom;

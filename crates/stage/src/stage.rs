@@ -42,6 +42,15 @@ const RESET_WITHIN: Duration = Duration::from_secs(2);
 /// rig file has some digits.
 const RESOLUTION_REL: f64 = 1e-6;
 
+/// What a drive shows without being written to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Look<U> {
+    /// Its status.
+    pub status: AxisStatus<U>,
+    /// Whether its settings are those that [`Stage::identify`] gives it.
+    pub has_settings: bool,
+}
+
 /// One axis on a bus.
 #[derive(Debug)]
 pub struct Stage<U: Unit> {
@@ -102,6 +111,22 @@ impl<U: Unit> Stage<U> {
         self.recognise_by(request, Some(expected)).await?;
         self.command(self.map.prepare).await?;
         self.status().await
+    }
+
+    /// Recognises the drive and reads its status, and writes nothing: its settings are read and compared.
+    /// It takes no moves after this that it would not have taken before.
+    ///
+    /// # Errors
+    /// As [`identify`](Self::identify), except for settings, whose difference is in the [`Look`].
+    pub async fn look(&mut self) -> Result<Look<U>, StageError<U>> {
+        let order = Order::at_rest(&self.scale, &self.axis)?;
+        let settings = self.map.settings;
+        let request = read_request(settings.read);
+        self.recognise_by(request.clone(), None).await?;
+        self.check_signature().await?;
+        let found = self.ask(request).await?;
+        let has_settings = found == Reply::Words(order.words(settings.expect));
+        Ok(Look { status: self.status().await?, has_settings })
     }
 
     /// Checks, before anything is written, that the device is a drive of this make, and that it counts

@@ -27,9 +27,10 @@ pub(super) fn findings(device: &DeviceSeen) -> Vec<Finding> {
     };
     findings.ok("identity", &facts.identity);
     findings.ok("firmware", facts.firmware.as_deref().unwrap_or("it does not say"));
-    match &facts.settings {
-        Ok(()) => findings.ok("settings", "taken, and read back"),
-        Err(error) => {
+    match (&facts.settings, &facts.axis) {
+        (Ok(()), Some(axis)) => findings.ok("settings", settings(axis)),
+        (Ok(()), None) => findings.ok("settings", "taken, and read back"),
+        (Err(error), _) => {
             let error = DeviceError::from(error.clone());
             findings.problem("settings", with_causes(&error), on_device(&error, device.is_serial));
         }
@@ -40,7 +41,16 @@ pub(super) fn findings(device: &DeviceSeen) -> Vec<Finding> {
     findings.all
 }
 
-fn stands(findings: &mut Findings, AxisFacts { at, place, state }: &AxisFacts) {
+/// Nothing is written into a drive before the rig is opened for work.
+const fn settings(axis: &AxisFacts) -> &'static str {
+    if axis.has_settings {
+        "those of the rig file"
+    } else {
+        "not those of the rig file; they are written when the rig is opened for work"
+    }
+}
+
+fn stands(findings: &mut Findings, AxisFacts { at, place, state, .. }: &AxisFacts) {
     match place {
         AxisPosition::InLimits => findings.ok("position", format!("{at}, within its soft limits")),
         AxisPosition::NotHomed => {
@@ -67,6 +77,12 @@ fn stands(findings: &mut Findings, AxisFacts { at, place, state }: &AxisFacts) {
             "state",
             "moves without a command from rigd",
             "find the other program or signal that drives it, and stop it",
+        ),
+        AxisState::NotInService => findings.warning(
+            "state",
+            "takes no moves, and has not the settings that rigd gives it for work",
+            "if it stays so when the rig is opened for work, look for a stop input, a missing enable signal, \
+             or a tool that holds the drive",
         ),
         AxisState::NotReady => findings.problem(
             "state",

@@ -96,7 +96,7 @@ fn axis(place: AxisPosition, state: AxisState) -> DeviceFacts {
         identity: "oriental-az at unit 2".to_owned(),
         firmware: None,
         settings: Ok(()),
-        axis: Some(AxisFacts { at: "0.000 °".to_owned(), place, state }),
+        axis: Some(AxisFacts { at: "0.000 °".to_owned(), place, state, has_settings: true }),
     }
 }
 
@@ -106,9 +106,14 @@ fn an_axis_is_judged_by_how_it_stands() {
     let state = |state| axis(AxisPosition::InLimits, state);
     let span = || "[-50.000 °, 50.000 °]".to_owned();
     let alarm = Alarm { code: 0x30, name: "overload" };
-    let rows: [(DeviceFacts, Row, Row); 7] = [
+    let rows: [(DeviceFacts, Row, Row); 8] = [
         (state(AxisState::Ready), ("position", Well, ""), ("state", Well, "")),
         (state(AxisState::NotReady), ("position", Well, ""), ("state", Problem, "stop input")),
+        (
+            state(AxisState::NotInService),
+            ("position", Well, ""),
+            ("state", Warning, "opened for work"),
+        ),
         (
             state(AxisState::Moving),
             ("position", Well, ""),
@@ -139,6 +144,19 @@ fn an_axis_is_judged_by_how_it_stands() {
         let before = [("identity", Well, ""), ("firmware", Well, ""), ("settings", Well, "")];
         let found = device(Some(Ok(facts)));
         check(&found, &[before.as_slice(), &[position, state]].concat());
+    }
+}
+
+#[test]
+fn the_settings_of_a_drive_are_compared_and_not_taken_for_given() {
+    for (has_settings, text) in
+        [(true, "those of the rig file"), (false, "not those of the rig file")]
+    {
+        let mut facts = axis(AxisPosition::InLimits, AxisState::Ready);
+        facts.axis.as_mut().unwrap().has_settings = has_settings;
+        let found = device(Some(Ok(facts)));
+        assert_eq!((found[2].check, found[2].level), ("settings", Well));
+        assert!(found[2].text.starts_with(text), "{found:#?}");
     }
 }
 

@@ -64,7 +64,9 @@ async fn axis<U: Unit>(known: DeviceIdentity, stage: &mut Stage<U>) -> Identifie
                     Some(format!("it cannot be there: its travel is {travel}"))
                 }
                 (_, AxisState::Moving) => Some("it moves without a command".to_owned()),
-                (_, AxisState::NotReady) => Some("it accepts no moves".to_owned()),
+                (_, AxisState::NotReady | AxisState::NotInService) => {
+                    Some("it accepts no moves".to_owned())
+                }
                 (_, AxisState::Ready) => None,
             };
             Identified {

@@ -1,5 +1,5 @@
 //! Inspects each device of a rig separately, so that a fault of one does not hide the others.
-//! Nothing moves, and no journal is needed.
+//! Nothing moves, nothing is written into a drive, and no journal is needed.
 
 use std::{fs, path::Path};
 
@@ -7,7 +7,7 @@ use rig_analyzer::{Analyzer, AnalyzerError};
 use rig_files::rig_file::{PortFile, RigFile};
 use rig_link::{Clock, Flow, Holder, Port, Transcript, attached_ports};
 use rig_model::{Axis, DriveLevel, RigLimits, Unit};
-use rig_stage::{Alarm, AxisStatus, BusHandle, Stage, StageError};
+use rig_stage::{Alarm, AxisStatus, BusHandle, Look, Stage, StageError};
 
 use super::{
     DeviceError, OpenError,
@@ -83,8 +83,7 @@ pub struct DeviceFacts {
     pub identity: String,
     /// The version of its firmware, if it says so.
     pub firmware: Option<String>,
-    /// Whether it took its settings and gave them back. A drive without a read-back does not
-    /// appear.
+    /// Whether an analyzer took its settings and gave them back. A drive is given none.
     pub settings: Result<(), AnalyzerError>,
     /// Its state, for an axis.
     pub axis: Option<AxisFacts>,
@@ -99,6 +98,8 @@ pub struct AxisFacts {
     pub place: AxisPosition,
     /// Whether the axis can move, or the reason why not.
     pub state: AxisState,
+    /// Whether its drive has the settings that it gets when the rig is opened for work.
+    pub has_settings: bool,
 }
 
 /// Whether an axis can be where it says; the first of these that applies.
@@ -123,6 +124,8 @@ pub enum AxisState {
     Moving,
     /// The drive takes no moves.
     NotReady,
+    /// The drive takes no moves, and does not have the settings that it gets when the rig is opened for work.
+    NotInService,
     /// It takes moves.
     Ready,
 }
@@ -203,13 +206,19 @@ async fn look_at_bus(
 }
 
 async fn look_at_axis<U: Unit>(mut stage: Stage<U>) -> Result<AxisFacts, StageError<U>> {
-    let mut status = stage.identify().await?;
+    let Look { mut status, has_settings } = stage.look().await?;
     for _ in 0..LOOKS {
         status = stage.status().await?;
     }
-    Ok(standing(stage.axis(), &status))
+    let mut facts = AxisFacts { has_settings, ..standing(stage.axis(), &status) };
+    // Opening the rig for work is what brings a drive into service.
+    if facts.state == AxisState::NotReady && !has_settings {
+        facts.state = AxisState::NotInService;
+    }
+    Ok(facts)
 }
 
+/// The state of an axis whose drive has its settings.
 pub(super) fn standing<U: Unit>(axis: &Axis<U>, status: &AxisStatus<U>) -> AxisFacts {
     let state = match status.alarm {
         Some(alarm) => AxisState::Alarmed(alarm),
@@ -227,7 +236,7 @@ pub(super) fn standing<U: Unit>(axis: &Axis<U>, status: &AxisStatus<U>) -> AxisF
     } else {
         AxisPosition::InLimits
     };
-    AxisFacts { at: status.position.to_string(), place, state }
+    AxisFacts { at: status.position.to_string(), place, state, has_settings: true }
 }
 
 const fn axis_facts(identity: String, axis: AxisFacts) -> DeviceFacts {
