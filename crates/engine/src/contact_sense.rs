@@ -58,6 +58,17 @@ const NO_SHIFT_SIGMAS: f64 = 6.0;
 /// is larger; one below this part of the threshold is none.
 const NO_CHANGE_PART: f64 = 0.5;
 
+/// A drift of so many standard deviations may change the impedance by this part of the threshold before a contact is
+/// taken for one.
+const DRIFT_SIGMAS: f64 = 3.0;
+const DRIFT_PART: f64 = 0.5;
+
+/// No search is begun if it changes more than this, in units of the threshold, between two readings.
+const DRIFT_LIMIT: f64 = 2.0;
+
+/// Time between two readings of a search that are compared, s: a step, its settling and its integration.
+const BETWEEN_READINGS_S: f64 = 0.5;
+
 /// How far a surface may be from where the touches before it on the same sample found it, as a part of
 /// the surface tolerance of the rig.
 const NEIGHBOUR_PART: f64 = 0.4;
@@ -131,6 +142,22 @@ pub enum ContactSenseFault {
         cycles: f64,
         /// Largest number of cycles.
         cycles_max: u32,
+    },
+    /// The free resonance drifts so fast that a contact cannot be told from it.
+    #[error(
+        "contact sense: the no-load resonance moves by {moved_hz:.2} Hz in {seconds:.1} s, as its measurements \
+         show; three times that changes the impedance by {percent:.0} %, where at most {limit_percent:.0} %, twice \
+         the contact threshold, are allowed"
+    )]
+    DriftsTooFast {
+        /// Standard deviation of its way, Hz.
+        moved_hz: f64,
+        /// In this time, s.
+        seconds: f64,
+        /// Change of the impedance by three times that way, percent.
+        percent: f64,
+        /// Largest change, percent.
+        limit_percent: f64,
     },
     /// The free resonance has moved too far.
     #[error(
@@ -349,6 +376,37 @@ pub(crate) fn check_shift(
     }
     let percent = 100.0 * change;
     Err(TouchRefusal::NoShift { shift_hz, sigma_hz, frequency_hz, percent })
+}
+
+/// Whether a drift of the free resonance, given by its standard deviation, can change the impedance so much that a
+/// reading passes the threshold of a contact. The noise has half of the threshold for itself.
+pub(crate) fn may_be_drift(no_load: &Resonance, moved_hz: f64, contact_threshold: f64) -> bool {
+    DRIFT_PART * contact_threshold < drift_change(no_load, moved_hz)
+}
+
+/// Refuses a free resonance that drifts so fast that the next reading tells no contact from it.
+pub(crate) fn check_drift(
+    no_load: &Resonance,
+    moves_hz: impl Fn(f64) -> f64,
+    contact_threshold: f64,
+) -> Result<(), ContactSenseFault> {
+    let (seconds, moved_hz) = (BETWEEN_READINGS_S, moves_hz(BETWEEN_READINGS_S));
+    let change = drift_change(no_load, moved_hz);
+    let limit = DRIFT_LIMIT * contact_threshold;
+    if change <= limit {
+        return Ok(());
+    }
+    let (percent, limit_percent) = (100.0 * change, 100.0 * limit);
+    Err(ContactSenseFault::DriftsTooFast { moved_hz, seconds, percent, limit_percent })
+}
+
+/// The relative change of the impedance by a large drift.
+fn drift_change(no_load: &Resonance, moved_hz: f64) -> f64 {
+    let frequency_hz = no_load.resonance_hz;
+    let free = no_load.circuit();
+    let drifted = Circuit { resonance_hz: frequency_hz + DRIFT_SIGMAS * moved_hz, ..free };
+    let [free, drifted] = [free, drifted].map(|circuit| impedance(&circuit, frequency_hz));
+    relative_change(free, drifted)
 }
 
 /// What the touches of a run say about each other.

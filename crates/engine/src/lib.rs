@@ -15,12 +15,14 @@
 
 mod command;
 mod contact_sense;
+mod drift;
 mod effect;
 mod engine;
 mod event;
 mod fault;
 mod heights;
 mod interlock;
+mod level;
 mod listening;
 mod machine;
 mod no_load;

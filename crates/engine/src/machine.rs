@@ -8,6 +8,7 @@ use rig_resonance::{Bench, Resonance};
 
 use crate::{
     Event, Fault, LoweringPurpose, Operation, RefusalAnswer, Report,
+    drift::Drift,
     interlock::Proven,
     listening::{Driven, Listening},
     search::Surface,
@@ -109,6 +110,8 @@ pub(crate) struct MachineContext<'a> {
     pub(crate) probe: Proven,
     /// The knowledge of the bench, once it is surveyed.
     pub(crate) bench: Option<Bench>,
+    /// The drift of the free resonance.
+    pub(crate) drift: &'a Drift,
     /// The drive of the sensor, if it is known.
     pub(crate) driven: Option<Driven>,
     pub(crate) notes: &'a mut Vec<Event>,

@@ -1,11 +1,12 @@
 //! The no-load resonance: rotates to the pose, and measures the free sensor there.
 
-use rig_model::{DriveLevel, SweepMethod, SweepRequest, Window};
+use rig_model::{DriveLevel, RigTime, SweepMethod, SweepRequest, Window};
 use rig_protocol::Pose;
 use rig_resonance::{Bench, FitOutcome, Prior, Reason, Refusal, Resonance};
 
 use crate::{
     Fault, FinishedSweep, SweepPurpose,
+    level::{LevelCheck, Levels},
     machine::{MachineContext, MachineEvent, MachineStep},
     sweep::{DRIFT, Sweep, SweepStep},
 };
@@ -23,15 +24,26 @@ fn is_to_be_checked(sweep: &FinishedSweep, context: &MachineContext<'_>) -> bool
 pub(crate) struct NoLoad {
     pose: Pose,
     sweep: Option<Sweep>,
+    /// When it began.
+    begun: RigTime,
     /// Attempts begun so far.
     attempt: u32,
-    /// The result of a survey whose resonance is being measured at half the level.
-    surveyed: Option<(Resonance, Option<Bench>)>,
+    /// The check of the level after a survey.
+    level: Option<LevelCheck>,
+}
+
+/// What the free sensor was measured for.
+#[derive(Debug)]
+pub(crate) struct Reference {
+    /// The resonances, each with the middle of its sweep. The last one is the reference of the touches that follow.
+    pub(crate) found: Vec<(RigTime, Resonance)>,
+    /// From the survey, if there was one.
+    pub(crate) bench: Option<Bench>,
 }
 
 impl NoLoad {
     pub(crate) const fn new(pose: Pose) -> Self {
-        Self { pose, sweep: None, attempt: 0, surveyed: None }
+        Self { pose, sweep: None, begun: RigTime::ZERO, attempt: 0, level: None }
     }
 
     /// Whether the sweep has begun.
@@ -44,7 +56,7 @@ impl NoLoad {
         event: MachineEvent,
         last: Option<&Resonance>,
         context: &mut MachineContext<'_>,
-    ) -> MachineStep<(Resonance, Option<Bench>)> {
+    ) -> MachineStep<Reference> {
         let step = match (event, &mut self.sweep) {
             (MachineEvent::Begin, _) => return context.rotate_to(self.pose),
             (MachineEvent::RotaryAt(_), _) => self.begin(last, context),
@@ -59,14 +71,15 @@ impl NoLoad {
     /// Begins a sweep; the first one starts near the last reference, if there is one.
     fn begin(&mut self, last: Option<&Resonance>, context: &mut MachineContext<'_>) -> SweepStep {
         self.attempt += 1;
+        self.begun = context.now;
         let planned = context.plan.no_load_sweep;
-        let surveyed = self.surveyed.and_then(|(_, bench)| bench);
+        let surveyed = self.level.as_ref().and_then(|level| level.bench);
         let bench = context.bench.or(surveyed);
         let method = match context.plan.survey_s {
             Some(seconds) if bench.is_none() => SweepMethod::Survey { seconds },
             _ => planned.method,
         };
-        let level = if surveyed.is_some() {
+        let level = if self.level.as_ref().is_some_and(LevelCheck::is_half_next) {
             DriveLevel { volt: 0.5 * planned.level.volt }
         } else {
             planned.level
@@ -90,24 +103,28 @@ impl NoLoad {
         &mut self,
         mut step: SweepStep,
         context: &mut MachineContext<'_>,
-    ) -> MachineStep<(Resonance, Option<Bench>)> {
+    ) -> MachineStep<Reference> {
         loop {
             let refusal = match step {
                 SweepStep::Measure(operation) => return MachineStep::Do(operation),
                 SweepStep::Fault(fault) => return MachineStep::Fault(fault),
                 SweepStep::Finished(sweep) => match sweep.outcome {
-                    FitOutcome::Accepted(resonance) => match self.surveyed {
-                        None if is_to_be_checked(&sweep, context) => {
-                            self.surveyed = Some((resonance, sweep.fit.bench));
-                            self.attempt = 0;
-                            step = self.begin(Some(&resonance), context);
-                            continue;
+                    FitOutcome::Accepted(resonance) => {
+                        let middle = self.begun + context.now.since(self.begun) / 2;
+                        match self.levels(&sweep, &(middle, resonance), context) {
+                            Ok(reference) => return MachineStep::Done(reference),
+                            Err(Levels::Differ) => {
+                                let estimate = Some(resonance);
+                                self.attempt = NO_LOAD_ATTEMPTS;
+                                Refusal { reason: Reason::Nonlinear, estimate }
+                            }
+                            Err(_) => {
+                                self.attempt = 0;
+                                step = self.begin(Some(&resonance), context);
+                                continue;
+                            }
                         }
-                        Some((full, _)) if full.is_apart_from(&resonance) => {
-                            Refusal { reason: Reason::Nonlinear, estimate: Some(resonance) }
-                        }
-                        _ => return MachineStep::Done((resonance, sweep.fit.bench)),
-                    },
+                    }
                     FitOutcome::Refused(refusal) => refusal,
                 },
             };
@@ -117,6 +134,30 @@ impl NoLoad {
             }
             // Without the prior, which may be wrong.
             step = self.begin(None, context);
+        }
+    }
+
+    /// The reference, if the level needs no further sweep.
+    fn levels(
+        &mut self,
+        sweep: &FinishedSweep,
+        found: &(RigTime, Resonance),
+        context: &MachineContext<'_>,
+    ) -> Result<Reference, Levels> {
+        let bench = sweep.fit.bench;
+        let Some(level) = &mut self.level else {
+            if is_to_be_checked(sweep, context) {
+                self.level = Some(LevelCheck::new(bench, found));
+                return Err(Levels::Open);
+            }
+            return Ok(Reference { found: vec![*found], bench });
+        };
+        match level.take(found, context.drift) {
+            Levels::Same => {
+                let found = self.level.take().map_or_else(Vec::new, LevelCheck::into_found);
+                Ok(Reference { found, bench })
+            }
+            levels => Err(levels),
         }
     }
 }

@@ -9,12 +9,13 @@ use rig_resonance::{Bench, Resonance};
 use crate::{
     Event, Fault, Operation, RefusalAnswer, RefusedTouch, RunPhase, RunStatus, TouchOutcome,
     TouchResult,
-    contact_sense::{Neighbours, check_free, check_reference},
+    contact_sense::{Neighbours, check_drift, check_free, check_reference},
+    drift::Drift,
     heights::{Change, Heights},
     interlock::Proven,
     listening::{Driven, Listening},
     machine::{MachineContext, MachineEvent, MachineStep},
-    no_load::NoLoad,
+    no_load::{NoLoad, Reference},
     refusal::widened,
     touch::{Outlook, TouchMachine, is_value},
 };
@@ -36,6 +37,7 @@ pub(crate) struct Run {
     index: usize,
     machine: Machine,
     no_load: Option<Resonance>,
+    drift: Drift,
     /// From the survey at the first no-load measurement, if the protocol asks for one.
     bench: Option<Bench>,
     /// The points that were asked for last, and their level.
@@ -79,6 +81,7 @@ impl Run {
             index,
             machine: Machine::Between,
             no_load: None,
+            drift: Drift::default(),
             bench: None,
             asked: None,
             driven: None,
@@ -148,8 +151,8 @@ impl Run {
         probe: Proven,
         notes: &mut Vec<Event>,
     ) -> MachineStep<RunStatus> {
-        let (plan, bench, driven) = (&self.plan, self.bench, self.drive());
-        let mut context = MachineContext { now, plan, limits, probe, bench, driven, notes };
+        let (plan, bench, drift, driven) = (&self.plan, self.bench, &self.drift, self.drive());
+        let mut context = MachineContext { now, plan, limits, probe, bench, drift, driven, notes };
         let step = match &mut self.machine {
             Machine::Rising if probe.clearance != Clearance::Clear => {
                 MachineStep::Fault(event.out_of_order("a retract"))
@@ -162,8 +165,7 @@ impl Run {
                 let step = prompting(*prompt, event, &mut context);
                 if matches!(step, MachineStep::Done(())) {
                     let change = Change::of(*prompt);
-                    self.neighbours.changed();
-                    self.heights.iter_mut().for_each(|heights| heights.changed(change));
+                    self.changed(change);
                 }
                 step
             }
@@ -177,15 +179,8 @@ impl Run {
                 confirmed
             }
             Machine::NoLoad(machine) => {
-                let (last, approach) = (self.no_load, self.plan.touch.approach);
-                let step = machine.advance(event, last.as_ref(), &mut context);
-                step.and_then(|(resonance, bench)| {
-                    if let Err(fault) = check_reference(last.as_ref(), &resonance, &approach) {
-                        return MachineStep::Fault(Fault::ContactSense(fault));
-                    }
-                    (self.no_load, self.bench) = (Some(resonance), bench);
-                    MachineStep::Done(())
-                })
+                let step = machine.advance(event, self.no_load.as_ref(), &mut context);
+                step.and_then(|reference| self.referred(&reference))
             }
             Machine::Touch(machine) => {
                 let left = machine.left_at(&context);
@@ -217,6 +212,37 @@ impl Run {
             self.index += 1;
             self.next_step(now, limits, probe, notes)
         })
+    }
+
+    /// The free sensor has been measured.
+    fn referred(&mut self, Reference { found, bench }: &Reference) -> MachineStep<()> {
+        let approach = self.plan.touch.approach;
+        for (at, resonance) in found {
+            if let Err(fault) = check_reference(self.no_load.as_ref(), resonance, &approach) {
+                return MachineStep::Fault(Fault::ContactSense(fault));
+            }
+            self.drift.measured(*at, resonance.resonance_hz, resonance.sigma_hz);
+            self.no_load = Some(*resonance);
+        }
+        self.bench = *bench;
+        let moves_hz = |seconds| self.drift.moves_hz(seconds);
+        let checked = self
+            .no_load
+            .as_ref()
+            .map(|no_load| check_drift(no_load, moves_hz, approach.contact_threshold));
+        if let Some(Err(fault)) = checked {
+            return MachineStep::Fault(Fault::ContactSense(fault));
+        }
+        MachineStep::Done(())
+    }
+
+    /// A person has changed the sample or the sensor.
+    fn changed(&mut self, change: Change) {
+        self.neighbours.changed();
+        self.heights.iter_mut().for_each(|heights| heights.changed(change));
+        if change == Change::Turned {
+            self.drift.turned();
+        }
     }
 
     /// A fault may contradict the last touch.

@@ -7,6 +7,9 @@
 //! If the touches before say where the surface lies, the search begins close above it, with fine steps if it
 //! is known well. A contact already there is no surface: the probe goes up to where the search for an unknown
 //! surface begins, and that search follows.
+//!
+//! A drift of the free resonance changes the impedance too. Where it may have changed it by as much, the probe goes up
+//! to a place that was clear, the impedance is read anew there, and the search goes on with it.
 
 use rig_model::{Impedance, Mm, PointResult, Position, Reading};
 use rig_protocol::Approach;
@@ -16,6 +19,9 @@ use crate::Fault;
 /// Largest ratio of the steps of consecutive passes. Another pass costs the way up and down and the decay
 /// of the contact, as much as six steps; up to this ratio, the steps that it saves take less.
 const REFINEMENT: f64 = 20.0;
+
+/// The impedance of the clear probe is read anew this often in a search at most.
+const ANEW_MAX: u32 = 4;
 
 /// A surface lies higher than this many standard deviations above where it is expected in 7 % of the
 /// searches; a contact in a longer step above costs another pass.
@@ -88,6 +94,19 @@ impl Near {
     }
 }
 
+/// The impedance of the clear probe, anew.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Anew {
+    /// What the next reading changes may be a drift.
+    is_doubtful: bool,
+    /// The position to go to after the impedance has been read here.
+    next: Option<Position<Mm>>,
+    /// How often it may still be read.
+    left: u32,
+    /// It has been read, and nothing was read below yet.
+    is_fresh: bool,
+}
+
 /// A search for the surface, without a clock and without devices.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Search {
@@ -100,6 +119,7 @@ pub struct Search {
     /// The position to go to after the backlash has been taken up.
     after_take_up: Option<Position<Mm>>,
     is_after_contact: bool,
+    anew: Anew,
     /// Where the search began, if that is closer than for an unknown surface.
     near: Option<Near>,
     /// No contact has been felt yet.
@@ -126,6 +146,7 @@ impl Search {
             last_clear: None,
             after_take_up: None,
             is_after_contact: false,
+            anew: Anew { is_doubtful: false, next: None, left: ANEW_MAX, is_fresh: false },
             near: None,
             is_first_pass: true,
             commanded: start,
@@ -190,10 +211,48 @@ impl Search {
         })
     }
 
+    /// What the next reading changes may be a drift since the impedance of the clear probe was read.
+    pub(crate) const fn doubt(&mut self) {
+        self.anew.is_doubtful = 0 < self.anew.left;
+    }
+
+    /// Whether the next reading is that of the clear probe, anew.
+    pub(crate) const fn is_anew(&self) -> bool {
+        self.anew.next.is_some()
+    }
+
+    /// Goes up to read the impedance of the clear probe anew, and then to the next position.
+    fn read_anew(&mut self, at: Position<Mm>, next: Position<Mm>) -> SearchStep {
+        (self.anew.next, self.is_after_contact) = (Some(next), true);
+        self.anew.left -= 1;
+        self.go(at)
+    }
+
+    /// The impedance of the probe above a place where it seemed to touch. It is that of the clear probe if the
+    /// contact has gone, or if the way up has changed nothing, as it would in a contact.
+    fn clear_anew(&mut self, impedance: Impedance, next: Position<Mm>) -> SearchStep {
+        let below = self.trail.iter().rev().nth(1).map(|(_, reading)| reading.measured);
+        let threshold = self.approach.contact_threshold;
+        let is_same = |other: Impedance| relative_change(other, impedance) <= threshold;
+        let is_below = matches!(below, Some(PointResult::Value(below)) if is_same(below));
+        if self.last_clear.is_none() && !is_below && !is_same(self.baseline) {
+            let change_percent = 100.0 * relative_change(self.baseline, impedance);
+            let (at, expected) = (self.here, self.expected);
+            return SearchStep::Fault(Fault::ContactTooEarly { at, expected, change_percent });
+        }
+        (self.baseline, self.last_clear, self.anew.is_fresh) = (impedance, Some(self.here), true);
+        self.go(next)
+    }
+
     /// The impedance here has been read.
     pub fn read(&mut self, reading: Reading) -> SearchStep {
         self.trail.push((self.here, reading));
         let PointResult::Value(impedance) = reading.measured else { return SearchStep::Flagged };
+        if let Some(next) = self.anew.next.take() {
+            return self.clear_anew(impedance, next);
+        }
+        let is_doubtful = std::mem::take(&mut self.anew.is_doubtful);
+        let is_fresh = std::mem::take(&mut self.anew.is_fresh);
         let change = relative_change(self.baseline, impedance);
         // An impedance that cannot be compared counts as contact, so that the probe goes no
         // further.
@@ -201,14 +260,27 @@ impl Search {
         match (!is_clear, self.last_clear) {
             (true, None) if self.near.take().is_some() => {
                 (self.step_mm, self.is_after_contact) = (self.approach.coarse_step_mm, true);
-                self.go(self.expected.offset(self.approach.start_above_mm))
+                let start = self.expected.offset(self.approach.start_above_mm);
+                if is_doubtful {
+                    return self.read_anew(start, start.offset(-self.step_mm));
+                }
+                self.go(start)
+            }
+            (true, None) if is_doubtful => {
+                self.read_anew(self.here.offset(self.approach.coarse_step_mm), self.here)
             }
             (true, None) => SearchStep::Fault(Fault::ContactTooEarly {
                 at: self.here,
                 expected: self.expected,
                 change_percent: 100.0 * change,
             }),
-            (true, Some(clear)) => self.bracketed(clear),
+            (true, Some(clear)) if is_doubtful => {
+                if self.near.take().is_some() {
+                    (self.is_first_pass, self.step_mm) = (false, self.approach.fine_step_mm);
+                }
+                self.read_anew(clear.offset(self.approach.coarse_step_mm), clear)
+            }
+            (true, Some(clear)) => self.bracketed(clear, is_fresh),
             (false, _) => {
                 self.last_clear = Some(self.here);
                 let floor = Self::floor(&self.approach, self.expected);
@@ -231,9 +303,9 @@ impl Search {
         }
     }
 
-    /// The surface lies between `clear` and here.
-    fn bracketed(&mut self, clear: Position<Mm>) -> SearchStep {
-        if self.step_mm <= self.approach.fine_step_mm {
+    /// The surface lies between `clear` and here, which is a coarse step below if the impedance was read anew there.
+    fn bracketed(&mut self, clear: Position<Mm>, is_fresh: bool) -> SearchStep {
+        if self.step_mm <= self.approach.fine_step_mm && !is_fresh {
             let width_mm = clear.value() - self.here.value();
             let position = clear.offset(-0.5 * width_mm);
             // A uniform error of this width.

@@ -73,6 +73,8 @@ pub(crate) struct SlipCheck {
     baseline: Impedance,
     /// Whether the baseline was read anew.
     is_fresh: bool,
+    /// The free resonance may have drifted since the baseline was read.
+    is_doubtful: bool,
     place: Place,
     here: Position<Mm>,
     trail: Vec<(Position<Mm>, Reading)>,
@@ -100,9 +102,19 @@ impl SlipCheck {
         baseline: Impedance,
     ) -> (Self, SlipStep) {
         let here = surface.position;
-        let (place, trail, is_fresh) = (Place::In, Vec::new(), false);
+        let (place, trail, is_fresh, is_doubtful) = (Place::In, Vec::new(), false, false);
         (
-            Self { surface, approach, depth_mm, baseline, is_fresh, place, here, trail },
+            Self {
+                surface,
+                approach,
+                depth_mm,
+                baseline,
+                is_fresh,
+                is_doubtful,
+                place,
+                here,
+                trail,
+            },
             SlipStep::Drive,
         )
     }
@@ -128,6 +140,12 @@ impl SlipCheck {
         })
     }
 
+    /// The free resonance may have drifted since the baseline was read, by as much as a contact changes the impedance.
+    /// The probe below the surface is then compared with that above it.
+    pub(crate) const fn doubt(&mut self) {
+        self.is_doubtful = true;
+    }
+
     /// The positions with their readings.
     pub(crate) fn trail(&self) -> &[(Position<Mm>, Reading)] {
         &self.trail
@@ -148,7 +166,14 @@ impl SlipCheck {
     pub(crate) fn read(&mut self, reading: Reading, no_load: &Resonance) -> SlipStep {
         self.trail.push((self.here, reading));
         let PointResult::Value(impedance) = reading.measured else { return SlipStep::Flagged };
-        let change = relative_change(self.baseline, impedance);
+        let above = self.trail.iter().rev().nth(1).map(|(_, reading)| reading.measured);
+        let clear = match above {
+            Some(PointResult::Value(above)) if self.is_doubtful && self.place == Place::Below => {
+                above
+            }
+            _ => self.baseline,
+        };
+        let change = relative_change(clear, impedance);
         // An impedance that cannot be compared counts as contact, as in the search.
         let is_clear = change <= self.approach.contact_threshold;
         let (at, by_mm) = (self.here, self.here.value() - self.surface.position.value());

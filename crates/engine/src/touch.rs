@@ -24,7 +24,7 @@ use rig_resonance::{Resonance, flagged};
 use crate::{
     Contact, ContactSenseFault, Fault, Halfway, LoweringPurpose, RunPhase, TouchOutcome,
     TouchRefusal, TouchResult,
-    contact_sense::{check_alive, check_free, check_surface},
+    contact_sense::{check_alive, check_free, check_surface, may_be_drift},
     heights::Prediction,
     listening::Decay,
     machine::{MachineContext, MachineEvent, MachineStep},
@@ -62,8 +62,9 @@ pub(crate) struct TouchMachine {
     outlook: Outlook,
     /// The window of the sweep in contact, if it is another than that of the plan.
     window: Option<Window>,
-    /// The impedance of the clear probe before the search.
+    /// The impedance of the clear probe before the search, or anew in it, and when it was read.
     baseline: Option<Impedance>,
+    baseline_at: RigTime,
     /// The linear stage as last read back in this touch, and when it last arrived from below.
     linear: Option<Position<Mm>>,
     risen: Option<RigTime>,
@@ -122,6 +123,7 @@ impl TouchMachine {
             outlook,
             window,
             baseline: None,
+            baseline_at: RigTime::ZERO,
             halfway: None,
             linear: None,
             risen: None,
@@ -248,6 +250,9 @@ impl TouchMachine {
         readings: &[Reading],
         context: &mut MachineContext<'_>,
     ) -> MachineStep<TouchResult> {
+        let seems_to_touch = matches!(&self.phase, Phase::Searching(search)
+            if !search.is_anew() && search.seems_to_touch(readings));
+        let is_doubtful = seems_to_touch && self.may_have_drifted(context);
         let Phase::Searching(search) = &mut self.phase else {
             return MachineStep::Fault(MachineEvent::Begin.out_of_order("a search"));
         };
@@ -257,8 +262,27 @@ impl TouchMachine {
         if std::mem::take(&mut self.is_early) && search.seems_to_touch(readings) {
             return self.listen(Decay::Whole, context);
         }
+        if search.is_anew() {
+            match check_free(&self.no_load, readings) {
+                Ok(Some(baseline)) => {
+                    (self.baseline, self.baseline_at) = (Some(baseline), context.now);
+                }
+                Ok(None) => {}
+                Err(fault) => return MachineStep::Fault(Fault::ContactSense(fault)),
+            }
+        } else if is_doubtful {
+            search.doubt();
+        }
         let step = readings.iter().fold(SearchStep::Flagged, |_, one| search.read(*one));
         self.follow(step, context)
+    }
+
+    /// Whether the free resonance may have drifted since the impedance of the clear probe was read, by as much as a
+    /// contact changes the impedance.
+    fn may_have_drifted(&self, context: &MachineContext<'_>) -> bool {
+        let passed_s = context.now.since(self.baseline_at).as_secs_f64();
+        let moved_hz = context.drift.moves_hz(passed_s);
+        may_be_drift(&self.no_load, moved_hz, context.plan.touch.approach.contact_threshold)
     }
 
     /// Ends the touch before the probe is in the sample, because the analyzer flags its readings.
@@ -300,7 +324,9 @@ impl TouchMachine {
         context: &mut MachineContext<'_>,
     ) -> MachineStep<TouchResult> {
         match check_free(&self.no_load, readings) {
-            Ok(Some(baseline)) => self.baseline = Some(baseline),
+            Ok(Some(baseline)) => {
+                (self.baseline, self.baseline_at) = (Some(baseline), read_at(readings));
+            }
             Ok(None) => return self.clear_unreadable(readings, context),
             Err(fault) => return MachineStep::Fault(Fault::ContactSense(fault)),
         }
@@ -392,7 +418,10 @@ impl TouchMachine {
             SearchStep::MoveTo(position) => {
                 context.move_linear(position, self.speed_mm_per_s(position, context))
             }
-            SearchStep::Read { is_after_contact: true } => self.listen(Decay::Early, context),
+            SearchStep::Read { is_after_contact: true } => {
+                let is_anew = matches!(&self.phase, Phase::Searching(search) if search.is_anew());
+                self.listen(if is_anew { Decay::Whole } else { Decay::Early }, context)
+            }
             SearchStep::Read { is_after_contact: false } => {
                 MachineStep::Do(context.listening(&self.no_load).contact(None, Decay::Whole))
             }
@@ -455,6 +484,11 @@ impl TouchMachine {
         self.phase = Phase::Retracting { outcome: Box::new(outcome), since: context.now };
         context.retract(next)
     }
+}
+
+/// When the last of these readings began.
+fn read_at(readings: &[Reading]) -> RigTime {
+    readings.last().map_or(RigTime::ZERO, |last| last.started)
 }
 
 pub(crate) const fn is_value(reading: &Reading) -> bool {

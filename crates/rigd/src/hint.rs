@@ -119,6 +119,26 @@ pub(crate) fn is_unhomed(fault: &Fault) -> bool {
         if (failure.device, failure.kind) == (Device::LinearStage, FailureKind::Unhomed))
 }
 
+/// After the contact sense has contradicted itself.
+const fn contact_sense(fault: &ContactSenseFault) -> &'static str {
+    match fault {
+        ContactSenseFault::SurfaceMoved { .. } => {
+            "look whether the sample has moved, and whether the linear stage has lost steps: its scale \
+             and its read-back must agree"
+        }
+        ContactSenseFault::TooNoisy { .. } => {
+            "check the cable of the sensor and the level of the drive, or raise contact_threshold in the protocol"
+        }
+        ContactSenseFault::DriftsTooFast { .. } => {
+            "let sensor and analyzer warm up, keep draughts and light off the sensor, or raise contact_threshold in \
+             the protocol"
+        }
+        _ => {
+            "check that nothing touches the probe, and check the cable of the sensor and the analyzer"
+        }
+    }
+}
+
 /// Advice after a fault.
 pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
     let device = match fault {
@@ -162,16 +182,7 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
             "check that the surface of the sample is at the height in the rig file, and that \
              nothing touches the probe"
         }
-        Fault::ContactSense(ContactSenseFault::SurfaceMoved { .. }) => {
-            "look whether the sample has moved, and whether the linear stage has lost steps: its scale \
-             and its read-back must agree"
-        }
-        Fault::ContactSense(ContactSenseFault::TooNoisy { .. }) => {
-            "check the cable of the sensor and the level of the drive, or raise contact_threshold in the protocol"
-        }
-        Fault::ContactSense(_) => {
-            "check that nothing touches the probe, and check the cable of the sensor and the analyzer"
-        }
+        Fault::ContactSense(fault) => contact_sense(fault),
         Fault::NoContact { .. } => "check that the sample is in place and the probe is intact",
         Fault::NoReference { .. } => {
             "check the cable of the sensor and the no-load window of the protocol"

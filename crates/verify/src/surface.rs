@@ -118,25 +118,52 @@ fn may_be_contact(change: f64, limit: f64) -> bool {
     0.5 * limit - THRESHOLD_SLACK <= change
 }
 
-/// Checks that the readings of a search show a contact where the trail has one, and none elsewhere. They
-/// are compared with the mean of those of the clear probe.
-fn check_contacts(seq: u64, trail: &[Tried], limit: f64, findings: &mut Findings) {
+/// What the order of the positions says of a reading of a search.
+#[derive(Debug, Clone, Copy)]
+struct Seen<'a> {
+    tried: &'a Tried,
+    /// The search went up from here.
+    touches: bool,
+    /// It went above the last clear position and read there again, because the contact might be a drift.
+    is_doubted: bool,
+    /// Counts how often that was before.
+    part: usize,
+}
+
+fn seen(trail: &[Tried]) -> Vec<Seen<'_>> {
+    let (mut part, mut clear_mm) = (0, None);
     let next = trail.iter().skip(1).map(|tried| tried.position_mm).chain([f64::INFINITY]);
-    let tried: Vec<(&Tried, bool)> =
-        trail.iter().zip(next).map(|(tried, next)| (tried, tried.position_mm < next)).collect();
-    let clear: Vec<[f64; 2]> = tried
-        .iter()
-        .filter(|(_, touches)| !touches)
-        .filter_map(|(tried, _)| parts(tried))
-        .collect();
-    let mean =
-        [0, 1].map(|part| clear.iter().map(|parts| parts[part]).sum::<f64>() / clear.len() as f64);
-    for (index, (tried, touches)) in tried.into_iter().enumerate() {
-        let is_shown = if touches { may_be_contact } else { may_be_clear };
-        let Some(change) = change(tried, mean).filter(|change| !is_shown(*change, limit)) else {
+    let mut all = Vec::new();
+    for (tried, next_mm) in trail.iter().zip(next) {
+        let touches = tried.position_mm < next_mm;
+        let is_doubted = touches && next_mm.is_finite() && clear_mm.is_none_or(|mm| mm < next_mm);
+        all.push(Seen { tried, touches, is_doubted, part });
+        part += usize::from(is_doubted);
+        if !touches {
+            clear_mm = Some(tried.position_mm);
+        }
+    }
+    all
+}
+
+/// Checks that the readings of a search show a contact where the trail has one, and none elsewhere. They
+/// are compared with the mean of those of the clear probe, as it was read anew at last.
+fn check_contacts(seq: u64, trail: &[Tried], limit: f64, findings: &mut Findings) {
+    let seen = seen(trail);
+    let parts_of = |part: usize| {
+        let clear = seen.iter().filter(move |one| one.part == part && !one.touches);
+        clear.filter_map(|one| parts(one.tried)).collect::<Vec<[f64; 2]>>()
+    };
+    for (index, one) in seen.iter().enumerate().filter(|(_, one)| !one.is_doubted) {
+        let clear = parts_of(one.part);
+        let mean = [0, 1]
+            .map(|part| clear.iter().map(|parts| parts[part]).sum::<f64>() / clear.len() as f64);
+        let is_shown = if one.touches { may_be_contact } else { may_be_clear };
+        let Some(change) = change(one.tried, mean).filter(|change| !is_shown(*change, limit))
+        else {
             continue;
         };
-        let state = if touches { "in contact" } else { "clear" };
+        let state = if one.touches { "in contact" } else { "clear" };
         let what = format!("reading {} of the search, {state}: relative change", index + 1);
         let slack = Some(format!("a half and {THRESHOLD_SLACK}"));
         findings.within(Check::Surface, seq, what, limit, change, slack);

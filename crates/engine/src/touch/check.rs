@@ -24,7 +24,11 @@ impl TouchMachine {
         let Some(baseline) = self.baseline.filter(|_| 0.0 < approach.slip_mm) else {
             return self.retract(self.measured(contact, loaded), context);
         };
-        let (check, step) = SlipCheck::begin(contact.surface, approach, indentation_mm, baseline);
+        let (mut check, step) =
+            SlipCheck::begin(contact.surface, approach, indentation_mm, baseline);
+        if self.may_have_drifted(context) {
+            check.doubt();
+        }
         self.phase = Phase::Checking { check, contact, loaded: Box::new(*loaded) };
         self.follow_check(step, context)
     }

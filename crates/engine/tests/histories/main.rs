@@ -5,6 +5,7 @@
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
 mod attempts;
+mod drift;
 mod drive;
 mod hold_up;
 mod level;

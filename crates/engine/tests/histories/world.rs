@@ -129,8 +129,10 @@ pub(crate) struct World {
     pub(crate) last_read: Option<PointResult>,
     /// The impedance that a frozen analyzer repeats.
     pub(crate) frozen: Option<PointResult>,
-    /// Drift of the resonance, Hz/s.
+    /// Drift of the resonance, Hz/s, the standard deviation of its walk after an hour, Hz, and where that is now, Hz.
     pub(crate) drift_hz_per_s: f64,
+    pub(crate) walk_hz_per_sqrt_hour: f64,
+    pub(crate) walked_hz: f64,
     /// Fall of the resonance with the square of the level of the drive, Hz/V², and that level, V.
     pub(crate) softening_hz_per_v2: f64,
     pub(crate) level_v: f64,
@@ -175,6 +177,8 @@ impl World {
             last_read: None,
             frozen: None,
             drift_hz_per_s: 0.0,
+            walk_hz_per_sqrt_hour: 0.0,
+            walked_hz: 0.0,
             softening_hz_per_v2: 0.0,
             level_v: 0.0,
             decision: RefusalAnswer::Skip,
@@ -296,6 +300,7 @@ impl World {
         let trouble = trouble.or(then);
         self.operations += 1;
         self.now = self.now + std::time::Duration::from_millis(100);
+        self.walk();
         self.let_last(trouble);
         if let Some(answer) = Drive::answer(self, &operation) {
             return self.handle(Input::Done(id, answer));
@@ -457,6 +462,20 @@ impl World {
         1e-3 * ((self.random >> 11) as f64 / (1_u64 << 52) as f64 - 1.0)
     }
 
+    /// How far the free resonance has drifted, Hz.
+    pub(crate) fn drifted_hz(&self) -> f64 {
+        self.drift_hz_per_s * self.now.as_micros() as f64 * 1e-6 + self.walked_hz
+    }
+
+    /// The walk of the free resonance in a tenth of a second.
+    fn walk(&mut self) {
+        if 0.0 < self.walk_hz_per_sqrt_hour {
+            // Twelve uniform numbers with a variance of a third of 1e-6 each.
+            let normal = 0.5e3 * (0..12).map(|_| self.noise()).sum::<f64>();
+            self.walked_hz += self.walk_hz_per_sqrt_hour * (0.1_f64 / 3600.0).sqrt() * normal;
+        }
+    }
+
     /// Position of the linear stage at which the probe touches.
     fn surface_mm(&self) -> f64 {
         SURFACE_MM + 0.5 / self.rotary_deg.to_radians().cos() - 0.5
@@ -465,7 +484,7 @@ impl World {
     /// The impedance of a Butterworth–Van Dyke circuit, whose resonance jumps on contact.
     pub(crate) fn reading(&mut self, point: &SweepPoint) -> Reading {
         let is_touching = self.linear_mm + self.slip_mm <= self.surface_mm();
-        let drifted_hz = self.drift_hz_per_s * self.now.as_micros() as f64 * 1e-6;
+        let drifted_hz = self.drifted_hz();
         let softened_hz = self.softening_hz_per_v2 * self.level_v * self.level_v;
         let resonance_hz = drifted_hz - softened_hz + if is_touching { LOADED_HZ } else { FREE_HZ };
         if !self.measured_hz.1 && self.measured_hz.0 != point.frequency_hz {
