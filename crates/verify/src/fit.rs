@@ -113,17 +113,8 @@ pub(crate) fn fit(
         beside.map_or((None, [0.0; BESIDE]), |(kind, at)| (Some(kind), at));
     let stays = stays(readings, unit, first_gap_s);
     let trace = Trace { stays, is_ringing, first_gap_s, beside };
-    let c0 = stated.static_capacitance_f / unit;
-    // A little beside the stated circuit: a stated value that is no minimum moves away from it.
-    let q = stated.quality_factor * 1.1;
     let mut at = Unknowns {
-        circuit: [
-            (resonance_hz + 0.03 * resonance_hz / stated.quality_factor).ln(),
-            q.ln(),
-            c0,
-            c0 * stated.capacitance_ratio,
-            c0 * stated.loss_tangent,
-        ],
+        circuit: near(resonance_hz, stated, unit),
         beside: stated_beside,
         amplitudes: Vec::new(),
         steps: trace.stays.iter().map(|stay| vec![0.0; stay.samples.len() - 1]).collect(),
@@ -175,6 +166,19 @@ pub(crate) fn fit(
         effective_time_s,
     };
     (resonance_hz.is_finite() && sigma_hz.is_finite()).then_some(fitted)
+}
+
+/// A little beside the stated circuit: a stated value that is no minimum moves away from it.
+fn near(resonance_hz: f64, stated: &Circuit, unit: f64) -> [f64; CIRCUIT] {
+    let c0 = stated.static_capacitance_f / unit;
+    let q = stated.quality_factor * 1.1;
+    [
+        (resonance_hz + 0.03 * resonance_hz / stated.quality_factor).ln(),
+        q.ln(),
+        c0,
+        c0 * stated.capacitance_ratio,
+        c0 * stated.loss_tangent,
+    ]
 }
 
 /// The values of a circuit in units of the capacitance `unit`, and their standard deviations.

@@ -433,15 +433,8 @@ impl Trace {
                 let of_mode = steady + rest * decay(mode.s - drive, t, sample.integration_s).0;
                 global[MODE] = slope * of_mode;
             }
-            let mut local = vec![Complex64::ZERO; unknowns];
-            if self.is_ringing {
-                local[0] = slope * mean * size;
-                local[1] = local[0] * Complex64::I;
-                let in_time = slope * amplitude * lambda * mean;
-                for (gap, late) in local[2..2 + i].iter_mut().enumerate() {
-                    *late = in_time * self.gap_sigma_s(gap);
-                }
-            }
+            let (by_amplitude, in_time) = (slope * mean * size, slope * amplitude * lambda * mean);
+            let local = self.local(by_amplitude, in_time, (i, unknowns));
             let re: Vec<f64> = local.iter().map(|x| x.re).collect();
             let im: Vec<f64> = local.iter().map(|x| x.im).collect();
             let r = match kind {
@@ -463,6 +456,24 @@ impl Trace {
             }
         }
         normal.finish(part, cost);
+    }
+
+    /// The derivatives of reading `i` with respect to the unknowns of its stay: both parts of the amplitude,
+    /// and the errors of the gaps before it.
+    fn local(
+        &self,
+        by_amplitude: Complex64,
+        in_time: Complex64,
+        (i, unknowns): (usize, usize),
+    ) -> Vec<Complex64> {
+        let mut local = vec![Complex64::ZERO; unknowns];
+        if self.is_ringing {
+            (local[0], local[1]) = (by_amplitude, by_amplitude * Complex64::I);
+            for (gap, late) in local[2..2 + i].iter_mut().enumerate() {
+                *late = in_time * self.gap_sigma_s(gap);
+            }
+        }
+        local
     }
 
     /// Levenberg and Marquardt. Where the steps end before the minimum, the comparison with the stated
