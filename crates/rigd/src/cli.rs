@@ -114,6 +114,8 @@ enum CliCommand {
     Export(export::ExportArgs),
     /// Copy the journal to a new directory, also while a daemon writes it
     Backup(runs::BackupArgs),
+    /// Put a backup in place of a lost journal, and read it there first
+    Restore(runs::RestoreArgs),
     /// Move sealed runs to an archive, each checked there first
     Archive(archive::ArchiveArgs),
     /// Copy what verifies of a damaged journal to a new directory
@@ -185,6 +187,7 @@ pub fn main() -> ExitCode {
         CliCommand::Show(args) => runs::show(&args),
         CliCommand::Export(args) => export::export(&args),
         CliCommand::Backup(args) => runs::back_up(&args),
+        CliCommand::Restore(args) => runs::restore(&args),
         CliCommand::Archive(args) => archive::archive(&args),
         CliCommand::Salvage(args) => runs::salvage(&args),
         CliCommand::Report(args) => runs::report(&args),

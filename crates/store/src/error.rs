@@ -19,6 +19,12 @@ pub enum StoreError {
     /// There is a journal in a directory that is to get a new one.
     #[error("holds a journal already")]
     NotEmpty,
+    /// A directory that is to get a restored journal is not empty.
+    #[error("is not empty: it has {entry}")]
+    Occupied {
+        /// The first entry found in it.
+        entry: String,
+    },
     /// Another program writes to this directory.
     #[error("in use by another rigd")]
     InUse,

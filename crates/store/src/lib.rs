@@ -25,6 +25,7 @@ mod journal;
 mod lock;
 mod memory;
 mod reader;
+mod restore;
 mod salvage;
 mod schema;
 mod sql;
@@ -37,6 +38,7 @@ pub use excerpt::excerpt;
 pub use journal::{Journal, Store};
 pub use memory::{DiskFailure, MemoryDisk};
 pub use reader::{Interruption, ProbeWord, Reader, intact};
+pub use restore::restore;
 pub use rig_record::{
     Action, Amended, Amendment, Archived, Axis, BenchSettings, BlackBox, Chain, ChainCheck, Change,
     CheckedSurface, Circuit, Clearance, ClockJumped, Confirmed, Device, Digest, Direction, Ending,

@@ -10,7 +10,7 @@ use std::{
 
 use crate::StoreError;
 
-const FILE: &str = "rigd.lock";
+pub(crate) const FILE: &str = "rigd.lock";
 
 /// A reader that asks whether there is a writer holds the lock for some microseconds. A writer that
 /// meets one tries again, this often and with this pause.

@@ -6,6 +6,7 @@ mod damage;
 mod interruption;
 mod journal;
 mod memory;
+mod restore;
 mod resume;
 mod salvage;
 mod sample;

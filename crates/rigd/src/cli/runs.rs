@@ -1,4 +1,4 @@
-//! `rigd runs`, `show`, `report`, `give-up`, `skip` and `salvage`: the runs of a data directory.
+//! `rigd runs`, `show`, `report`, `give-up`, `skip`, `backup`, `restore` and `salvage`: the runs of a data directory.
 
 use std::{
     fs,
@@ -8,7 +8,7 @@ use std::{
 use clap::Args;
 use rig_record::StoredRecord;
 use rig_report::{RunResults, RunVerdict};
-use rig_store::{Reader, Run, RunKind, StoreError};
+use rig_store::{BackedUpRun, Reader, Run, RunKind, StoreError};
 use serde::Serialize;
 
 use super::{
@@ -241,15 +241,55 @@ pub(super) fn back_up(args: &BackupArgs) -> Result<(), Failure> {
     if notes.exists() {
         fs::copy(&notes, &copy).map_err(|source| Failure::File { path: copy, source })?;
     }
+    let is_whole = is_whole(&runs);
+    print(&format!("{} copied to {}, and read there", sizes(&runs), args.to.display()))?;
+    if is_whole { Ok(()) } else { Err(Failure::NotSound) }
+}
+
+#[derive(Debug, Args)]
+pub(super) struct RestoreArgs {
+    /// Directory of a backup
+    backup: PathBuf,
+    #[command(flatten)]
+    data: DataArgs,
+}
+
+/// Copies a backup to an empty data directory, if every run of the copy is whole.
+pub(super) fn restore(args: &RestoreArgs) -> Result<(), Failure> {
+    let to = args.data.dir();
+    let data_error = |source| {
+        let data = match &source {
+            StoreError::Occupied { .. } | StoreError::InUse | StoreError::Directory(_) => &to,
+            _ => &args.backup,
+        };
+        Failure::Data { data: data.clone(), source }
+    };
+    let runs = rig_store::restore(&args.backup, &to, &[NOTES]).map_err(data_error)?;
+    if !is_whole(&runs) {
+        let backup = args.backup.display();
+        note(&format!(
+            "nothing was restored; `rigd salvage NEW --data {backup}` copies what is whole to a new directory"
+        ));
+        return Err(Failure::NotSound);
+    }
+    print(&format!("{} restored to {}, and read there", sizes(&runs), to.display()))?;
+    note("`rigd report RUN` writes the folder of a run again; tokens are made anew");
+    Ok(())
+}
+
+fn sizes(runs: &[BackedUpRun]) -> String {
     let records: u64 = runs.iter().map(|run| run.records).sum();
-    let sizes = format!("{} runs and sessions with {records} records", runs.len());
+    format!("{} runs and sessions with {records} records", runs.len())
+}
+
+/// Whether no run of a copy has a flaw. Each flaw is told.
+fn is_whole(runs: &[BackedUpRun]) -> bool {
     let broken: Vec<_> =
         runs.iter().filter_map(|run| Some((&run.id, run.flaw.as_ref()?))).collect();
     for (id, flaw) in &broken {
         note(&format!("{id}: {flaw}"));
     }
-    print(&format!("{sizes} copied to {}, and read there", args.to.display()))?;
-    if broken.is_empty() { Ok(()) } else { Err(Failure::NotSound) }
+    broken.is_empty()
 }
 
 /// Copies what verifies of a damaged journal.

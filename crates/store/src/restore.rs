@@ -1,0 +1,77 @@
+//! Puts a backup in place of a journal that was lost.
+
+use std::{
+    ffi::{OsStr, OsString},
+    fs::{self, File},
+    io,
+    path::Path,
+};
+
+use crate::{BackedUpRun, StoreError, backup, lock, lock::DirectoryLock, schema};
+
+/// The copy is here until it has been read. One that is left was broken off.
+const STAGE: &str = "restore.part";
+
+/// Copies the journal in `backup` to `to`, an absent or empty directory, with those of the files `beside` that the
+/// backup has. The copy gets its place when every run in it was read and found whole; if one has a flaw, which the
+/// list then says, nothing is restored. A restoration that was broken off is begun anew.
+///
+/// # Errors
+/// [`StoreError::NoJournal`]; [`StoreError::InUse`] if a program writes to `to`; [`StoreError::Occupied`] names
+/// what `to` has in it; [`StoreError::OtherFormat`]; or an error of the system or of SQLite.
+pub fn restore(backup: &Path, to: &Path, beside: &[&str]) -> Result<Vec<BackedUpRun>, StoreError> {
+    if !schema::database(backup).exists() {
+        return Err(StoreError::NoJournal);
+    }
+    let lock = DirectoryLock::take(to)?;
+    let stage = to.join(STAGE);
+    let is_again = stage.exists();
+    if let Some(entry) =
+        occupant(to, if is_again { beside } else { &[] }).map_err(StoreError::Directory)?
+    {
+        let entry = entry.to_string_lossy().into_owned();
+        return Err(StoreError::Occupied { entry });
+    }
+    if is_again {
+        fs::remove_dir_all(&stage).map_err(StoreError::Directory)?;
+    }
+    let copied = backup::back_up(backup, &stage);
+    let is_whole = |runs: &Vec<BackedUpRun>| runs.iter().all(|run| run.flaw.is_none());
+    let placed = match &copied {
+        Ok(runs) if is_whole(runs) => place(backup, &stage, to, beside),
+        _ => Ok(()),
+    };
+    // After an error too, the directory is as it was.
+    let removed = fs::remove_dir_all(&stage);
+    let runs = copied?;
+    placed.and(removed).map_err(StoreError::Directory)?;
+    drop(lock);
+    Ok(runs)
+}
+
+/// What a directory has in it, except for its lock, a stage and files with these names.
+fn occupant(directory: &Path, but: &[&str]) -> io::Result<Option<OsString>> {
+    for entry in fs::read_dir(directory)? {
+        let name = entry?.file_name();
+        let is_allowed = |allowed: &&str| name == OsStr::new(allowed);
+        if ![lock::FILE, STAGE].iter().chain(but).any(is_allowed) {
+            return Ok(Some(name));
+        }
+    }
+    Ok(None)
+}
+
+/// Moves the copy to its place, the journal last: a directory with a journal has everything.
+fn place(backup: &Path, stage: &Path, to: &Path, beside: &[&str]) -> io::Result<()> {
+    for name in beside {
+        let (copy, staged) = (backup.join(name), stage.join(name));
+        if copy.exists() {
+            fs::copy(copy, &staged)?;
+            File::open(&staged)?.sync_all()?;
+            fs::rename(&staged, to.join(name))?;
+        }
+    }
+    File::open(to)?.sync_all()?;
+    fs::rename(schema::database(stage), schema::database(to))?;
+    File::open(to)?.sync_all()
+}
