@@ -15,7 +15,7 @@ mod words;
 
 use std::{
     collections::BTreeMap,
-    io,
+    fs, io,
     path::{Path, PathBuf},
     sync::{Arc, Mutex, MutexGuard, PoisonError},
     thread,
@@ -111,7 +111,8 @@ pub(crate) struct Post {
 
 impl Notifier {
     /// Opens the outbox of a data directory and begins to read the journal after the last record that was looked
-    /// at; in a new outbox, after this event. `None` without targets.
+    /// at; in a new outbox, after this event. `None` without targets: the outbox is removed then, because what
+    /// happens while nobody is told is no news later.
     ///
     /// # Errors
     /// [`NotifyError`] for an outbox that cannot be written.
@@ -125,7 +126,13 @@ impl Notifier {
         let Some(Targets { all: targets, file }) =
             targets.filter(|targets| !targets.all.is_empty())
         else {
-            return Ok(None);
+            let path = data.join(outbox::FILE);
+            return match fs::remove_file(&path) {
+                Err(source) if source.kind() != io::ErrorKind::NotFound => {
+                    Err(NotifyError::File { path, source })
+                }
+                _ => Ok(None),
+            };
         };
         let outbox = open(data, &targets, after_event)?;
         #[expect(

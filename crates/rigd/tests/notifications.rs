@@ -377,3 +377,41 @@ fn a_secret_that_others_can_read_and_a_wrong_url_are_refused_at_the_start() {
         assert!(said.contains(fault), "{keys}: {said}");
     }
 }
+
+#[test]
+fn a_first_start_with_targets_on_an_old_journal_tells_nothing_of_before() {
+    let folder = TempDir::new().unwrap();
+    let (daemon, address) = serve_with(folder.path(), "", None);
+    run_to_its_end(&address, 1);
+    end(daemon);
+    let server = Server::start(&[Deed::Answer(200)]);
+    let text = webhook("chat", &server, "\"end\", \"fault\"");
+    let (daemon, address) = serve_with(folder.path(), &text, None);
+    run_to_its_end(&address, 2);
+    assert_eq!(server.next().body["run"], "smoke-2");
+    end(daemon);
+    // Without targets nobody is told, later neither.
+    let (daemon, address) = serve_with(folder.path(), "", None);
+    run_to_its_end(&address, 3);
+    end(daemon);
+    let (daemon, address) = serve_with(folder.path(), &text, None);
+    run_to_its_end(&address, 4);
+    assert_eq!(server.next().body["run"], "smoke-4");
+    end(daemon);
+}
+
+/// Runs the loaded protocol.
+#[track_caller]
+fn run_to_its_end(address: &str, number: u32) {
+    wait_until_ready(address);
+    assert!(request(address, "POST /api/v1/runs", "").starts_with("HTTP/1.1 202"));
+    let began = Instant::now();
+    let ended = format!(r#""name":"smoke-{number}","protocol":"smoke","status":"completed""#);
+    loop {
+        let rig = request(address, "GET /api/v1/runs", "");
+        if rig.replace(char::is_whitespace, "").contains(&ended) {
+            return;
+        }
+        assert!(began.elapsed() < PATIENCE, "{rig}");
+    }
+}

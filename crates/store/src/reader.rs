@@ -288,6 +288,16 @@ impl Reader {
         Ok(Chain { records, check })
     }
 
+    /// The last event of all runs; 0 without one.
+    ///
+    /// # Errors
+    /// [`StoreError`] of the system or of SQLite.
+    pub fn last_event(&self) -> Result<u64, StoreError> {
+        let mut statement =
+            self.connection.prepare_cached("SELECT coalesce(max(id), 0) FROM records")?;
+        Ok(statement.query_row([], |row| row.get::<_, i64>(0))?.cast_unsigned())
+    }
+
     /// Up to `limit` records of all runs behind the event with this id, in order, without readings that
     /// were archived.
     ///

@@ -63,6 +63,8 @@ pub(super) struct Told {
     data: PathBuf,
     facts: RigFacts,
     status: watch::Receiver<Status>,
+    /// The last event before the rig was opened.
+    before: u64,
 }
 
 /// The files, read again and without faults.
@@ -226,7 +228,7 @@ impl InForce {
 }
 
 impl Told {
-    /// Tells these targets what happens from the opening of the rig on.
+    /// Tells these targets what happens after `before`, the last event before the rig was opened.
     ///
     /// # Errors
     /// [`NotifyError`] for an outbox that cannot be written.
@@ -235,11 +237,11 @@ impl Told {
         settings: &Settings,
         facts: &RigFacts,
         status: watch::Receiver<Status>,
+        before: u64,
     ) -> Result<Self, NotifyError> {
         let (data, facts) = (settings.data.value.clone(), facts.clone());
-        let before = status.borrow().first_event.saturating_sub(1);
         let notifier = Notifier::start(targets, &data, &facts, status.clone(), before)?;
-        Ok(Self { notifier, file: settings.notifications.clone(), data, facts, status })
+        Ok(Self { notifier, file: settings.notifications.clone(), data, facts, status, before })
     }
 
     /// Tells others from now on. If that fails, those before are told on.
@@ -265,7 +267,8 @@ impl Told {
     }
 
     fn begin(&self, targets: Option<Targets>) -> Result<Option<Notifier>, ReloadRefusal> {
-        let last_event = self.status.borrow().last_event;
+        // The status has none before the rig has noted something.
+        let last_event = self.status.borrow().last_event.max(self.before);
         let started =
             Notifier::start(targets, &self.data, &self.facts, self.status.clone(), last_event);
         started.map_err(|error| ReloadRefusal::Notifications(with_causes(&error)))

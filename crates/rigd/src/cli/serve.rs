@@ -4,13 +4,14 @@ use std::{
     collections::BTreeSet,
     io,
     net::{Ipv4Addr, SocketAddr},
-    path::PathBuf,
+    path::{Path, PathBuf},
     time::Duration,
 };
 
 use axum::Router;
 use clap::Args;
 use rig_files::service_file::TlsFile;
+use rig_store::{Reader, StoreError};
 use tokio::{
     net::{TcpListener, TcpSocket},
     runtime::Handle,
@@ -121,10 +122,11 @@ impl Daemon {
         let (mut signals, hangups) = Signals::of_daemon()?;
         // The address is bound first: a daemon that cannot be reached must not move anything.
         let door = Door::open(settings.listen.value, tls)?;
+        let before = last_event(&data)?;
         let (handle, thread) = open(rig, data.clone(), &mut signals).await?;
         watch_over_http(Handle::current(), handle.clone())?;
         let closing = CancellationToken::new();
-        let told = Told::start(targets, &settings, &facts, handle.status())?;
+        let told = Told::start(targets, &settings, &facts, handle.status(), before)?;
         let shared = http::Shared::new(
             handle.clone(),
             facts,
@@ -288,6 +290,14 @@ fn tls(settings: &Settings) -> Result<Option<Tls>, Failure> {
     let tls = Tls::own(&settings.data.value, names.into_iter().collect())?;
     say(&format!("rigd: clients can trust {}", tls.certificate().display()));
     Ok(Some(tls))
+}
+
+/// The last event of the journal; 0 where there is none yet.
+fn last_event(data: &Path) -> Result<u64, Failure> {
+    match Reader::open(data).and_then(|reader| reader.last_event()) {
+        Err(StoreError::NoJournal) => Ok(0),
+        found => found.map_err(|source| Failure::Data { data: data.to_path_buf(), source }),
+    }
 }
 
 /// The access rules. Another computer needs a token.
