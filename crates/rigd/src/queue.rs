@@ -14,7 +14,7 @@
 #[cfg(test)]
 mod tests;
 
-use std::{fs, io, path::Path};
+use std::{fs, io, path::Path, time::Duration};
 
 use rig_engine::RigState;
 use schemars::JsonSchema;
@@ -24,10 +24,12 @@ use crate::{durable, tokens::fingerprint};
 
 /// Its file in the data directory.
 pub(crate) const FILE: &str = "queue.json";
-/// Version of the file. One of version 1 has no keys, and is read too.
-const FORMAT: u32 = 2;
+/// Version of the file. Those before are read too: version 1 has no keys, version 2 no late runs.
+const FORMAT: u32 = 3;
 /// Idempotency keys that are remembered. A client repeats a request within minutes.
 const KEYS_MAX: usize = 200;
+/// Late runs that are shown: more than a night has.
+const LATE_MAX: usize = 20;
 /// Entries at most. A weekend has room for fewer runs, and the whole file is written at each change.
 pub(crate) const ENTRIES_MAX: usize = 50;
 /// As long as the note about a run, characters.
@@ -49,6 +51,34 @@ pub(crate) struct Queue {
     /// entries: a request that is repeated after its run has begun adds nothing.
     #[serde(default)]
     keys: Vec<UsedKey>,
+    /// What the run under way must keep, if it has a deadline.
+    #[serde(default)]
+    due: Option<Due>,
+    /// Runs that ended after their deadlines, the latest first.
+    #[serde(default)]
+    late: Vec<LateRun>,
+}
+
+/// The deadline of a run.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Due {
+    /// The entry.
+    number: u64,
+    protocol: String,
+    deadline_unix_ms: u64,
+}
+
+/// A run of the queue that ended after its deadline.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct LateRun {
+    pub(crate) run: String,
+    /// The entry that it was.
+    pub(crate) number: u64,
+    pub(crate) protocol: String,
+    pub(crate) deadline_unix_ms: u64,
+    pub(crate) ended_unix_ms: u64,
 }
 
 /// A request that has added an entry.
@@ -155,6 +185,8 @@ impl Default for Queue {
             hold: None,
             run: None,
             keys: Vec::new(),
+            due: None,
+            late: Vec::new(),
         }
     }
 }
@@ -176,6 +208,7 @@ impl Queue {
             return Err(io::Error::new(io::ErrorKind::InvalidData, what));
         }
         queue.format = FORMAT;
+        queue.due = None;
         if queue.run.take().is_some() {
             let reason = "rigd was ended during a run of the queue".to_owned();
             queue.stop(HoldKind::Fault, reason, now_unix_ms);
@@ -210,15 +243,29 @@ impl Queue {
         self.run.as_deref()
     }
 
-    /// Takes an entry out, whose run has begun.
-    pub(crate) fn begin(&mut self, number: u64, run: String) {
-        self.entries.retain(|entry| entry.number != number);
-        self.run = Some(run);
+    /// The last runs that ended after their deadlines, the latest first.
+    pub(crate) fn late(&self) -> &[LateRun] {
+        &self.late
     }
 
-    /// The run that was begun has ended.
-    pub(crate) fn end(&mut self) {
-        self.run = None;
+    /// Takes an entry out, whose run has begun.
+    pub(crate) fn begin(&mut self, entry: &Entry, run: String) {
+        self.entries.retain(|other| other.number != entry.number);
+        self.run = Some(run);
+        let (number, protocol) = (entry.number, entry.protocol.clone());
+        let due = |deadline_unix_ms| Due { number, protocol, deadline_unix_ms };
+        self.due = entry.deadline_unix_ms.map(due);
+    }
+
+    /// The run that was begun has ended. Returns it if that was after its deadline.
+    pub(crate) fn end(&mut self, now_unix_ms: u64) -> Option<&LateRun> {
+        let (run, due) = (self.run.take(), self.due.take());
+        let (run, due) = run.zip(due.filter(|due| due.deadline_unix_ms < now_unix_ms))?;
+        let Due { number, protocol, deadline_unix_ms } = due;
+        let late = LateRun { run, number, protocol, deadline_unix_ms, ended_unix_ms: now_unix_ms };
+        self.late.insert(0, late);
+        self.late.truncate(LATE_MAX);
+        self.late.first()
     }
 
     /// Puts an entry at the end and gives its number, which replaces the one it had.
@@ -337,6 +384,15 @@ impl Queue {
     fn at(&self, number: u64) -> Result<usize, QueueRefusal> {
         let at = self.entries.iter().position(|entry| entry.number == number);
         at.ok_or(QueueRefusal::NoEntry(number))
+    }
+}
+
+impl LateRun {
+    /// For the journal.
+    pub(crate) fn sentence(&self) -> String {
+        let Self { run, number, protocol, deadline_unix_ms, ended_unix_ms } = self;
+        let late_s = Duration::from_millis(ended_unix_ms - deadline_unix_ms).as_secs_f64();
+        format!("run {run} of entry {number}, {protocol}, ended {late_s:.1} s after its deadline")
     }
 }
 

@@ -351,3 +351,78 @@ fn a_deadline_that_is_missed_or_will_be_is_said_before_its_turn() {
     assert_eq!((&told["entries"][1]["is_missed"], &told["missed"]), (&json!(true), &json!(1)));
     end(daemon);
 }
+
+/// Now, by the clock of the computer, ms since 1970.
+fn now_unix_ms() -> u64 {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
+    u64::try_from(now.as_millis()).unwrap()
+}
+
+#[test]
+fn a_run_that_ends_after_its_deadline_is_told_and_noted() {
+    let folder = TempDir::new().unwrap();
+    let rig = folder.path().join("waits.toml");
+    let simulated = fs::read_to_string(repository().join("config/rigs/simulated.toml")).unwrap();
+    let scenes = repository().join("config/scenes").canonicalize().unwrap();
+    let waits = simulated
+        .replace("\"../scenes/", &format!("\"{}/", scenes.display()))
+        .replace("\"answers\"\n", "\"waits\"\n");
+    assert!(waits.contains("person = \"waits\""));
+    fs::write(&rig, waits).unwrap();
+    let data = folder.path().join("data");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rigd"));
+    command
+        .args(["serve", "--listen", "127.0.0.1:0", "--release-queue"])
+        .args(["--data", data.to_str().unwrap(), "--rig", rig.to_str().unwrap()])
+        .current_dir(repository());
+    let mut daemon = Program::spawn(&mut command, data.clone());
+    let address = daemon.wait_for_address();
+    // In virtual time a run takes no time until a person is asked. On a slow computer it begins too late for the
+    // first deadlines, and is left out.
+    let mut begun = None;
+    for left_ms in [1_000, 2_000, 4_000, 8_000, 16_000] {
+        let deadline = now_unix_ms() + left_ms;
+        let form = json!({ "protocol_toml": protocol("late"), "deadline_unix_ms": deadline });
+        let answer = post(&address, "queue", &form.to_string());
+        if !answer.starts_with("HTTP/1.1 201") {
+            continue;
+        }
+        answered(&post(&address, "queue/release", ""), 200);
+        let seen = wait_for(&address, |seen| {
+            seen.get("run").is_some()
+                || seen["entries"]
+                    .as_array()
+                    .unwrap()
+                    .iter()
+                    .all(|entry| entry["is_missed"] == true)
+        });
+        if let Some(run) = seen["run"].as_str() {
+            begun = Some((run.to_owned(), deadline));
+            break;
+        }
+    }
+    let (run, deadline) = begun.expect("a run began before its deadline");
+    assert_eq!(queue(&address)["late"], json!([]));
+    while now_unix_ms() <= deadline {
+        assert_eq!(queue(&address)["run"], run.as_str(), "it waits for a person");
+    }
+    assert!(post(&address, &format!("runs/{run}/abort"), "").starts_with("HTTP/1.1 202"));
+    let told = wait_for(&address, |seen| seen["late"].as_array().unwrap().len() == 1);
+    let late = &told["late"][0];
+    assert_eq!((&late["run"], &late["protocol"]), (&json!(run), &json!("late")));
+    assert_eq!(late["deadline_unix_ms"], deadline);
+    assert!(late["ended_unix_ms"].as_u64().unwrap() > deadline);
+    let list = Command::new(env!("CARGO_BIN_EXE_rigd"))
+        .args(["queue", "list", "--data", data.to_str().unwrap()])
+        .output()
+        .unwrap();
+    let text = String::from_utf8(list.stdout).unwrap();
+    assert!(text.contains(&run) && text.contains("after its deadline"), "{text}");
+    end(daemon);
+    let reader = Reader::open(&data).unwrap();
+    let noted = reader.events_after(0, u32::MAX).unwrap().into_iter().any(|stored| {
+        matches!(stored.record(), Ok(Record::Operator(operator))
+            if operator.action.starts_with(&format!("run {run} of entry ")) && operator.action.ends_with(" s after its deadline"))
+    });
+    assert!(noted);
+}

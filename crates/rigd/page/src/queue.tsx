@@ -31,6 +31,7 @@ export function QueuePanel({ view }: { view: View }) {
       <h2>Queue</h2>
       <p class={queue.hold ? "soft" : "good-word"} role="status">{queue.hold ? `Held: ${queue.hold.reason}.` : "Released: entries begin one after the other."}</p>
       {queue.missed > 0 && <p class="bad-word" role="alert">{queue.missed === 1 ? "One entry has missed its deadline" : `${queue.missed} entries have missed their deadlines`}. </p>}
+      {queue.late.length > 0 && <ul class="bad-word">{queue.late.map((late) => <li key={late.run}>{late.protocol} ended {duration((late.ended_unix_ms - late.deadline_unix_ms) / 1000)} after its deadline, {day(new Date(late.deadline_unix_ms).toISOString())}</li>)}</ul>}
       <ol>
         {queue.entries.map((entry, index) => (
           <li key={entry.number}>

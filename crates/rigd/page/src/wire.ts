@@ -203,6 +203,7 @@ export interface Queue {
   duration_s: number;
   prompts: number;
   missed: number;
+  late: { run: string; protocol: string; deadline_unix_ms: number; ended_unix_ms: number }[];
 }
 
 export type TouchStatus = "measured" | "refused" | "skipped" | "not_reached";

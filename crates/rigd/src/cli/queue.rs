@@ -1,6 +1,6 @@
 //! `rigd queue`: the protocols that wait for the rig of a daemon.
 
-use std::{path::PathBuf, str::FromStr};
+use std::{path::PathBuf, str::FromStr, time::Duration};
 
 use axum::http::Method;
 use clap::{Args, Subcommand};
@@ -119,6 +119,16 @@ struct QueueView {
     entries: Vec<EntryView>,
     duration_s: f64,
     prompts: usize,
+    late: Vec<LateView>,
+}
+
+#[derive(Debug, Deserialize)]
+struct LateView {
+    run: String,
+    number: u64,
+    protocol: String,
+    deadline_unix_ms: u64,
+    ended_unix_ms: u64,
 }
 
 #[derive(Debug, Deserialize)]
@@ -202,6 +212,7 @@ impl QueueView {
             None => "released: entries begin one after the other".to_owned(),
         }];
         lines.extend(self.run.as_ref().map(|run| format!("run {run} of the queue is under way")));
+        lines.extend(self.late.iter().map(LateView::text));
         if self.entries.is_empty() {
             lines.push("no entry waits; `rigd queue add PROTOCOL` adds one".to_owned());
             return lines.join("\n");
@@ -219,6 +230,15 @@ impl QueueView {
             times => format!("{takes} in all, and a person is needed {times} times"),
         });
         lines.join("\n")
+    }
+}
+
+impl LateView {
+    fn text(&self) -> String {
+        let Self { run, number, protocol, deadline_unix_ms, ended_unix_ms } = self;
+        let late_ms = ended_unix_ms.saturating_sub(*deadline_unix_ms);
+        let late = duration(Duration::from_millis(late_ms).as_secs_f64());
+        format!("run {run} of entry {number}, {protocol}, ended {late} after its deadline")
     }
 }
 
@@ -286,6 +306,8 @@ mod tests {
     fn the_list_fits_a_terminal() {
         let view: QueueView = serde_json::from_value(json!({
             "hold": null, "run": null, "duration_s": 589.0, "prompts": 1,
+            "late": [{ "run": "01a2", "number": 11, "protocol": "smoke",
+                "deadline_unix_ms": 1_795_000_000_000_u64, "ended_unix_ms": 1_795_000_065_000_u64 }],
             "entries": [{
                 "number": 12, "protocol": "three-direction", "note": "the night run", "by": "Ada",
                 "deadline_unix_ms": 1_795_000_000_000_i64, "is_missed": false,
@@ -304,6 +326,7 @@ mod tests {
             text.contains("entry 12: the night run\nentry 12, after 0 s: Put sample 1"),
             "{text}"
         );
+        assert!(text.contains("run 01a2 of entry 11, smoke, ended 1 min 05 s after its deadline"));
         let late = "entry 12 would end 1 min 05 s after its deadline, even if released now";
         assert!(text.contains(late) && text.contains("entry 13 missed its deadline"), "{text}");
     }

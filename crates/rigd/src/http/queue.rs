@@ -30,7 +30,7 @@ use super::{
 use crate::{
     operator::Operator,
     protocol_file::LoadedProtocol,
-    queue::{Entry, HoldKind, Queue, QueueRefusal, Seen, Turn},
+    queue::{Entry, HoldKind, LateRun, Queue, QueueRefusal, Seen, Turn},
     rig::{RequestRefusal, Status},
 };
 
@@ -269,7 +269,10 @@ impl Shared {
             let Some(ended) = self.ended(run, status).await else { return };
             kept.run = None;
             let mut queue = kept.queue.clone();
-            queue.end();
+            let late = queue.end(unix_ms(SystemTime::now())).map(LateRun::sentence);
+            if let Some(sentence) = late {
+                self.note_by_daemon(sentence).await;
+            }
             self.keep(&mut kept, queue).await;
             if let Err(trouble) = ended {
                 self.hold_queue(&mut kept, HoldKind::Fault, trouble).await;
@@ -347,7 +350,7 @@ impl Shared {
         match begun {
             Ok(run) => {
                 kept.run = Some(run);
-                queue.begin(number, run.to_string());
+                queue.begin(entry, run.to_string());
                 self.keep(kept, queue).await;
             }
             Err(None) => {}

@@ -126,14 +126,15 @@ fn a_queue_is_held_after_a_start_unless_asked_otherwise() {
 fn a_run_that_was_under_way_when_the_daemon_ended_holds_the_queue() {
     let folder = TempDir::new().unwrap();
     let mut queue = queue_of(&["a", "b"]);
-    queue.begin(1, "run".to_owned());
+    let first = queue.entries()[0].clone();
+    queue.begin(&first, "run".to_owned());
     assert_eq!((names(&queue), queue.run()), (vec!["b"], Some("run")));
     queue.write(folder.path()).unwrap();
     let mut opened = Queue::open(folder.path(), true, 0).unwrap();
     assert_eq!(opened.hold().map(|hold| hold.kind), Some(HoldKind::Fault));
     opened.release().unwrap();
     assert!(opened.run().is_none() && matches!(opened.turn(IDLE), Turn::Begin(_)));
-    queue.end();
+    assert_eq!(queue.end(0), None);
     queue.write(folder.path()).unwrap();
     assert_eq!(Queue::open(folder.path(), true, 0).unwrap().hold(), None);
 }
@@ -144,7 +145,7 @@ fn a_file_of_another_version_is_not_read() {
     let other = Queue { format: FORMAT + 1, ..queue_of(&["a"]) };
     other.write(folder.path()).unwrap();
     let error = Queue::open(folder.path(), false, 0).unwrap_err().to_string();
-    assert_eq!(error, "its format is 3, and this rigd reads 1 to 2");
+    assert_eq!(error, "its format is 4, and this rigd reads 1 to 3");
     fs::write(folder.path().join(FILE), "{").unwrap();
     assert!(Queue::open(folder.path(), false, 0).is_err());
 }
@@ -168,7 +169,8 @@ fn a_request_with_a_known_key_adds_nothing_also_after_its_entry_has_begun() {
     let asked = entry("a");
     assert_eq!(queue.keyed("k", &asked), Ok(None));
     queue.remember("k".to_owned(), asked.digest(), 1);
-    queue.begin(1, "run".to_owned());
+    let first = queue.entries()[0].clone();
+    queue.begin(&first, "run".to_owned());
     assert_eq!(queue.keyed("k", &Entry { added_unix_ms: 99, ..asked.clone() }), Ok(Some(1)));
     for other in [
         Entry { note: "b".to_owned(), ..asked.clone() },
@@ -183,4 +185,33 @@ fn a_request_with_a_known_key_adds_nothing_also_after_its_entry_has_begun() {
     }
     assert_eq!(queue.keyed("k", &asked), Ok(None), "it is the oldest of too many");
     assert_eq!(queue.keyed("n0", &asked), Ok(Some(2)));
+}
+
+#[test]
+fn a_run_that_ends_after_its_deadline_is_kept_as_late() {
+    let folder = TempDir::new().unwrap();
+    let mut queue = Queue::default();
+    for number in 0..=LATE_MAX as u64 + 1 {
+        queue.add(Entry { deadline_unix_ms: Some(5_000), ..entry("a") }).unwrap();
+        let first = queue.entries()[0].clone();
+        queue.begin(&first, format!("run {number}"));
+        queue.write(folder.path()).unwrap();
+        // The first one ends just in time.
+        let sentence = queue.end(5_000 + number * 1_500).map(LateRun::sentence);
+        let late_s = number as f64 * 1.5;
+        let expected = format!(
+            "run run {number} of entry {}, a, ended {late_s:.1} s after its deadline",
+            number + 1
+        );
+        assert_eq!(sentence, (number > 0).then_some(expected));
+    }
+    assert_eq!((queue.late().len(), queue.late()[0].number), (LATE_MAX, LATE_MAX as u64 + 2));
+    assert_eq!(queue.late()[LATE_MAX - 1].run, "run 2", "the oldest is left out");
+    queue.write(folder.path()).unwrap();
+    assert_eq!(Queue::open(folder.path(), true, 0).unwrap().late(), queue.late());
+    // Without a deadline no run is late, also behind one that had one.
+    queue.add(entry("b")).unwrap();
+    let first = queue.entries()[0].clone();
+    queue.begin(&first, "another".to_owned());
+    assert_eq!(queue.end(u64::MAX), None);
 }

@@ -11,7 +11,7 @@ use crate::{
     http::progress::unix_ms,
     loaded_rig::RigFacts,
     protocol_file::LoadedProtocol,
-    queue::{Entry, Hold, Queue},
+    queue::{Entry, Hold, LateRun, Queue},
     rig::Status,
 };
 
@@ -32,6 +32,8 @@ pub(in crate::http) struct QueueView {
     prompts: usize,
     /// Number of entries that can no longer end by their deadline.
     missed: usize,
+    /// The last runs that ended after their deadlines, the latest first; at most 20.
+    late: Vec<LateRun>,
 }
 
 /// An entry of the queue.
@@ -88,6 +90,7 @@ impl QueueView {
         let missed = entries.iter().filter(|entry| entry.is_missed).count();
         Self {
             missed,
+            late: queue.late().to_vec(),
             hold: queue.hold().cloned(),
             run: queue.run().map(str::to_owned),
             duration_s: ahead().map(|entry| entry.duration_s).sum(),
