@@ -40,12 +40,16 @@ pub(crate) fn doubts(
 ) -> Vec<Doubt> {
     let mut doubts = Vec::new();
     let Bench { phase_rad, phase_sigma_rad: sigma, first_gap_s, mode_sigma: stated, .. } = *bench;
-    let cost_at = |phase_rad| cost(phase_rad, first_gap_s);
-    let sides = cost_at(phase_rad - 2.0 * sigma).zip(cost_at(phase_rad + 2.0 * sigma));
-    let (below, above) = sides.unwrap_or((f64::NAN, f64::NAN));
-    let rise = 0.5 * (below + above) / scatter - degrees;
-    // The lowest point of the parabola through the three, in standard deviations.
-    let off = 0.5 * (below - above) / scatter / rise;
+    // How much the sum of squares rises on both sides of what is stated, and where the parabola through the
+    // three points is lowest, in units of the distance to the sides.
+    let parabola = |sides: [Option<f64>; 2]| {
+        let [below, above] = sides.map(|cost| cost.unwrap_or(f64::NAN) / scatter);
+        let rise = 0.5 * (below + above) - degrees;
+        (rise, 0.25 * (below - above) / rise)
+    };
+    let (rise, lowest) =
+        parabola([-2.0, 2.0].map(|sigmas| cost(phase_rad + sigmas * sigma, first_gap_s)));
+    let off = 2.0 * lowest;
     if !((RISE[0]..=RISE[1]).contains(&rise) && off.abs() <= PHASE_SIGMAS) {
         doubts.push(Doubt {
             check: Check::Resonance,
@@ -56,21 +60,18 @@ pub(crate) fn doubts(
         });
     }
     let beside_s = FIRST_GAP_BESIDE_S;
-    let sides =
-        cost(phase_rad, first_gap_s - beside_s).zip(cost(phase_rad, first_gap_s + beside_s));
-    let (below, above) = sides.unwrap_or((f64::NAN, f64::NAN));
-    let rise = 0.5 * (below + above) / scatter - degrees;
-    let off = 0.25 * (below - above) / scatter / rise;
-    let sigma_s = beside_s / rise.sqrt();
+    let (rise, lowest) =
+        parabola([-beside_s, beside_s].map(|away_s| cost(phase_rad, first_gap_s + away_s)));
+    let (off_s, sigma_s) = (lowest * beside_s, beside_s / rise.sqrt());
     let limit_s = FIRST_GAP_SIGMAS * sigma_s;
-    let is_near = (off * beside_s).abs() <= limit_s;
+    let is_near = off_s.abs() <= limit_s;
     // Below that the readings do not tell it.
     let is_told = rise.is_nan() || rise > 1.0;
     if is_told && !is_near {
         doubts.push(Doubt {
             check: Check::Resonance,
             what: "the error of the first gap, s",
-            expected: first_gap_s + off * beside_s,
+            expected: first_gap_s + off_s,
             found: first_gap_s,
             limit: format!("{limit_s} s"),
         });
