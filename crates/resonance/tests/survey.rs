@@ -24,6 +24,9 @@ struct Scene {
     /// How much longer than it is the gap after the first reading at a frequency seems to be, s: the
     /// reading began later than recorded.
     late_s: f64,
+    noise: f64,
+    /// Largest additional length of a gap, and largest error of its recorded length, s.
+    gaps_s: (f64, f64),
     now: RigTime,
     last_hz: f64,
     random: Random,
@@ -42,6 +45,8 @@ impl Scene {
             second,
             phase: Complex64::cis(phase_deg.to_radians()),
             late_s: 0.0,
+            noise: NOISE,
+            gaps_s: (0.0, 0.0),
             now: RigTime::from_micros(1_000_000),
             last_hz: 0.0,
             random: Random::new(seed),
@@ -58,20 +63,23 @@ impl Scene {
             }
             self.last_hz = point.frequency_hz;
         }
-        let (mut reading, after) = self.sensor.visit(point, self.now, NOISE, &mut self.random);
+        let (mut reading, after) = self.sensor.visit(point, self.now, self.noise, &mut self.random);
         let mut ohm = impedance(&reading);
         if let Some((second, fixed)) = &mut self.second {
             let (other, _) = second.visit(point, self.now, 0.0, &mut self.random);
             let motional = 1.0 / impedance(&other) - fixed.admittance_siemens(point.frequency_hz);
             ohm = 1.0 / (1.0 / ohm + motional);
         }
-        self.sensor.drive(point.frequency_hz, GAP_S);
+        let (longest_s, error_s) = self.gaps_s;
+        let gap_s = GAP_S + self.random.between(0.0, longest_s);
+        self.sensor.drive(point.frequency_hz, gap_s);
         if let Some((second, _)) = &mut self.second {
-            second.drive(point.frequency_hz, GAP_S);
+            second.drive(point.frequency_hz, gap_s);
         }
         reading.measured = measured(ohm * self.phase);
         let late_s = if is_first { self.late_s } else { 0.0 };
-        self.now = after + Duration::from_secs_f64(late_s + GAP_S);
+        let recorded_s = (gap_s + error_s * self.random.between(-1.0, 1.0)).max(0.0);
+        self.now = after + Duration::from_secs_f64(late_s + recorded_s);
         reading
     }
 
@@ -81,7 +89,7 @@ impl Scene {
         request: &SweepRequest,
         bench: Option<Bench>,
     ) -> (FitOutcome, Option<Bench>, usize) {
-        let noise = Some(NoisePrior { at_ten_cycles: NOISE, degrees_of_freedom: 1000.0 });
+        let noise = Some(NoisePrior { at_ten_cycles: self.noise, degrees_of_freedom: 1000.0 });
         let prior = Prior { circuit: None, within: request.window, noise, bench };
         let mut planner = Planner::new(request, Some(&prior));
         for _ in 0..1000 {
@@ -187,4 +195,17 @@ fn a_phase_error_that_no_analyzer_has_is_refused() {
     let (verdict, bench, _) = scene.survey();
     assert!(matches!(verdict, FitOutcome::Refused(_)), "{verdict:?}");
     assert_eq!(bench, None);
+}
+
+#[test]
+fn a_survey_of_readings_with_little_noise_begins_far_from_their_circuit() {
+    for seed in 1..=60 {
+        let truth = sensor((100.0, 0.1), seed);
+        let mut scene = Scene { noise: 1e-3, gaps_s: (2e-3, 1e-3), ..Scene::new(truth, (0.0, 0.0), 0.3, seed) };
+        let (verdict, bench, _) = scene.survey();
+        let Some(found) = verdict.accepted() else { panic!("seed {seed}: {verdict:?}") };
+        let off_hz = found.resonance_hz - truth.resonance_hz;
+        assert!(off_hz.abs() < 4.5 * found.sigma_hz, "seed {seed}: {off_hz} {}", found.sigma_hz);
+        assert!(bench.is_some(), "seed {seed}");
+    }
 }

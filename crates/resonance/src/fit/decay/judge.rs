@@ -82,12 +82,20 @@ pub(super) fn best(
             Search { stays, trials: &Trials::none(), expected: &expected, noise }.is_suspect(one)
         };
         let (mut best, mut at) = (stays.minimum(near, &expected), near);
-        for _ in 0..FAR_ROUNDS {
-            if !is_suspect(stays, &best) || !stays.exclude_far(&at) {
-                break;
+        if is_suspect(stays, &best) {
+            let all = stays.clone();
+            for _ in 0..FAR_ROUNDS {
+                // A reading far from a rough circuit may agree with a better one.
+                let without = all.without_far(&at);
+                let is_same = without.has_same_readings(stays);
+                without.work.set(without.work.get() + stays.work.get() - all.work.get());
+                *stays = without;
+                if is_same {
+                    break;
+                }
+                best = stays.minimum(at, &expected);
+                at = best.at;
             }
-            best = stays.minimum(at, &expected);
-            at = best.at;
         }
         best
     } else {

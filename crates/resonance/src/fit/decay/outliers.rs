@@ -98,9 +98,9 @@ pub(crate) fn without(
 }
 
 impl Stays {
-    /// Excludes readings that lie far from the others of their stay, for a circuit near this one. Returns
-    /// whether there were any. An error of the circuit shifts all readings, so that it raises the limit.
-    pub(super) fn exclude_far(&mut self, at: &ModelEstimate) -> bool {
+    /// Those without the readings that lie far from the others of their stay, for a circuit near this
+    /// one. An error of the circuit shifts all readings, so that it raises the limit.
+    pub(super) fn without_far(&self, at: &ModelEstimate) -> Self {
         let alone = |stay: &Stay, model: &Model, square| {
             let mut state = State::default();
             let prior = model.prior(square);
@@ -113,11 +113,11 @@ impl Stays {
         let mut sizes: Vec<f64> =
             states.iter().flat_map(|(_, state)| state.sizes()).filter(|size| *size > 0.0).collect();
         sizes.sort_unstable_by(f64::total_cmp);
-        let Some(median) = sizes.get(sizes.len() / 2) else { return false };
+        let mut rest = self.clone();
+        let Some(median) = sizes.get(sizes.len() / 2) else { return rest };
         let limit = GAIN_MIN * (median / MEDIAN).max(1.0);
         let readings = self.count() + self.excluded;
         let mut left = readings.div_ceil(READINGS_PER_OUTLIER).saturating_sub(self.excluded);
-        let mut far = Vec::new();
         for (n, ((stay, model, square), (mut cost, mut state))) in
             self.models(at).zip(states).enumerate()
         {
@@ -134,22 +134,28 @@ impl Stays {
                 };
                 let used = |sample: &usize| stay.samples[*sample].length > 0.0;
                 let all = (0..stay.samples.len()).filter(used).map(without);
-                let Some((rest, sample, next)) = all.min_by(|a, b| a.0.total_cmp(&b.0)) else {
+                let Some((least, sample, next)) = all.min_by(|a, b| a.0.total_cmp(&b.0)) else {
                     break;
                 };
-                if cost - rest <= limit {
+                if cost - least <= limit {
                     break;
                 }
                 stay.samples[sample].exclude();
-                (cost, state) = (rest, next);
-                far.push((n, sample));
+                (cost, state) = (least, next);
+                rest.exclude(n, sample);
                 left -= 1;
             }
         }
-        for &(stay, sample) in &far {
-            self.exclude(stay, sample);
-        }
-        !far.is_empty()
+        rest.work.set(self.work.get());
+        rest
+    }
+
+    /// Whether the same readings are in use.
+    pub(super) fn has_same_readings(&self, other: &Self) -> bool {
+        let used = |stays: &Self| -> Vec<bool> {
+            stays.all.iter().flat_map(|stay| &stay.samples).map(|one| one.length > 0.0).collect()
+        };
+        self.excluded == other.excluded && used(self) == used(other)
     }
 }
 

@@ -31,8 +31,8 @@ pub(super) const AMPLITUDE_SHARE: f64 = 0.75;
 /// Fraction of an amplitude that its readings determine; its prior, which is wider than the actual
 /// amplitudes, determines the rest. The amplitude of the first stay has no prior.
 pub(super) const AMPLITUDE_FREE: f64 = 1.0 - 0.5 / AMPLITUDE_SHARE;
-/// Largest number of rounds to find the amplitude of a stay.
-const ROUNDS: usize = 6;
+/// Largest number of rounds to find the amplitude of a stay. A step that raises the cost is halved.
+const ROUNDS: usize = 12;
 /// Rounds end if they lower the cost by less than this and turn the decay by less than `TURNED`.
 const SAVED: f64 = 0.01;
 /// Smallest relevant rotation of the decay relative to the drive in a round, rad.
@@ -118,6 +118,24 @@ impl State {
         self.rows.iter().map(|row| row.weight * row.residual.norm_sqr())
     }
 
+    /// The weighted squares of the residuals, of the amplitude and of the errors of the gaps.
+    fn cost(&self, known: &Known) -> f64 {
+        let gaps_s = self.late_s.windows(2).map(|pair| pair[1] - pair[0]);
+        let sigmas_s =
+            std::iter::once(known.first_gap_sigma_s).chain(std::iter::repeat(known.gap_sigma_s));
+        let of_gaps: f64 = gaps_s.zip(sigmas_s).map(|(gap, sigma)| (gap / sigma).powi(2)).sum();
+        let of_amplitude = self.amplitude.norm_sqr() / self.prior.max(f64::MIN_POSITIVE);
+        self.sizes().sum::<f64>() + of_amplitude + of_gaps
+    }
+
+    /// Takes half of the last step back.
+    fn return_half_way(&mut self, (amplitude, late_s): &(Complex64, Vec<f64>)) {
+        self.amplitude = 0.5 * (self.amplitude + amplitude);
+        for (late_s, before_s) in self.late_s.iter_mut().zip(late_s) {
+            *late_s = 0.5 * (*late_s + before_s);
+        }
+    }
+
     /// The fitted amplitude of the free decay.
     pub(super) const fn amplitude(&self) -> Complex64 {
         self.amplitude
@@ -156,7 +174,8 @@ impl Model {
         if !has_begun {
             *state = self.first(&stay.samples, prior, known);
         }
-        let mut round = 1;
+        let (mut round, mut lowest) = (1, f64::INFINITY);
+        let mut before = (state.amplitude, Vec::new());
         loop {
             let mut sums = Sums::<ALONE>::new(state.amplitude, state.prior, state.square);
             state.rows.clear();
@@ -169,6 +188,19 @@ impl Model {
                 let row = sums.add(self, sample, state.amplitude, &decayed, known, alone);
                 state.rows.push(row);
             }
+            let cost = state.cost(known);
+            if cost > lowest && round <= ROUNDS {
+                if round < ROUNDS {
+                    state.return_half_way(&before);
+                } else {
+                    (state.amplitude, state.late_s) = before.clone();
+                }
+                round += 1;
+                continue;
+            }
+            lowest = cost;
+            before.0 = state.amplitude;
+            before.1.clone_from(&state.late_s);
             let normal = sums.without_time();
             let (step, saved) = amplitude_step(&normal);
             state.amplitude -= step;
@@ -177,7 +209,7 @@ impl Model {
             }
             let moved_s = shift(&mut state.late_s, &state.rows, known);
             let is_still = saved < SAVED && moved_s * self.rate.norm() < TURNED;
-            if round == ROUNDS || is_still {
+            if round >= ROUNDS || is_still {
                 let freedom = (determinant(&normal) * state.prior * state.prior).ln();
                 let normal = eliminated(&normal);
                 let (readings, variance) = (stay.samples.len(), known.variance);
