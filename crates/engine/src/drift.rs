@@ -169,12 +169,22 @@ impl Drift {
     /// How far the resonance moves in this time from now on, Hz: in two of three cases at most. Pairs that are improbable
     /// make nothing of it, so that a run that knows little of its drift yet expects that of a good bench.
     pub(crate) fn moves_hz(&self, seconds: f64) -> f64 {
+        width(&self.moves(seconds), 0.0, 0.6827)
+    }
+
+    /// Standard deviation of what the resonance has moved since the last reference, Hz: twice of it holds 95 %, so that
+    /// improbable pairs count.
+    pub(crate) fn moved_sigma_hz(&self, now: RigTime) -> f64 {
+        let Some(at) = self.at else { return 0.0 };
+        width(&self.moves(now.since(at).as_secs_f64()), 0.0, 0.95) / 1.96
+    }
+
+    fn moves(&self, seconds: f64) -> Vec<Part> {
         let moved = |pair: &Pair| {
             let from = Pair { value_hz: 0.0, covariance: [0.0, 0.0, pair.covariance[2]], ..*pair };
             part(&from.after(seconds), 0.0)
         };
-        let parts: Vec<Part> = self.pairs.iter().map(moved).collect();
-        width(&parts, 0.0, 0.6827)
+        self.pairs.iter().map(moved).collect()
     }
 
     /// Whether a difference is none that the walk makes in this time. `sigma_hz` is what the measurements make of it.

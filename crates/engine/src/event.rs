@@ -131,6 +131,8 @@ pub enum TouchOutcome {
         loaded: Resonance,
         /// The measurement on the way to the depth, if the protocol asks for it.
         halfway: Option<Halfway>,
+        /// How far the free resonance drifts in the time since its reference, Hz; a standard deviation.
+        drift_sigma_hz: f64,
     },
     /// No trusted resonance.
     Refused {

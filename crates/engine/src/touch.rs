@@ -98,7 +98,7 @@ enum Phase {
     Checking {
         check: SlipCheck,
         contact: Contact,
-        loaded: Box<Resonance>,
+        measured: Box<TouchOutcome>,
     },
     Retracting {
         outcome: Box<TouchOutcome>,
@@ -470,8 +470,14 @@ impl TouchMachine {
         context.move_linear(surface.position.offset(-depth_mm), speed)
     }
 
-    const fn measured(&self, contact: Contact, loaded: &Resonance) -> TouchOutcome {
-        TouchOutcome::Measured { contact, loaded: *loaded, halfway: self.halfway }
+    fn measured(
+        &self,
+        contact: Contact,
+        loaded: &Resonance,
+        context: &MachineContext<'_>,
+    ) -> TouchOutcome {
+        let drift_sigma_hz = context.drift.moved_sigma_hz(context.now);
+        TouchOutcome::Measured { contact, loaded: *loaded, halfway: self.halfway, drift_sigma_hz }
     }
 
     fn retract(

@@ -201,7 +201,8 @@ fn a_phase_error_that_no_analyzer_has_is_refused() {
 fn a_survey_of_readings_with_little_noise_begins_far_from_their_circuit() {
     for seed in 1..=60 {
         let truth = sensor((100.0, 0.1), seed);
-        let mut scene = Scene { noise: 1e-3, gaps_s: (2e-3, 1e-3), ..Scene::new(truth, (0.0, 0.0), 0.3, seed) };
+        let mut scene =
+            Scene { noise: 1e-3, gaps_s: (2e-3, 1e-3), ..Scene::new(truth, (0.0, 0.0), 0.3, seed) };
         let (verdict, bench, _) = scene.survey();
         let Some(found) = verdict.accepted() else { panic!("seed {seed}: {verdict:?}") };
         let off_hz = found.resonance_hz - truth.resonance_hz;

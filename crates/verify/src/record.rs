@@ -290,6 +290,8 @@ pub(crate) struct TouchResult {
     pub(crate) no_load_sweep: u64,
     pub(crate) no_load_hz: f64,
     pub(crate) no_load_sigma_hz: f64,
+    #[serde(default)]
+    pub(crate) drift_sigma_hz: f64,
     pub(crate) sweep: u64,
     pub(crate) resonance_hz: f64,
     pub(crate) sigma_hz: f64,

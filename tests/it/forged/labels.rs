@@ -148,6 +148,7 @@ pub(super) const CASES: &[Case] = &[
         let shift = get(new, "/resonance_hz") - get(new, "/no_load_hz");
         new["shift_hz"] = shift.into();
         let sigma = get(new, "/sigma_hz").hypot(get(new, "/no_load_sigma_hz"));
+        let sigma = sigma.hypot(get(new, "/drift_sigma_hz"));
         new["shift_sigma_hz"] = sigma.into();
     }),
     ("readings from before the move", Check::ReadingTime, |forged| {

@@ -30,6 +30,7 @@ fn loaded(forged: &mut Forgery, n: usize, hz: impl Fn(f64) -> f64, sigma: impl F
     let shift = get(result, "/resonance_hz") - get(result, "/no_load_hz");
     result["shift_hz"] = shift.into();
     let sigma = get(result, "/sigma_hz").hypot(get(result, "/no_load_sigma_hz"));
+    let sigma = sigma.hypot(get(result, "/drift_sigma_hz"));
     result["shift_sigma_hz"] = sigma.into();
 }
 

@@ -21,15 +21,16 @@ impl TouchMachine {
         context: &mut MachineContext<'_>,
     ) -> MachineStep<TouchResult> {
         let TouchSettings { approach, indentation_mm, .. } = context.plan.touch;
+        let measured = self.measured(contact, loaded, context);
         let Some(baseline) = self.baseline.filter(|_| 0.0 < approach.slip_mm) else {
-            return self.retract(self.measured(contact, loaded), context);
+            return self.retract(measured, context);
         };
         let (mut check, step) =
             SlipCheck::begin(contact.surface, approach, indentation_mm, baseline);
         if self.may_have_drifted(context) {
             check.doubt();
         }
-        self.phase = Phase::Checking { check, contact, loaded: Box::new(*loaded) };
+        self.phase = Phase::Checking { check, contact, measured: Box::new(measured) };
         self.follow_check(step, context)
     }
 
@@ -69,7 +70,7 @@ impl TouchMachine {
         step: SlipStep,
         context: &mut MachineContext<'_>,
     ) -> MachineStep<TouchResult> {
-        let Phase::Checking { check, contact, loaded } = &self.phase else {
+        let Phase::Checking { check, contact, measured } = &self.phase else {
             return MachineStep::Fault(MachineEvent::Begin.out_of_order("a check of the surface"));
         };
         let refusal = match step {
@@ -98,11 +99,10 @@ impl TouchMachine {
                 Some(TouchRefusal::Sweep(Box::new(refusal)))
             }
         };
-        let (contact, loaded) = (*contact, **loaded);
         context.notes.push(Event::SurfaceChecked { trail: check.trail().to_vec() });
         let outcome = match refusal {
-            None => self.measured(contact, &loaded),
-            Some(refusal) => TouchOutcome::Refused { contact: Some(contact), refusal },
+            None => (**measured).clone(),
+            Some(refusal) => TouchOutcome::Refused { contact: Some(*contact), refusal },
         };
         self.retract(outcome, context)
     }

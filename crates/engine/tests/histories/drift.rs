@@ -3,7 +3,7 @@
 use rig_engine::{ContactSenseFault, Event, Fault, RunStatus, TouchOutcome};
 use rig_protocol::Plan;
 
-use crate::world::{World, plan};
+use crate::world::{FREE_HZ, LOADED_HZ, World, plan};
 
 /// A run with a survey and a check of the level, on a sensor that walks by this, Hz, and warms up by this, Hz, in an hour.
 fn run(seed: u64, walk_hz: f64, warm_up_hz: f64, softening_hz: f64) -> World {
@@ -42,6 +42,31 @@ fn a_drift_ends_no_run_and_moves_no_surface() {
         }
     }
     assert!(0 < anew, "no search had to read the clear probe anew");
+}
+
+#[test]
+fn the_standard_deviation_of_a_shift_has_the_share_of_the_drift() {
+    let (mut far, mut far_without, mut all) = (0, 0, 0);
+    for seed in 1..=200 {
+        let world = run(seed, 3.0, 0.0, 0.0);
+        let finished = world.events.iter().filter_map(|event| match event {
+            Event::TouchFinished(result) => Some(result),
+            _ => None,
+        });
+        // The references before the first touch say little of a drift.
+        for result in finished.skip(1) {
+            let TouchOutcome::Measured { loaded, drift_sigma_hz, .. } = &result.outcome else {
+                continue;
+            };
+            let shift_hz = loaded.resonance_hz - result.no_load.resonance_hz;
+            let off_hz = (shift_hz - (LOADED_HZ - FREE_HZ)).abs();
+            let sigma_hz = loaded.sigma_hz.hypot(result.no_load.sigma_hz);
+            all += 1;
+            far += usize::from(3.0 * sigma_hz.hypot(*drift_sigma_hz) < off_hz);
+            far_without += usize::from(3.0 * sigma_hz < off_hz);
+        }
+    }
+    assert!(10 * far < all && 9 * all < 10 * far_without, "{far} and {far_without} of {all}");
 }
 
 /// The sensor of these tests has a linewidth of 2.8 Hz and a strong coupling, so that a drift of 0.06 Hz passes for a

@@ -28,7 +28,8 @@ fn an_undisturbed_run_finds_the_surface_and_the_shift_at_every_touch() {
     for event in &world.events {
         if let Event::TouchFinished(result) = event {
             touches += 1;
-            let TouchOutcome::Measured { contact, loaded, halfway: None } = &result.outcome else {
+            let TouchOutcome::Measured { contact, loaded, halfway: None, .. } = &result.outcome
+            else {
                 panic!("{result:?}")
             };
             let shift_hz = loaded.resonance_hz - result.no_load.resonance_hz;

@@ -85,6 +85,10 @@ pub struct Touch {
     pub no_load_hz: f64,
     /// Its standard deviation, Hz.
     pub no_load_sigma_hz: f64,
+    /// Standard deviation of what the free resonance has drifted since the reference, Hz, by the
+    /// references so far. Zero in runs that did not learn their drift.
+    #[serde(default)]
+    pub drift_sigma_hz: f64,
     /// Number of the sweep in contact.
     pub sweep: u64,
     /// The resonance in contact, Hz.
@@ -93,7 +97,7 @@ pub struct Touch {
     pub sigma_hz: f64,
     /// Resonance in contact less the reference, Hz.
     pub shift_hz: f64,
-    /// Its standard deviation, Hz.
+    /// Its standard deviation, Hz: of both resonances and of the drift between them.
     pub shift_sigma_hz: f64,
     /// The surface found, as a position of the linear axis, mm.
     pub surface_mm: f64,

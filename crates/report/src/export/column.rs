@@ -141,7 +141,7 @@ impl TableName {
 /// The first column of a table of several runs.
 pub(super) const RUN: Column = text("run", "short name of the run");
 
-const TOUCH: [Column; 43] = [
+const TOUCH: [Column; 44] = [
     text(
         "step",
         "address of the step: `main/<sample>/<direction>/<angle>/<repeat>` or `blind/<number>`",
@@ -165,11 +165,16 @@ const TOUCH: [Column; 43] = [
     whole("no_load_sweep", "the sweep that gave the reference, a row of the table of sweeps"),
     number("no_load_hz", "Hz", "resonance with the probe clear"),
     number("no_load_sigma_hz", "Hz", "its standard deviation"),
+    number(
+        "drift_sigma_hz",
+        "Hz",
+        "standard deviation of what the free resonance has drifted since, by the references so far",
+    ),
     whole("sweep", "the last sweep in contact, a row of the table of sweeps"),
     number("resonance_hz", "Hz", "resonance in contact"),
     number("sigma_hz", "Hz", "its standard deviation"),
     number("shift_hz", "Hz", "resonance in contact less the reference"),
-    number("shift_sigma_hz", "Hz", "its standard deviation"),
+    number("shift_sigma_hz", "Hz", "its standard deviation: of both resonances and the drift"),
     number("surface_mm", "mm", "height of the surface found"),
     number("surface_sigma_mm", "mm", "its standard deviation"),
     number(

@@ -9,7 +9,7 @@ pub(super) fn touch<'a>(
     row: &'a TouchRow,
     run_id: &'a str,
     is_simulated: bool,
-) -> [TableValue<'a>; 43] {
+) -> [TableValue<'a>; 44] {
     let [no_load, no_load_sigma] = pair(row.no_load_hz, row.no_load_sigma_hz);
     let [resonance, sigma] = pair(row.resonance_hz, row.sigma_hz);
     let [shift, shift_sigma] = pair(row.shift_hz, row.shift_sigma_hz);
@@ -33,6 +33,7 @@ pub(super) fn touch<'a>(
         TableValue::of(row.no_load_sweep, TableValue::Whole),
         no_load,
         no_load_sigma,
+        TableValue::of(row.drift_sigma_hz, TableValue::Exact),
         TableValue::of(row.sweep, TableValue::Whole),
         resonance,
         sigma,

@@ -301,7 +301,7 @@ fn posed(
         depth: sensor.depth(touch.indentation_mm),
         shift_hz: scale * touch.shift_hz,
         sigma_hz: scale * touch.shift_sigma_hz,
-        reference_sigma_hz: scale * touch.no_load_sigma_hz,
+        reference_sigma_hz: scale * touch.no_load_sigma_hz.hypot(touch.drift_sigma_hz),
         halfway: touch.halfway.map(|halfway| Halfway {
             along_probe_mm: halfway.indentation_mm,
             shift_hz: scale * (halfway.resonance_hz - touch.no_load_hz),

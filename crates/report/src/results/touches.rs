@@ -40,6 +40,8 @@ pub struct TouchRow {
     pub no_load_hz: Option<f64>,
     /// Its standard deviation, Hz.
     pub no_load_sigma_hz: Option<f64>,
+    /// Standard deviation of what the free resonance has drifted since the reference, Hz.
+    pub drift_sigma_hz: Option<f64>,
     /// Number of the last sweep in contact.
     pub sweep: Option<u64>,
     /// The resonance in contact, Hz.
@@ -183,6 +185,7 @@ impl TouchRow {
         self.no_load_sweep = Some(touch.no_load_sweep);
         self.no_load_hz = Some(touch.no_load_hz);
         self.no_load_sigma_hz = Some(touch.no_load_sigma_hz);
+        self.drift_sigma_hz = Some(touch.drift_sigma_hz);
         self.sweep = Some(touch.sweep);
         self.resonance_hz = Some(touch.resonance_hz);
         self.sigma_hz = Some(touch.sigma_hz);

@@ -70,7 +70,7 @@ fn an_amended_touch_keeps_its_old_outcome_beside_the_new_one() {
     let skipped = sample.results();
     let row = &skipped.touches()[0];
     assert_eq!((row.status, row.shift_hz), (TouchStatus::Skipped, None));
-    assert_eq!(row.earlier, Some(format!("shift {shift} Hz; shift 99.000 ± 0.051 Hz")));
+    assert_eq!(row.earlier, Some(format!("shift {shift} Hz; shift 99.000 ± 0.052 Hz")));
     assert_eq!(skipped.shortfall().unwrap(), "109 of 110 touches measured; 1 skipped");
     let html = sample.html();
     check_markup(&html);

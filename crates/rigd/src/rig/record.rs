@@ -351,8 +351,10 @@ impl Recorder {
             indentation_mm: contact.indentation_mm(),
             linear_mm: contact.linear.value(),
         };
-        let (contact, loaded, halfway) = match &result.outcome {
-            TouchOutcome::Measured { contact, loaded, halfway } => (contact, loaded, halfway),
+        let (contact, loaded, halfway, drift_sigma_hz) = match &result.outcome {
+            TouchOutcome::Measured { contact, loaded, halfway, drift_sigma_hz } => {
+                (contact, loaded, halfway, *drift_sigma_hz)
+            }
             TouchOutcome::Refused { contact, refusal } => {
                 return Record::TouchRefused(store::RefusedTouch {
                     touch,
@@ -372,11 +374,12 @@ impl Recorder {
             no_load_sweep,
             no_load_hz,
             no_load_sigma_hz,
+            drift_sigma_hz,
             sweep,
             resonance_hz: loaded.resonance_hz,
             sigma_hz: loaded.sigma_hz,
             shift_hz: loaded.resonance_hz - no_load_hz,
-            shift_sigma_hz: loaded.sigma_hz.hypot(no_load_sigma_hz),
+            shift_sigma_hz: loaded.sigma_hz.hypot(no_load_sigma_hz).hypot(drift_sigma_hz),
             surface_mm,
             surface_sigma_mm,
             indentation_mm,

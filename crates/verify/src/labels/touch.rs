@@ -220,8 +220,9 @@ impl Labels {
         let what = "the shift, Hz: loaded less reference";
         findings.agree(Check::Shift, seq, what, (shift, result.shift_hz), COPY);
         let sigma = result.sigma_hz.hypot(result.no_load_sigma_hz);
-        let what = "the standard deviation of the shift, Hz";
-        findings.agree(Check::Shift, seq, what, (sigma, result.shift_sigma_hz), COPY);
+        let with_drift = sigma.hypot(result.drift_sigma_hz);
+        let what = "the standard deviation of the shift, Hz: of both resonances and the drift";
+        findings.agree(Check::Shift, seq, what, (with_drift, result.shift_sigma_hz), COPY);
         self.felt(seq, true, (shift, sigma), settings, findings);
         self.last = Some(result.clone());
     }
