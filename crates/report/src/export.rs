@@ -24,8 +24,8 @@ pub use column::{Column, ColumnKind, TableName};
 pub use documents::documents;
 pub use error::ExportError;
 pub use hdf5::Hdf5Export;
-use records::Take;
-use rig_record::{StoredRecord, Sweep};
+use records::{Ends, Take};
+use rig_record::{Run, StoredRecord, Sweep};
 pub use table::TableFormat;
 use table::{Table, TableValue};
 pub use touchstone::touchstone;
@@ -36,7 +36,7 @@ use crate::results::RunResults;
 ///
 /// # Errors
 /// Errors of the writer.
-pub fn jsonl(records: &[StoredRecord], out: &mut impl Write) -> Result<(), ExportError> {
+pub fn jsonl(records: &[StoredRecord], out: &mut (impl Write + ?Sized)) -> Result<(), ExportError> {
     for StoredRecord { seq, rig_us, digest, payload, .. } in records {
         writeln!(
             out,
@@ -46,16 +46,31 @@ pub fn jsonl(records: &[StoredRecord], out: &mut impl Write) -> Result<(), Expor
     Ok(())
 }
 
+/// What the rows of records say of their run.
+#[derive(Debug)]
+pub struct RunColumns {
+    run: String,
+    ends: Ends,
+}
+
+impl RunColumns {
+    /// For a run, the ascending epochs of all its records and of those of its amendments, and whether no real
+    /// device took part.
+    pub fn new(run: &Run, epochs: Vec<u64>, is_simulated: bool) -> Self {
+        Self { run: run.short_name(), ends: Ends::new(epochs, is_simulated) }
+    }
+}
+
 /// Writes a table of one or several runs.
 #[derive(Debug)]
-pub struct TableExport<W: Write> {
+pub struct TableExport<W: Write + Send> {
     name: TableName,
     table: Table<W>,
     /// The first column names the run.
     is_of_several: bool,
 }
 
-impl<W: Write> TableExport<W> {
+impl<W: Write + Send> TableExport<W> {
     /// A table. With `is_of_several`, its first column names the run.
     ///
     /// # Errors
@@ -86,6 +101,21 @@ impl<W: Write> TableExport<W> {
         rows(self.name, results, records, self.is_of_several, &mut |row| table.row(row))
     }
 
+    /// Adds the rows of some records of a run, which come in order. The table of touches has none: its rows are
+    /// made of results.
+    ///
+    /// # Errors
+    /// As for [`Self::add`].
+    pub fn add_records(
+        &mut self,
+        of: &RunColumns,
+        records: &[StoredRecord],
+    ) -> Result<(), ExportError> {
+        let table = &mut self.table;
+        let mut take = named(&of.run, self.is_of_several, |row| table.row(row));
+        of_records(self.name, records, &of.ends, &mut take)
+    }
+
     /// Writes what is left.
     ///
     /// # Errors
@@ -104,18 +134,38 @@ fn rows(
     take: Take<'_>,
 ) -> Result<(), ExportError> {
     let run = results.run.short_name();
-    let mut take = |row: &[TableValue<'_>]| {
-        if is_of_several { take(&[&[TableValue::Text(&run)], row].concat()) } else { take(row) }
-    };
+    let mut take = named(&run, is_of_several, take);
+    if name == TableName::Touches {
+        let (run_id, is_simulated) = (results.run.id.to_string(), results.data.is_simulated());
+        let mut touches = results.touches.iter();
+        return touches.try_for_each(|row| take(&touches::touch(row, &run_id, is_simulated)));
+    }
+    of_records(name, records, &Ends::of(records), &mut take)
+}
+
+/// Takes rows whose first value, with `is_of_several`, becomes the name of the run.
+fn named(
+    run: &str,
+    is_of_several: bool,
+    mut take: impl FnMut(&[TableValue<'_>]) -> Result<(), ExportError>,
+) -> impl FnMut(&[TableValue<'_>]) -> Result<(), ExportError> {
+    move |row| {
+        if is_of_several { take(&[&[TableValue::Text(run)], row].concat()) } else { take(row) }
+    }
+}
+
+/// Gives each row that records make.
+fn of_records(
+    name: TableName,
+    records: &[StoredRecord],
+    ends: &Ends,
+    take: Take<'_>,
+) -> Result<(), ExportError> {
     match name {
-        TableName::Touches => {
-            let (run_id, is_simulated) = (results.run.id.to_string(), results.data.is_simulated());
-            let mut touches = results.touches.iter();
-            touches.try_for_each(|row| take(&touches::touch(row, &run_id, is_simulated)))
-        }
-        TableName::Sweeps => records::sweeps(records, &mut take),
-        TableName::Readings => records::readings(records, &mut take),
-        TableName::Searches => records::searches(records, &mut take),
+        TableName::Touches => Ok(()),
+        TableName::Sweeps => records::sweeps(records, ends, take),
+        TableName::Readings => records::readings(records, ends, take),
+        TableName::Searches => records::searches(records, ends, take),
     }
 }
 
@@ -128,7 +178,7 @@ pub fn table(
     format: TableFormat,
     results: &RunResults,
     records: &[StoredRecord],
-    out: impl Write,
+    out: impl Write + Send,
 ) -> Result<(), ExportError> {
     let mut export = TableExport::new(name, format, false, out)?;
     export.add(results, records)?;
@@ -140,7 +190,7 @@ pub fn table(
 ///
 /// # Errors
 /// Errors of the writer.
-pub fn sweep_csv(sweep: &Sweep, out: &mut impl Write) -> Result<(), ExportError> {
+pub fn sweep_csv(sweep: &Sweep, out: &mut (impl Write + Send)) -> Result<(), ExportError> {
     let columns = [&column::READING[..], &column::FIT].concat();
     let mut table = Table::new(columns, TableFormat::Csv, out)?;
     records::of_one_sweep(sweep, &mut |row| table.row(row))?;

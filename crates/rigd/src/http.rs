@@ -10,10 +10,12 @@
 pub mod access;
 mod changes;
 mod events;
+mod export;
 mod frames;
 mod guard;
 mod guesses;
 mod health;
+mod hub;
 mod index;
 mod lease;
 mod limits;
@@ -32,6 +34,7 @@ mod reload;
 mod results;
 mod resume;
 mod rig;
+pub(crate) mod room;
 mod route;
 mod runs;
 mod server;
@@ -44,7 +47,7 @@ mod token_file;
 use std::{
     panic::AssertUnwindSafe,
     path::PathBuf,
-    sync::{Arc, OnceLock, PoisonError, RwLock},
+    sync::{Arc, OnceLock, PoisonError, RwLock, atomic::AtomicUsize},
     time::Duration,
 };
 
@@ -81,6 +84,7 @@ use metrics::{Happened, Verdicts};
 use problem::Problem;
 pub(crate) use reload::{Changed, Kept, ReloadRefusal, ReloadRequest, Reloaded};
 use results::ResultsCache;
+use room::Room;
 pub use server::serve;
 
 /// Interval at which the last uses of tokens are written. A crash loses those since.
@@ -112,8 +116,15 @@ struct Inner {
     happened: Mutex<Happened>,
     /// What the models of ended runs were found to be.
     verdicts: Verdicts,
+    /// Where event streams get the events from.
+    hub: hub::Hub,
+    /// The event streams with the live rig.
+    watching: Arc<AtomicUsize>,
+    room: Room,
     /// The event streams that may still be opened.
     streams: Arc<Semaphore>,
+    /// The exports that may still begin.
+    exports: Arc<Semaphore>,
     /// Held from the search for a key in the journal until the run that it belongs to has begun, so
     /// that asking twice at once begins one.
     keyed: Mutex<()>,
@@ -136,7 +147,10 @@ impl Shared {
         builders: Handle,
         closing: CancellationToken,
     ) -> Self {
-        let streams = Arc::new(Semaphore::new(events::STREAMS_MAX));
+        let room = Room::now();
+        let hub = hub::Hub::new(&rig.status().borrow());
+        let streams = Arc::new(Semaphore::new(room.streams));
+        let exports = Arc::new(Semaphore::new(export::EXPORTS_MAX));
         let (keyed, noted) = (Mutex::new(()), Mutex::new(()));
         let (happened, queue) = (Mutex::default(), queue::Keeper::default());
         let (results, lease) = (ResultsCache::default(), Lease::default());
@@ -154,7 +168,11 @@ impl Shared {
             builders,
             happened,
             verdicts: Verdicts::default(),
+            hub,
+            watching: Arc::default(),
+            room,
             streams,
+            exports,
             keyed,
             noted,
             closing,

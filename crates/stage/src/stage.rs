@@ -119,12 +119,20 @@ impl<U: Unit> Stage<U> {
     /// # Errors
     /// As [`identify`](Self::identify), except for settings, whose difference is in the [`Look`].
     pub async fn look(&mut self) -> Result<Look<U>, StageError<U>> {
+        let request = read_request(self.map.settings.read);
+        self.recognise_by(request, None).await?;
+        self.look_again().await
+    }
+
+    /// The same look at a drive that was identified, and stays recognised by the settings that it was given.
+    ///
+    /// # Errors
+    /// As [`look`](Self::look).
+    pub async fn look_again(&mut self) -> Result<Look<U>, StageError<U>> {
         let order = Order::at_rest(&self.scale, &self.axis)?;
         let settings = self.map.settings;
-        let request = read_request(settings.read);
-        self.recognise_by(request.clone(), None).await?;
         self.check_signature().await?;
-        let found = self.ask(request).await?;
+        let found = self.ask(read_request(settings.read)).await?;
         let has_settings = found == Reply::Words(order.words(settings.expect));
         Ok(Look { status: self.status().await?, has_settings })
     }

@@ -37,7 +37,7 @@ pub use error::{SqliteError, StoreError};
 pub use excerpt::excerpt;
 pub use journal::{Journal, Store};
 pub use memory::{DiskFailure, MemoryDisk};
-pub use reader::{Interruption, ProbeWord, Reader, intact};
+pub use reader::{Interruption, Pages, ProbeWord, Reader, intact};
 pub use restore::restore;
 pub use rig_record::{
     Action, Amended, Amendment, Archived, Axis, BenchSettings, BlackBox, Chain, ChainCheck, Change,

@@ -6,17 +6,18 @@ mod ended;
 mod interruption;
 mod list;
 mod size;
+mod walk;
 
 use std::{path::Path, str};
 
 use rusqlite::{OptionalExtension, Params, Row, params};
 
-use archive::is_taken_out;
 pub(crate) use archive::{has_no_content, is_archived};
 pub use interruption::{Interruption, ProbeWord};
+pub use walk::Pages;
 
 use crate::{
-    Archived, Chain, ChainCheck, Digest, Flaw, MemoryDisk, Record, Run, RunId, RunKind, RunStatus,
+    Archived, Chain, ChainCheck, Digest, MemoryDisk, Record, Run, RunId, RunKind, RunStatus,
     StoreError, StoredRecord, excerpt,
     journal::quoted,
     memory::{Lent, Medium},
@@ -222,7 +223,7 @@ impl Reader {
     pub fn verify(&self, id: RunId) -> Result<ChainCheck, StoreError> {
         let _view = self.connection.unchecked_transaction()?;
         let archived = self.archive_of(id)?;
-        self.walk(id, archived.as_ref()).map(|chain| chain.check)
+        self.follow(id, archived.as_ref(), &mut drop).map(|(check, _)| check)
     }
 
     /// The records of a run up to the first flaw, and the flaw.
@@ -237,55 +238,6 @@ impl Reader {
             Some(Archived { place, .. }) => Err(StoreError::Archived { run: id, place }),
             None => self.walk(id, None),
         }
-    }
-
-    /// Follows the chain of a run, within one view. Of one that is archived, the readings have their digests only.
-    fn walk(&self, id: RunId, archived: Option<&Archived>) -> Result<Chain, StoreError> {
-        let run = self.run(id)?;
-        let mut statement = self.connection.prepare_cached(&select_records(
-            "WHERE run = (SELECT key FROM runs WHERE id = ?1) ORDER BY seq",
-        ))?;
-        let mut rows = statement.query([id.to_string()])?;
-        let mut records: Vec<StoredRecord> = Vec::new();
-        let mut digest = Digest::START;
-        let mut check = loop {
-            let seq = records.len() as u64 + 1;
-            let broken = |flaw| ChainCheck::Broken { seq, flaw };
-            match rows.next() {
-                Ok(Some(row)) => match record_from(row) {
-                    Ok(record) if record.seq > seq => break broken(Flaw::Missing),
-                    Ok(record)
-                        if archived.is_some() && record.seq == seq && is_taken_out(&record) =>
-                    {
-                        digest = record.digest;
-                        records.push(record);
-                    }
-                    Ok(record)
-                        if record.follows(seq, &digest)
-                            && records.last().is_none_or(|last| record.epoch == last.epoch)
-                            || record.follows(seq, &digest) && record.opens_epoch() =>
-                    {
-                        digest = record.digest;
-                        records.push(record);
-                    }
-                    _ => break broken(Flaw::Altered),
-                },
-                Ok(None) => break end_of(&records, run.status, digest),
-                Err(error) => break broken(Flaw::Unreadable { reason: error.to_string() }),
-            }
-        };
-        if let ChainCheck::Intact { records: seq, digest } = check
-            && let Some(flaw) = self.flaw_of_entry(&run, &records, digest)?
-        {
-            check = ChainCheck::Broken { seq, flaw };
-        }
-        if let ChainCheck::Intact { records: seq, digest } = check
-            && let Some(note) = archived
-            && !self.is_note_right(note, seq, digest)?
-        {
-            check = ChainCheck::Broken { seq, flaw: Flaw::NoteDiffers };
-        }
-        Ok(Chain { records, check })
     }
 
     /// The last event of all runs; 0 without one.
@@ -328,25 +280,6 @@ pub fn intact(run: RunId, check: &ChainCheck) -> Result<(), StoreError> {
         &ChainCheck::Broken { seq, ref flaw } => {
             Err(StoreError::Broken { run, seq, flaw: flaw.clone() })
         }
-    }
-}
-
-/// An ended run has a last record with its end, and the list of runs has the same end.
-fn end_of(records: &[StoredRecord], status: RunStatus, digest: Digest) -> ChainCheck {
-    let count = records.len() as u64;
-    let end = records.last().and_then(|last| match last.record() {
-        Ok(Record::RunFinished(finished)) => Some(finished.status),
-        _ => None,
-    });
-    match (end, status) {
-        (None, RunStatus::Running | RunStatus::Interrupted) => {
-            ChainCheck::Intact { records: count, digest }
-        }
-        (Some(end), RunStatus::Ended(ending)) if end == ending => {
-            ChainCheck::Intact { records: count, digest }
-        }
-        (None, RunStatus::Ended(_)) => ChainCheck::Broken { seq: count + 1, flaw: Flaw::Missing },
-        (Some(_), _) => ChainCheck::Broken { seq: count, flaw: Flaw::EndDiffers },
     }
 }
 

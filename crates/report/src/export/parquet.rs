@@ -1,6 +1,6 @@
 //! A table as Apache Parquet: types, and with each column its unit and its meaning.
 
-use std::sync::Arc;
+use std::{io::Write, sync::Arc};
 
 use parquet::{
     basic::{Compression, LogicalType, Repetition, TimeUnit, Type as Physical},
@@ -32,17 +32,17 @@ const COLUMNS_KEY: &str = "rigd:columns";
 
 /// Collects rows, and writes them in groups.
 #[derive(Debug)]
-pub(super) struct ParquetTable {
+pub(super) struct ParquetTable<W: Write + Send> {
     columns: Vec<(Column, Values)>,
     rows: usize,
-    writer: SerializedFileWriter<Vec<u8>>,
+    writer: SerializedFileWriter<W>,
 }
 
-impl ParquetTable {
-    pub(super) fn new(columns: &[Column]) -> Result<Self, ExportError> {
+impl<W: Write + Send> ParquetTable<W> {
+    pub(super) fn new(columns: &[Column], out: W) -> Result<Self, ExportError> {
         let fields = columns.iter().map(field).collect::<Result<_, _>>()?;
         let schema = Type::group_type_builder("schema").with_fields(fields).build()?;
-        let writer = SerializedFileWriter::new(Vec::new(), Arc::new(schema), properties(columns))?;
+        let writer = SerializedFileWriter::new(out, Arc::new(schema), properties(columns))?;
         let columns = columns.iter().map(|column| (*column, Values::new(column.kind))).collect();
         Ok(Self { columns, rows: 0, writer })
     }
@@ -67,12 +67,13 @@ impl ParquetTable {
         Ok(())
     }
 
-    /// The bytes of the file.
-    pub(super) fn finish(mut self) -> Result<Vec<u8>, ExportError> {
+    /// Writes the rows that are left, and the end of the file.
+    pub(super) fn finish(mut self) -> Result<(), ExportError> {
         if self.rows > 0 {
             self.write_group()?;
         }
-        Ok(self.writer.into_inner()?)
+        self.writer.into_inner()?.flush()?;
+        Ok(())
     }
 }
 
@@ -114,20 +115,23 @@ fn properties(columns: &[Column]) -> WriterPropertiesPtr {
 }
 
 impl Values {
-    fn write(self, group: &mut SerializedRowGroupWriter<'_, Vec<u8>>) -> Result<(), ParquetError> {
+    fn write<W: Write + Send>(
+        self,
+        group: &mut SerializedRowGroupWriter<'_, W>,
+    ) -> Result<(), ParquetError> {
         let is_there = &self.is_there;
         match self.values {
-            Typed::Text(values) => write::<ByteArrayType>(group, &values, is_there),
-            Typed::Whole(values) => write::<Int64Type>(group, &values, is_there),
-            Typed::Number(values) => write::<DoubleType>(group, &values, is_there),
-            Typed::Flag(values) => write::<BoolType>(group, &values, is_there),
+            Typed::Text(values) => write::<ByteArrayType, W>(group, &values, is_there),
+            Typed::Whole(values) => write::<Int64Type, W>(group, &values, is_there),
+            Typed::Number(values) => write::<DoubleType, W>(group, &values, is_there),
+            Typed::Flag(values) => write::<BoolType, W>(group, &values, is_there),
         }
     }
 }
 
 /// Writes the next column of a group.
-fn write<T: DataType>(
-    group: &mut SerializedRowGroupWriter<'_, Vec<u8>>,
+fn write<T: DataType, W: Write + Send>(
+    group: &mut SerializedRowGroupWriter<'_, W>,
     values: &[T::T],
     is_there: &[i16],
 ) -> Result<(), ParquetError> {

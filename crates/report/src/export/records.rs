@@ -14,12 +14,17 @@ use crate::data::{clock, epochs};
 pub(super) type Take<'a> = &'a mut dyn FnMut(&[TableValue<'_>]) -> Result<(), ExportError>;
 
 /// The last columns of every table but that of the touches.
+#[derive(Debug)]
 pub(super) struct Ends {
     epochs: Vec<u64>,
     is_simulated: bool,
 }
 
 impl Ends {
+    pub(super) const fn new(epochs: Vec<u64>, is_simulated: bool) -> Self {
+        Self { epochs, is_simulated }
+    }
+
     pub(super) fn of(records: &[StoredRecord]) -> Self {
         let first = records.first().map(StoredRecord::record);
         // False if the first record is missing.
@@ -49,9 +54,12 @@ pub(super) fn each_sweep(
 }
 
 /// The rows of the table of sweeps.
-pub(super) fn sweeps(records: &[StoredRecord], take: Take<'_>) -> Result<(), ExportError> {
-    let ends = Ends::of(records);
-    each_sweep(records, |stored, sweep| take(&of_sweep(sweep, &ends, stored)))
+pub(super) fn sweeps(
+    records: &[StoredRecord],
+    ends: &Ends,
+    take: Take<'_>,
+) -> Result<(), ExportError> {
+    each_sweep(records, |stored, sweep| take(&of_sweep(sweep, ends, stored)))
 }
 
 /// The row of a sweep. Columns that do not apply are empty.
@@ -107,8 +115,11 @@ pub(super) fn of_sweep<'a>(
 }
 
 /// The rows of the table of readings.
-pub(super) fn readings(records: &[StoredRecord], take: Take<'_>) -> Result<(), ExportError> {
-    let ends = Ends::of(records);
+pub(super) fn readings(
+    records: &[StoredRecord],
+    ends: &Ends,
+    take: Take<'_>,
+) -> Result<(), ExportError> {
     each_sweep(records, |stored, sweep| {
         for (index, one) in sweep.readings.iter().enumerate() {
             let head = [
@@ -132,8 +143,11 @@ pub(super) fn of_one_sweep(sweep: &Sweep, take: Take<'_>) -> Result<(), ExportEr
 }
 
 /// The rows of the table of searches.
-pub(super) fn searches(records: &[StoredRecord], take: Take<'_>) -> Result<(), ExportError> {
-    let ends = Ends::of(records);
+pub(super) fn searches(
+    records: &[StoredRecord],
+    ends: &Ends,
+    take: Take<'_>,
+) -> Result<(), ExportError> {
     let is_search = |stored: &&StoredRecord| stored.kind.starts_with("surface_");
     for stored in records.iter().filter(is_search) {
         let nowhere = [TableValue::Empty; 2];

@@ -130,18 +130,18 @@ fn pointed(number: String) -> String {
 
 /// Writes a table row by row.
 #[derive(Debug)]
-pub(super) struct Table<W: Write> {
+pub(super) struct Table<W: Write + Send> {
     columns: Vec<Column>,
     sink: Sink<W>,
 }
 
 #[derive(Debug)]
-enum Sink<W: Write> {
+enum Sink<W: Write + Send> {
     Csv(Box<Writer<W>>),
-    Parquet(Box<ParquetTable>, W),
+    Parquet(Box<ParquetTable<W>>),
 }
 
-impl<W: Write> Table<W> {
+impl<W: Write + Send> Table<W> {
     /// A table with these columns.
     ///
     /// # Errors
@@ -158,7 +158,7 @@ impl<W: Write> Table<W> {
                 writer.write_record(columns.iter().map(|column| column.name)).map_err(failed)?;
                 Sink::Csv(Box::new(writer))
             }
-            TableFormat::Parquet => Sink::Parquet(Box::new(ParquetTable::new(&columns)?), out),
+            TableFormat::Parquet => Sink::Parquet(Box::new(ParquetTable::new(&columns, out)?)),
         };
         Ok(Self { columns, sink })
     }
@@ -173,7 +173,7 @@ impl<W: Write> Table<W> {
             Sink::Csv(writer) => {
                 writer.write_record(values.iter().map(|value| value.text())).map_err(failed)
             }
-            Sink::Parquet(table, _) => table.row(values),
+            Sink::Parquet(table) => table.row(values),
         }
     }
 
@@ -184,10 +184,7 @@ impl<W: Write> Table<W> {
     pub(super) fn finish(self) -> Result<(), ExportError> {
         match self.sink {
             Sink::Csv(mut writer) => writer.flush()?,
-            Sink::Parquet(table, mut out) => {
-                out.write_all(&table.finish()?)?;
-                out.flush()?;
-            }
+            Sink::Parquet(table) => table.finish()?,
         }
         Ok(())
     }

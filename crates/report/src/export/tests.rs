@@ -304,3 +304,23 @@ fn the_manual_has_the_dictionary_of_every_table() {
         assert_eq!(columns.len(), name.columns().len(), "a name is given twice");
     }
 }
+
+#[test]
+fn records_that_come_in_parts_give_the_same_table() {
+    let records = records();
+    let run = SampleRun::new(Story::Empty).run;
+    for name in [TableName::Sweeps, TableName::Readings, TableName::Searches] {
+        for format in TableFormat::ALL {
+            let results = RunResults::new(&run, &records).unwrap();
+            let (mut whole, mut parts) = (Vec::new(), Vec::new());
+            table(name, format, &results, &records, &mut whole).unwrap();
+            let of = RunColumns::new(&run, vec![records[0].epoch], true);
+            let mut export = TableExport::new(name, format, false, &mut parts).unwrap();
+            for part in records.chunks(2) {
+                export.add_records(&of, part).unwrap();
+            }
+            export.finish().unwrap();
+            assert_eq!(parts, whole, "{name:?} {format:?}");
+        }
+    }
+}

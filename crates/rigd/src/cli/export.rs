@@ -10,9 +10,9 @@ use clap::{Args, ValueEnum};
 use rig_record::{Record, StoredRecord};
 use rig_report::{
     RunResults,
-    export::{self, Hdf5Export, TableExport, TableFormat, TableName},
+    export::{self, ExportError, Hdf5Export, RunColumns, TableExport, TableFormat, TableName},
 };
-use rig_store::{Reader, Run, Sweep};
+use rig_store::{Pages, Reader, Run, Sweep};
 
 use super::{Failure, args::DataArgs, runs::results_of};
 
@@ -122,12 +122,34 @@ fn table(
     }
     let mut out = writer(args)?;
     let mut table = TableExport::new(name, format, runs.len() > 1, &mut out)?;
-    for run in runs {
-        let (results, records) = read(run)?;
-        table.add(&results, &records)?;
+    for found in runs {
+        if name == TableName::Touches {
+            let (results, records) = read(found)?;
+            table.add(&results, &records)?;
+            continue;
+        }
+        let (reader, run) = found;
+        let mut pages = reader.amended_pages(run.id)?;
+        let of = RunColumns::new(run, pages.epochs().to_vec(), pages.is_simulated());
+        each_page(reader, &mut pages, |page| table.add_records(&of, page))?;
     }
     table.finish()?;
     end(out)
+}
+
+/// Gives the records of a run a few at a time, so that they need not fit in memory.
+fn each_page(
+    reader: &Reader,
+    pages: &mut Pages,
+    mut take: impl FnMut(&[StoredRecord]) -> Result<(), ExportError>,
+) -> Result<(), Failure> {
+    loop {
+        let page = reader.next_page(pages)?;
+        if page.is_empty() {
+            return Ok(());
+        }
+        take(&page)?;
+    }
 }
 
 /// All tables of all runs in one file.
@@ -152,14 +174,15 @@ fn not_to_a_terminal(args: &ExportArgs, what: &'static str) -> Result<(), Failur
 fn jsonl(args: &ExportArgs, runs: &[Found]) -> Result<(), Failure> {
     if let [(reader, run)] = runs {
         let mut out = writer(args)?;
-        export::jsonl(&reader.records(run.id)?, &mut out)?;
+        each_page(reader, &mut reader.pages(run.id)?, |page| export::jsonl(page, &mut out))?;
         return end(out);
     }
     let folder = folder(args, "the records of several runs")?;
     for (reader, run) in runs {
-        let records = reader.records(run.id)?;
         let name = format!("{}_records.jsonl", run.short_name());
-        file_in(folder, &name, |out| Ok(export::jsonl(&records, out)?))?;
+        file_in(folder, &name, |out| {
+            each_page(reader, &mut reader.pages(run.id)?, |page| export::jsonl(page, out))
+        })?;
     }
     Ok(())
 }
@@ -202,14 +225,14 @@ fn failed(path: &Path) -> impl FnOnce(io::Error) -> Failure {
 }
 
 /// The file of `--out`, or stdout.
-fn writer(args: &ExportArgs) -> Result<Box<dyn Write>, Failure> {
+fn writer(args: &ExportArgs) -> Result<Box<dyn Write + Send>, Failure> {
     Ok(match &args.out {
         Some(path) => Box::new(BufWriter::new(File::create(path).map_err(failed(path))?)),
-        None => Box::new(BufWriter::new(io::stdout().lock())),
+        None => Box::new(BufWriter::new(io::stdout())),
     })
 }
 
-fn end(mut out: Box<dyn Write>) -> Result<(), Failure> {
+fn end(mut out: Box<dyn Write + Send>) -> Result<(), Failure> {
     out.flush().map_err(|source| Failure::System { what: "output", source })
 }
 
@@ -223,9 +246,10 @@ fn folder<'a>(args: &'a ExportArgs, what: &'static str) -> Result<&'a PathBuf, F
 fn file_in(
     folder: &Path,
     name: &str,
-    write: impl FnOnce(&mut Vec<u8>) -> Result<(), Failure>,
+    write: impl FnOnce(&mut BufWriter<File>) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
-    let (path, mut bytes) = (folder.join(name), Vec::new());
-    write(&mut bytes)?;
-    fs::write(&path, bytes).map_err(failed(&path))
+    let path = folder.join(name);
+    let mut out = BufWriter::new(File::create(&path).map_err(failed(&path))?);
+    write(&mut out)?;
+    out.flush().map_err(failed(&path))
 }

@@ -128,7 +128,7 @@ fn show(args: &MeasureArgs, Measurement { sweep, status }: Measurement) -> Resul
     let bench = sweep.fit.as_ref().and_then(|fit| fit.bench);
     let refusal = outcome.refusal();
     if args.csv {
-        let mut out = io::stdout().lock();
+        let mut out = io::stdout();
         export::sweep_csv(&sweep, &mut out)?;
         out.flush().map_err(|source| Failure::System { what: "stdout", source })?;
     } else if args.json {

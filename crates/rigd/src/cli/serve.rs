@@ -36,6 +36,7 @@ use crate::{
     http::{
         self,
         access::{Access, Token},
+        room::take_handles,
         tls::Tls,
     },
     loaded_rig::LoadedRig,
@@ -64,13 +65,25 @@ const READERS_MAX: usize = 4;
 const BUILDERS_MAX: usize = 2;
 /// A thread that ends and one that begins cost more than one that waits.
 const IDLE_THREAD_TIME: Duration = Duration::from_secs(3600);
+/// By how much the threads that answer clients, and those that build documents, give way to the rig thread.
+const CLIENTS_NICE: i32 = 5;
+const BUILDERS_NICE: i32 = 10;
 /// Time limit for reading at the end of the daemon.
 const READING_TIME: Duration = Duration::from_secs(1);
 
+/// Lowers the priority of the calling thread; threads that it begins have it too.
+fn give_way(by: i32) {
+    if let Err(error) = rustix::process::nice(by) {
+        tracing::warn!(%error, "a thread that serves clients has the priority of the rig thread");
+    }
+}
+
 pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
     let daemon = Daemon::prepare(args)?;
+    take_handles();
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
+        .on_thread_start(|| give_way(CLIENTS_NICE))
         .max_blocking_threads(READERS_MAX)
         .thread_keep_alive(IDLE_THREAD_TIME)
         .enable_all()
@@ -78,6 +91,7 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
         .map_err(|source| Failure::System { what: "runtime", source })?;
     let builders = tokio::runtime::Builder::new_current_thread()
         .thread_name("builder")
+        .on_thread_start(|| give_way(BUILDERS_NICE))
         .max_blocking_threads(BUILDERS_MAX)
         .thread_keep_alive(IDLE_THREAD_TIME)
         .build()
@@ -243,7 +257,7 @@ impl Door {
 
 /// Connections that the system holds until they are accepted. Beyond this number a client waits for
 /// a second before it tries again, even to stop the rig.
-const BACKLOG: u32 = 1024;
+const BACKLOG: u32 = 4096;
 
 fn listen(address: SocketAddr) -> io::Result<TcpListener> {
     let socket = if address.is_ipv4() { TcpSocket::new_v4() } else { TcpSocket::new_v6() }?;

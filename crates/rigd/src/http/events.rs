@@ -3,30 +3,39 @@
 //! An event is a record of the journal, and its id is that record's place in the journal. A client
 //! that lost its connection sends the last id it saw and misses nothing.
 
-use std::{collections::VecDeque, convert::Infallible, sync::Arc};
+use std::{collections::VecDeque, convert::Infallible, sync::Arc, time::Duration};
 
 use axum::{
+    body::{Body, Bytes},
     extract::{Query, State, rejection::QueryRejection},
-    http::HeaderMap,
-    response::{
-        IntoResponse, Sse,
-        sse::{Event, KeepAlive},
-    },
+    http::{HeaderMap, header},
+    response::{IntoResponse, Response},
 };
 use futures_util::{Stream, StreamExt, stream};
 use rig_store::StoredRecord;
 use schemars::JsonSchema;
 use serde::Deserialize;
-use tokio::sync::{OwnedSemaphorePermit, watch};
+use tokio::{
+    sync::{
+        OwnedSemaphorePermit,
+        broadcast::{self, error::RecvError},
+        watch,
+    },
+    time::timeout,
+};
 
-use super::{Problem, Shared, live};
+use super::{
+    Problem, Shared,
+    hub::{Heard, News},
+    live,
+};
 use crate::rig::Status;
 
-/// Records read at a time, which is the most that a slow client can hold.
+/// Records read at a time by a stream that is behind, which is the most that a slow client can hold.
 const PAGE: u32 = 16;
-
-/// Each page and each program has one stream; this leaves room for some of both.
-pub(super) const STREAMS_MAX: usize = 32;
+/// A comment comes after so long a silence.
+const SILENCE: Duration = Duration::from_secs(15);
+const COMMENT: Bytes = Bytes::from_static(b":\n\n");
 
 /// The position of a stream.
 struct Cursor {
@@ -34,6 +43,10 @@ struct Cursor {
     status: watch::Receiver<Status>,
     last: u64,
     page: VecDeque<StoredRecord>,
+    /// Events as they come, one copy for all streams.
+    news: broadcast::Receiver<News>,
+    /// Events are read from the journal, up to those that come.
+    is_behind: bool,
     /// The last event before the stream was opened, until the client has been told that it has all of
     /// them.
     live_from: Option<u64>,
@@ -61,7 +74,7 @@ pub(super) struct StreamOptions {
 
 /// A topic of events.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Topic {
+pub(super) enum Topic {
     Run,
     Step,
     Person,
@@ -96,7 +109,7 @@ impl Topic {
     }
 
     /// The topic of a kind of record.
-    fn of(kind: &str) -> Self {
+    pub(super) fn of(kind: &str) -> Self {
         match kind {
             "step_started" => Self::Step,
             "prompt_asked" | "prompt_answered" | "refusal_asked" | "refusal_answered"
@@ -111,26 +124,22 @@ impl Topic {
     }
 }
 
-/// What a stream sends next.
-enum Next {
-    Record(Box<StoredRecord>),
-    /// Everything from before the stream was opened has been sent.
-    Live {
-        last_event: u64,
-    },
-}
-
 pub(super) async fn stream(
     State(shared): State<Shared>,
     options: Result<Query<StreamOptions>, QueryRejection>,
     headers: HeaderMap,
-) -> Result<impl IntoResponse, Problem> {
+) -> Result<Response, Problem> {
     let Query(StreamOptions { live, back, topics }) = options?;
     let topics = Topic::read(&topics)?;
     let place = Arc::clone(&shared.inner.streams).try_acquire_owned().map_err(|_| {
-        Problem::busy(format!("{STREAMS_MAX} event streams are open, which is the limit"))
+        Problem::busy(format!(
+            "{} event streams are open, which is the limit",
+            shared.inner.room.streams
+        ))
     })?;
     let status = shared.inner.rig.status();
+    // Before the journal is read: what is written from here on is not missed.
+    let Heard { news, rig } = shared.inner.hub.listen(&shared);
     let last =
         match headers.get("last-event-id") {
             // Without an id the stream begins with what happens from now on.
@@ -144,58 +153,93 @@ pub(super) async fn stream(
             })?,
         };
     let closing = shared.inner.closing.clone();
-    let live_from = Some(status.borrow().last_event);
-    let live = live.then(|| live::stream(shared.clone()));
-    let cursor =
-        Cursor { shared, status, last, page: VecDeque::new(), live_from, topics, _place: place };
+    let newest = status.borrow().last_event;
+    let live = live.then(|| live::stream(shared.clone(), rig));
+    let cursor = Cursor {
+        shared,
+        status,
+        last,
+        page: VecDeque::new(),
+        news,
+        is_behind: last < newest,
+        live_from: Some(newest),
+        topics,
+        _place: place,
+    };
     let live = stream::iter(live).flatten();
     let events = stream::select(live, events(cursor)).take_until(closing.cancelled_owned());
-    Ok(Sse::new(events).keep_alive(KeepAlive::default()))
+    let headers =
+        [(header::CONTENT_TYPE, "text/event-stream"), (header::CACHE_CONTROL, "no-cache")];
+    Ok((headers, Body::from_stream(events.map(Ok::<_, Infallible>))).into_response())
 }
 
-fn events(cursor: Cursor) -> impl Stream<Item = Result<Event, Infallible>> {
+/// An event as it is sent. JSON has no line breaks.
+pub(super) fn encoded(id: Option<u64>, name: &str, json: &str) -> Bytes {
+    let id = id.map(|id| format!("id: {id}\n")).unwrap_or_default();
+    format!("{id}event: {name}\ndata: {json}\n\n").into()
+}
+
+/// The event of a record.
+pub(super) fn of_record(record: &StoredRecord) -> Bytes {
+    let StoredRecord { run, seq, rig_us, payload, .. } = record;
+    let json = format!(r#"{{"run":"{run}","seq":{seq},"rig_us":{rig_us},"record":{payload}}}"#);
+    encoded(Some(record.event), &record.kind, &json)
+}
+
+fn events(cursor: Cursor) -> impl Stream<Item = Bytes> {
     stream::unfold(cursor, |mut cursor| async move {
-        let event = match cursor.next().await? {
-            Next::Record(record) => {
-                let text = format!(
-                    r#"{{"run":"{}","seq":{},"rig_us":{},"record":{}}}"#,
-                    record.run, record.seq, record.rig_us, record.payload
-                );
-                Event::default().id(record.event.to_string()).event(record.kind).data(text)
-            }
-            Next::Live { last_event } => {
-                Event::default().event("now_live").data(format!(r#"{{"last_event":{last_event}}}"#))
-            }
+        let event = match timeout(SILENCE, cursor.next()).await {
+            Ok(event) => event?,
+            Err(_) => COMMENT,
         };
-        Some((Ok(event), cursor))
+        Some((event, cursor))
     })
 }
 
 impl Cursor {
-    /// The next record, as soon as there is one; none when the rig or its journal has gone.
-    async fn next(&mut self) -> Option<Next> {
+    /// The next event, as soon as there is one; none when the rig or its journal has gone. If this is dropped
+    /// while it waits, nothing is lost.
+    async fn next(&mut self) -> Option<Bytes> {
         loop {
             while let Some(record) = self.page.pop_front() {
                 self.last = record.event;
-                if self.topics.is_empty() || self.topics.contains(&Topic::of(&record.kind)) {
-                    return Some(Next::Record(Box::new(record)));
+                if self.wants(Topic::of(&record.kind)) {
+                    return Some(of_record(&record));
                 }
             }
-            if let Some(last_event) = self.live_from.take_if(|before| self.last >= *before) {
-                return Some(Next::Live { last_event });
+            // An id beyond the journal is behind nothing.
+            if let Some(last_event) =
+                self.live_from.take_if(|before| !self.is_behind || self.last >= *before)
+            {
+                let json = format!(r#"{{"last_event":{last_event}}}"#);
+                return Some(encoded(None, "now_live", &json));
             }
-            // The wait below notices later commits.
-            self.status.mark_unchanged();
-            let last = self.last;
-            let page = self.shared.read(move |reader| Ok(reader.events_after(last, PAGE)?)).await;
-            self.page = page.ok()?.into();
-            if self.page.is_empty() {
-                // Nothing is missing: an id beyond the journal, or a journal without records.
-                if let Some(last_event) = self.live_from.take() {
-                    return Some(Next::Live { last_event });
+            if self.is_behind {
+                let last = self.last;
+                let page =
+                    self.shared.read(move |reader| Ok(reader.events_after(last, PAGE)?)).await;
+                self.page = page.ok()?.into();
+                self.is_behind = !self.page.is_empty();
+                continue;
+            }
+            // The rig has gone, and nobody tells.
+            self.status.has_changed().ok()?;
+            match self.news.recv().await {
+                Ok(news) if news.event > self.last => {
+                    self.last = news.event;
+                    if self.wants(news.topic) {
+                        return Some(news.bytes);
+                    }
                 }
-                self.status.changed().await.ok()?;
+                Ok(_) => {}
+                // The client is slow: the journal has what it missed.
+                Err(RecvError::Lagged(_)) => self.is_behind = true,
+                Err(RecvError::Closed) => return None,
             }
         }
+    }
+
+    fn wants(&self, topic: Topic) -> bool {
+        self.topics.is_empty() || self.topics.contains(&topic)
     }
 }

@@ -5,16 +5,22 @@
 //! readings since the previous event. Both describe states, not changes: a slow client gets fewer
 //! events and misses nothing.
 
-use std::{convert::Infallible, sync::Arc, time::Duration};
+use std::{
+    sync::{
+        Arc,
+        atomic::{AtomicUsize, Ordering},
+    },
+    time::Duration,
+};
 
-use axum::response::sse::Event;
+use axum::body::Bytes;
 use futures_util::{Stream, stream};
 use rig_model::Reading;
 use rig_resonance::Circuit;
 use serde::Serialize;
 use tokio::{sync::watch, time::Instant};
 
-use super::{Shared, rig};
+use super::{Shared, events::encoded, rig};
 use crate::{
     rig::{LiveEstimate, LiveSweep, Status},
     rig_view::EstimateView,
@@ -22,6 +28,8 @@ use crate::{
 
 /// A client sees a change after this time at most, and no more events than one in this time.
 const INTERVAL: Duration = Duration::from_millis(40);
+/// Live events that all streams together get in a second. From 41 streams on each gets fewer.
+const EVENTS_PER_S: f64 = 1024.0;
 /// An event comes after this time, also when nothing changes.
 const HEARTBEAT: Duration = Duration::from_secs(1);
 
@@ -74,21 +82,44 @@ struct Cursor {
     sweep: u64,
     from: [usize; 2],
     /// The event that follows that of the rig.
-    next: Option<Event>,
+    next: Option<Bytes>,
+    watcher: Watcher,
 }
 
-pub(super) fn stream(shared: Shared) -> impl Stream<Item = Result<Event, Infallible>> {
-    let status = shared.inner.rig.status();
-    let cursor = Cursor { shared, status, sent: None, sweep: 0, from: [0, 0], next: None };
+/// Counts a stream of live events while it is open.
+struct Watcher(Arc<AtomicUsize>);
+
+impl Watcher {
+    fn new(all: &Arc<AtomicUsize>) -> Self {
+        all.fetch_add(1, Ordering::Relaxed);
+        Self(Arc::clone(all))
+    }
+
+    /// The time between two events of a stream.
+    fn interval(&self) -> Duration {
+        let all = self.0.load(Ordering::Relaxed);
+        INTERVAL.max(Duration::from_secs_f64(all as f64 / EVENTS_PER_S))
+    }
+}
+
+impl Drop for Watcher {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+pub(super) fn stream(shared: Shared, status: watch::Receiver<Status>) -> impl Stream<Item = Bytes> {
+    let watcher = Watcher::new(&shared.inner.watching);
+    let cursor = Cursor { shared, status, sent: None, sweep: 0, from: [0, 0], next: None, watcher };
     stream::unfold(cursor, |mut cursor| async move {
         let event = cursor.next().await?;
-        Some((Ok(event), cursor))
+        Some((event, cursor))
     })
 }
 
 impl Cursor {
     /// The next event; none when the rig has gone.
-    async fn next(&mut self) -> Option<Event> {
+    async fn next(&mut self) -> Option<Bytes> {
         if let Some(event) = self.next.take() {
             return Some(event);
         }
@@ -97,7 +128,7 @@ impl Cursor {
                 changed = self.status.changed() => changed.ok()?,
                 () = tokio::time::sleep_until(sent + HEARTBEAT) => {}
             }
-            tokio::time::sleep_until(sent + INTERVAL).await;
+            tokio::time::sleep_until(sent + self.watcher.interval()).await;
         }
         let status = self.status.borrow_and_update().clone();
         self.sent = Some(Instant::now());
@@ -106,7 +137,7 @@ impl Cursor {
     }
 
     /// The part of a sweep since the last event.
-    fn news(&mut self, live: &Arc<LiveSweep>) -> Option<Event> {
+    fn news(&mut self, live: &Arc<LiveSweep>) -> Option<Bytes> {
         if self.sweep != live.serial {
             (self.sweep, self.from) = (live.serial, [0, 0]);
         } else if self.from == [live.readings.len(), live.estimates.len()] {
@@ -130,8 +161,8 @@ impl Cursor {
 }
 
 /// An event with JSON in it.
-fn event(name: &str, view: &impl Serialize) -> Option<Event> {
-    Event::default().event(name).json_data(view).ok()
+fn event(name: &str, view: &impl Serialize) -> Option<Bytes> {
+    Some(encoded(None, name, &serde_json::to_string(view).ok()?))
 }
 
 impl ReadingView {

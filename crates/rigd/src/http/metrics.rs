@@ -195,7 +195,7 @@ fn of_the_rig(shared: &Shared, status: &Status, figures: &mut Figures) {
     if let Some(free_bytes) = free_bytes(&shared.inner.data) {
         figures.gauge("disk_free_bytes", "Free space for the data directory", free_bytes as f64);
     }
-    let open = super::events::STREAMS_MAX - shared.inner.streams.available_permits();
+    let open = shared.inner.room.streams.saturating_sub(shared.inner.streams.available_permits());
     figures.gauge("event_streams", "Event streams that are open", open as f64);
     let measured = status.setting.meters.read();
     let one = |durations| [(Vec::new(), Value::Durations(durations))];

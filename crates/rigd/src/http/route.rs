@@ -11,7 +11,9 @@ use schemars::{JsonSchema, Schema, SchemaGenerator};
 use super::{
     Shared, changes,
     changes::ChangesView,
-    events, frames,
+    events, export,
+    export::ExportOptions,
+    frames,
     frames::FramesView,
     lease,
     lease::{LeaseForm, LeaseView},
@@ -30,7 +32,7 @@ use super::{
     rig,
     rig::{HomeForm, IdentifiedView},
     runs,
-    runs::{AnswerOptions, BegunView, ExportOptions, ListOptions, RunDetail, RunView},
+    runs::{AnswerOptions, BegunView, ListOptions, RunDetail, RunView},
     session,
     session::{ClientView, LinkView},
     sweeps,
@@ -296,7 +298,7 @@ fn of_runs() -> Vec<Route> {
             "exportRun",
             "Its tables, documents or records",
             Content::Text(TABLES),
-            || get(runs::export),
+            || get(export::show),
         )
         .with_query::<ExportOptions>(),
     ]

@@ -10,9 +10,7 @@ use axum::{
     response::{Html, IntoResponse, Response},
 };
 use rig_engine::{Command, RefusalAnswer};
-use rig_model::with_causes;
 use rig_protocol::StepId;
-use rig_report::export::{self, Hdf5Export, TableFormat, TableName};
 use rig_store::{Reader, Record, Run, RunId, RunKind, intact};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -113,88 +111,6 @@ pub(super) struct AnswerOptions {
     refused: Option<String>,
 }
 
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub(super) struct ExportOptions {
-    #[serde(default)]
-    format: ExportFormat,
-    /// With `csv` or `parquet`: which table.
-    #[serde(default)]
-    table: ExportTable,
-}
-
-#[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-enum ExportFormat {
-    /// A table as CSV.
-    #[default]
-    Csv,
-    /// A table as Parquet.
-    Parquet,
-    /// All tables as HDF5.
-    Hdf5,
-    /// `csv` of the sweeps.
-    Sweeps,
-    /// `csv` of the readings.
-    Readings,
-    /// `csv` of the searches.
-    Searches,
-    /// Every record.
-    Jsonl,
-    /// The event model of bluesky.
-    Documents,
-}
-
-#[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-enum ExportTable {
-    #[default]
-    Touches,
-    Sweeps,
-    Readings,
-    Searches,
-}
-
-impl ExportOptions {
-    /// The table to write; `None` for the formats that are no tables.
-    const fn table(&self) -> Option<(TableName, TableFormat)> {
-        let name = match self.table {
-            ExportTable::Touches => TableName::Touches,
-            ExportTable::Sweeps => TableName::Sweeps,
-            ExportTable::Readings => TableName::Readings,
-            ExportTable::Searches => TableName::Searches,
-        };
-        match self.format {
-            ExportFormat::Csv => Some((name, TableFormat::Csv)),
-            ExportFormat::Parquet => Some((name, TableFormat::Parquet)),
-            ExportFormat::Sweeps => Some((TableName::Sweeps, TableFormat::Csv)),
-            ExportFormat::Readings => Some((TableName::Readings, TableFormat::Csv)),
-            ExportFormat::Searches => Some((TableName::Searches, TableFormat::Csv)),
-            ExportFormat::Hdf5 | ExportFormat::Jsonl | ExportFormat::Documents => None,
-        }
-    }
-
-    fn media_type(&self) -> &'static str {
-        match (self.table(), self.format) {
-            (Some((_, TableFormat::Csv)), _) => CSV,
-            (Some((_, TableFormat::Parquet)), _) => "application/vnd.apache.parquet",
-            (None, ExportFormat::Hdf5) => "application/x-hdf5",
-            (None, _) => "application/jsonl",
-        }
-    }
-
-    fn file(&self) -> String {
-        match (self.table(), self.format) {
-            (Some((name, format)), _) => format!("{}.{}", name.name(), format.extension()),
-            (None, ExportFormat::Hdf5) => "tables.h5".to_owned(),
-            (None, ExportFormat::Documents) => "documents.jsonl".to_owned(),
-            (None, _) => "records.jsonl".to_owned(),
-        }
-    }
-}
-
-const CSV: &str = "text/csv; charset=utf-8";
-
 /// The runs, the latest first. The header `Link` leads to the next page.
 pub(super) async fn list(
     State(shared): State<Shared>,
@@ -261,45 +177,6 @@ pub(super) async fn report(
         Ok(found.results.html(&found.check, found.verdict(&inner.data), &began))
     });
     html.await.map(Html)
-}
-
-pub(super) async fn export(
-    State(shared): State<Shared>,
-    Path(id): Path<String>,
-    options: Result<Query<ExportOptions>, QueryRejection>,
-) -> Result<Response, Problem> {
-    let id = shared.run(&id).await?;
-    let Query(options) = options?;
-    let (media_type, file) = (options.media_type(), options.file());
-    let inner = Arc::clone(&shared.inner);
-    let export = shared.build(move |reader| {
-        let simulated = if reader.is_simulated(id) { "-simulated" } else { "" };
-        let disposition = format!("attachment; filename=\"{id}{simulated}-{file}\"");
-        let mut bytes = Vec::new();
-        if let ExportFormat::Jsonl = options.format {
-            export::jsonl(&reader.records(id)?, &mut bytes)
-        } else {
-            let found = inner.results.of(reader, id)?;
-            intact(id, &found.check)?;
-            let records = reader.amended(id)?;
-            match options.table() {
-                None if matches!(options.format, ExportFormat::Hdf5) => {
-                    let mut tables = Hdf5Export::new(false);
-                    tables.add(&found.results, &records).map(|()| bytes = tables.finish())
-                }
-                None => export::documents(&found.results, &records, &mut bytes),
-                Some((name, format)) => {
-                    export::table(name, format, &found.results, &records, &mut bytes)
-                }
-            }
-        }
-        .map_err(|error| Problem::internal(&with_causes(&error)))?;
-        Ok((disposition, bytes))
-    });
-    let (disposition, bytes) = export.await?;
-    let headers =
-        [(header::CONTENT_TYPE, media_type.to_owned()), (header::CONTENT_DISPOSITION, disposition)];
-    Ok((headers, bytes).into_response())
 }
 
 /// A client makes a key of a UUID (36 characters) or of a name and a date.

@@ -18,13 +18,11 @@ use tower::ServiceExt;
 use super::{
     guard::Connection,
     problem::{PROBLEM_JSON, Problem},
+    room::Room,
     tls::Tls,
 };
 
-/// A page in a browser has up to six connections, a script one or two. Each costs some 100 kB.
-const CONNECTIONS_MAX: usize = 128;
-/// Beyond these a connection takes one request, and only a stop is carried out: however many
-/// clients
+/// Beyond the ordinary connections, one takes one request, and only a stop is carried out: however many clients
 /// there are, stopping stays possible.
 const SPARES_MAX: usize = 64;
 /// A reserved connection is closed after this time.
@@ -56,7 +54,7 @@ pub async fn serve(
     router: Router,
     closing: CancellationToken,
 ) {
-    let ordinary = Arc::new(Semaphore::new(CONNECTIONS_MAX));
+    let ordinary = Arc::new(Semaphore::new(Room::now().connections));
     let spares = Arc::new(Semaphore::new(SPARES_MAX));
     let mut connections = JoinSet::new();
     loop {

@@ -2,7 +2,7 @@
 
 use rig_analyzer::AnalyzerError;
 use rig_model::{Unit, with_causes};
-use rig_stage::Stage;
+use rig_stage::{Look, Stage};
 use tokio::sync::oneshot;
 
 use super::{
@@ -45,17 +45,28 @@ pub(super) async fn analyzer(known: DeviceIdentity, gated: &mut GatedAnalyzer) -
     vec![Identified { role, known, found, position: None, trouble }]
 }
 
+/// A stop and `rigd acknowledge` bring the rig into service again.
+const OTHER_SETTINGS: &str = "it has other settings than it was given; stop the rig and acknowledge, \
+                              which gives it those of the rig file again";
+
 pub(super) async fn axes(known: [DeviceIdentity; 2], axes: &mut Axes) -> Vec<Identified> {
     let [linear, rotary] = known;
     vec![axis(linear, &mut axes.linear).await, axis(rotary, &mut axes.rotary).await]
 }
 
 /// Few drives report an identity: one that answers as its make does, with the settings that it was given,
-/// is the known one.
+/// is the known one. One with other settings keeps them: nothing is written.
 async fn axis<U: Unit>(known: DeviceIdentity, stage: &mut Stage<U>) -> Identified {
     let DeviceIdentity { role, identity: known, .. } = known;
-    match stage.identify().await {
-        Ok(status) => {
+    match stage.look_again().await {
+        Ok(Look { has_settings: false, status }) => Identified {
+            role,
+            known,
+            found: None,
+            position: Some(standing(stage.axis(), &status).at),
+            trouble: Some(OTHER_SETTINGS.to_owned()),
+        },
+        Ok(Look { status, .. }) => {
             let facts = standing(stage.axis(), &status);
             let trouble = match (&facts.place, facts.state) {
                 (_, AxisState::Alarmed(alarm)) => Some(format!("alarm: {alarm}")),

@@ -161,7 +161,17 @@ async fn a_drive_that_restarts_has_to_be_identified_again() {
         );
         assert!(is_told, "{make}: {error:?}");
         sleep(Duration::from_secs(3)).await;
+        // A look sees that it lost what it was given, and leaves it so.
+        for _ in 0..2 {
+            let is_told = match linear.look_again().await {
+                Ok(look) => !look.has_settings,
+                Err(StageError::Bus(BusError::Failed(LineFault::Changed { .. }))) => true,
+                Err(_) => false,
+            };
+            assert!(is_told, "{make}");
+        }
         let status = linear.identify().await.unwrap();
+        assert!(linear.look_again().await.unwrap().has_settings, "{make}");
         if status.alarm.is_some() {
             linear.reset_alarm().await.unwrap();
         }

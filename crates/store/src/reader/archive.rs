@@ -43,8 +43,10 @@ impl Reader {
             [&note.run],
             |row| row.get(0),
         )?;
-        let is_whole =
-            matches!(self.walk(id.parse()?, None)?.check, ChainCheck::Intact { records: 2, .. });
+        let is_whole = matches!(
+            self.follow(id.parse()?, None, &mut drop)?.0,
+            ChainCheck::Intact { records: 2, .. }
+        );
         Ok(is_whole && note.records == records && note.head == head.to_string())
     }
 }

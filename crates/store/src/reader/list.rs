@@ -2,9 +2,9 @@
 
 use rusqlite::OptionalExtension;
 
-use super::Reader;
+use super::{Reader, walk::Followed};
 use crate::{
-    Digest, Flaw, Run, RunKind, RunStatus, StoreError, StoredRecord,
+    Digest, Flaw, Run, RunKind, RunStatus, StoreError,
     journal::{ENTRY, entry_from, link, stretches},
 };
 
@@ -13,8 +13,7 @@ impl Reader {
     pub(super) fn flaw_of_entry(
         &self,
         run: &Run,
-        records: &[StoredRecord],
-        head: Digest,
+        followed: &Followed,
     ) -> Result<Option<Flaw>, StoreError> {
         let mut statement = self.connection.prepare_cached(&format!(
             "SELECT {ENTRY}, finished_at, status, key, digest FROM runs WHERE id = ?1"
@@ -35,8 +34,7 @@ impl Reader {
             return Ok(Some(Flaw::ListDiffers));
         };
         let fits = stretches.iter().map(|stretch| stretch.digest(&entry.run).as_bytes().to_vec());
-        let mut epochs: Vec<u64> = records.iter().map(|record| record.epoch).collect();
-        epochs.dedup();
+        let epochs = followed.epochs.iter().copied();
         let has_all = stretches.iter().map(|stretch| stretch.epoch).eq(epochs);
         if entry.digest().as_bytes() != &*digest || !fits.eq(digests) || !has_all {
             return Ok(Some(Flaw::ListDiffers));
@@ -50,8 +48,8 @@ impl Reader {
         };
         let is_right = match (found, finished_at) {
             (Some(found), Some(at)) => {
-                rig_record::seal(&entry, &stretches, &at, &status, records.len() as u64, head)
-                    .as_bytes()
+                let Followed { records, digest, .. } = *followed;
+                rig_record::seal(&entry, &stretches, &at, &status, records, digest).as_bytes()
                     == &*found
             }
             (Some(_), None) => false,

@@ -96,6 +96,25 @@ fn a_flipped_bit_is_never_read_as_a_record() {
 }
 
 #[test]
+fn a_record_that_changes_while_pages_are_read_ends_them() {
+    for (change, flaw) in [
+        ("UPDATE records SET payload = replace(payload, '158.3', '158.4')", Flaw::Altered),
+        ("DELETE FROM records", Flaw::Missing),
+    ] {
+        let (directory, runs) = closed_journal();
+        let reader = Reader::open(directory.path()).unwrap();
+        let mut pages = reader.pages(runs[1].0).unwrap();
+        let database = rusqlite::Connection::open(directory.path().join("rigd.db")).unwrap();
+        database.execute(&format!("{change} WHERE run = 2 AND seq >= 10"), []).unwrap();
+        let refusal = reader.next_page(&mut pages).unwrap_err();
+        assert!(
+            matches!(&refusal, StoreError::Broken { seq: 10, flaw: found, .. } if *found == flaw),
+            "{change}: {refusal}"
+        );
+    }
+}
+
+#[test]
 fn a_changed_lost_or_added_record_is_pointed_at() {
     #[track_caller]
     fn check(change: &str, expected: (u64, Flaw)) {

@@ -199,6 +199,12 @@ fn amendments_stand_behind_the_records_of_their_run() {
         ["run_started", "run_finished", "amended", "run_finished", "amended", "run_finished"];
     assert_eq!(kinds, expected);
     assert_eq!(reader.records(id).unwrap(), before);
+    let mut pages = reader.amended_pages(id).unwrap();
+    let mut paged = Vec::new();
+    while let Some(page) = Some(reader.next_page(&mut pages).unwrap()).filter(|p| !p.is_empty()) {
+        paged.extend(page);
+    }
+    assert_eq!(paged, reader.amended(id).unwrap());
     assert_eq!(reader.find("latest").unwrap().name, "short");
     assert_eq!(reader.run(id).unwrap().amendments, 2);
 }

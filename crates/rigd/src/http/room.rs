@@ -1,0 +1,54 @@
+//! How many clients there is room for.
+
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+
+/// A page and a program have one stream each; this is a crowd of both.
+const STREAMS_MAX: usize = 1024;
+/// A page in a browser has up to six connections, a script one or two.
+const OTHERS: usize = 128;
+/// Handles for files, devices, the journal, and connections beyond the limit.
+const RESERVE: usize = 256;
+
+/// Event streams and connections that may be open at a time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Room {
+    pub(super) streams: usize,
+    /// All connections, streams among them.
+    pub(super) connections: usize,
+}
+
+impl Room {
+    /// With the handles that the system gives this program.
+    pub(super) fn now() -> Self {
+        Self::with(getrlimit(Resource::Nofile).current)
+    }
+
+    fn with(handles: Option<u64>) -> Self {
+        let handles = handles.and_then(|handles| usize::try_from(handles).ok());
+        let left = handles.unwrap_or(usize::MAX).saturating_sub(RESERVE + OTHERS);
+        let streams = left.min(STREAMS_MAX);
+        Self { streams, connections: streams + OTHERS }
+    }
+}
+
+/// Takes as many handles as the system allows: the usual limit is made for programs that use `select`.
+pub(crate) fn take_handles() {
+    let Rlimit { maximum, .. } = getrlimit(Resource::Nofile);
+    if let Err(error) = setrlimit(Resource::Nofile, Rlimit { current: maximum, maximum }) {
+        tracing::warn!(%error, "the number of handles of this program cannot be raised");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_handles_leave_room_for_requests_and_none_for_streams() {
+        let room = |handles| Room::with(Some(handles));
+        assert_eq!(Room::with(None), Room { streams: 1024, connections: 1152 });
+        assert_eq!(room(20_000), Room { streams: 1024, connections: 1152 });
+        assert_eq!(room(1024), Room { streams: 640, connections: 768 });
+        assert_eq!(room(256), Room { streams: 0, connections: 128 });
+    }
+}
