@@ -33,7 +33,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         journal.commit()?;
         let before = processor_time();
         let both = median(EACH, || durable(&mut journal, &record))?;
-        let used = (processor_time() - before) / u32::try_from(EACH)?;
+        let used = processor_time().saturating_sub(before) / u32::try_from(EACH)?;
         writeln!(
             stdout(),
             "{what}: append {append:.1?}, append and commit {both:.1?}, of which the processor works {used:.1?} in the mean"
