@@ -239,7 +239,12 @@ fn hanging_up_is_ignored_where_that_was_asked_for() {
 #[test]
 fn a_stop_gets_through_when_every_connection_is_taken() {
     let folder = TempDir::new().unwrap();
-    let (program, address) = Program::serve(folder.path());
+    // So few handles leave room for no stream, and for 128 connections.
+    let mut limited = Command::new("sh");
+    limited.args(["-c", "ulimit -n 384; exec \"$@\"", "sh", env!("CARGO_BIN_EXE_rigd")]);
+    let args = ["serve", "--listen", "127.0.0.1:0"];
+    let mut program = Program::start_by(limited, folder.path(), &args);
+    let address = program.wait_for_address();
     // As many as there may be; each keeps its place for five seconds.
     let held: Vec<TcpStream> = (0..128).map(|_| TcpStream::connect(&address).unwrap()).collect();
     let refused = request(&address, "GET /api/v1/rig", "");

@@ -39,9 +39,13 @@ pub(crate) struct Program {
 
 impl Program {
     pub(crate) fn start(folder: &Path, args: &[&str]) -> Self {
+        Self::start_by(Command::new(env!("CARGO_BIN_EXE_rigd")), folder, args)
+    }
+
+    /// Starts the program by a command that takes its arguments.
+    pub(crate) fn start_by(mut command: Command, folder: &Path, args: &[&str]) -> Self {
         let data = folder.join("data");
         let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-        let mut command = Command::new(env!("CARGO_BIN_EXE_rigd"));
         command
             .args(args)
             .args(["--data", data.to_str().unwrap()])
