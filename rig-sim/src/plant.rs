@@ -168,6 +168,30 @@ impl Plant {
         impedance_ohm
     }
 
+    /// The drive now, V.
+    pub(crate) fn drive(&self) -> Complex64 {
+        self.drive
+    }
+
+    /// The integral of the current over the next `seconds`, demodulated by a lock-in in the frame of the drive
+    /// now, in A·s. Time passes. Over whole cycles it is the current of [`measure`](Self::measure) times their
+    /// duration.
+    pub(crate) fn integrate(&mut self, seconds: f64) -> Complex64 {
+        let omega = TAU * self.frequency_hz;
+        let transient = self.transient();
+        let steady = self.steady_current() + self.elements.parallel_admittance(omega) * self.drive;
+        // 2 Re(A e^{st}) e^{-jωt} is A e^{(s−jω)t} + A* e^{(s*−jω)t}, for the steady current with s = jω.
+        let part = |amplitude: Complex64, s: Complex64| {
+            let s = s - Complex64::new(0.0, omega);
+            amplitude * ((s * seconds).exp() - 1.0) / s
+        };
+        let s = self.elements.free;
+        let ringing = part(transient, s) + part(transient.conj(), s.conj());
+        let mirrored = part(steady.conj(), Complex64::new(0.0, -omega));
+        self.advance(seconds);
+        steady * seconds + mirrored + ringing
+    }
+
     fn steady_current(&self) -> Complex64 {
         self.drive / self.elements.series_impedance(TAU * self.frequency_hz)
     }
@@ -287,6 +311,22 @@ mod tests {
             cut.advance(piece);
         }
         let (whole, cut) = (whole.measure(2), cut.measure(2));
+        assert!((whole - cut).norm() < 1e-11 * whole.norm(), "{whole} {cut}");
+    }
+
+    #[test]
+    fn a_reading_in_pieces_is_the_whole_reading() {
+        let mut whole = Plant::at_rest(circuit(140.4, 30.0), 139.0).unwrap();
+        whole.advance(0.0123);
+        let mut cut = whole.clone();
+        let drive = cut.drive();
+        let duration_s = 2.0 / 139.0;
+        let mut charge = Complex64::ZERO;
+        for part in [0.1, 0.35, 0.05, 0.5] {
+            let turned = drive / cut.drive();
+            charge += turned * cut.integrate(part * duration_s);
+        }
+        let (whole, cut) = (whole.measure(2), drive * duration_s / charge);
         assert!((whole - cut).norm() < 1e-11 * whole.norm(), "{whole} {cut}");
     }
 

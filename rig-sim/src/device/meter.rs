@@ -58,7 +58,7 @@ fn binary(numbers: impl Iterator<Item = f64>, is_swapped: bool) -> Value {
 #[derive(Debug)]
 enum Phase {
     Waiting,
-    Integrating(FinishedPoint),
+    Integrating { frequency_hz: f64, is_overloaded: bool },
 }
 
 #[derive(Debug)]
@@ -359,16 +359,16 @@ impl<M: Model> Meter<M> {
         match running.phase {
             Phase::Waiting => {
                 let Some(point) = running.job.points.pop_front() else { return };
-                let (impedance_ohm, until) = world.measure(at, point.cycles);
+                let until = world.begin_reading(at, point.cycles);
                 let is_overloaded = self.overloads > 0;
                 self.overloads = self.overloads.saturating_sub(1);
-                let impedance_ohm = (!is_overloaded).then_some(impedance_ohm);
                 let frequency_hz = point.frequency_hz;
-                running.phase = Phase::Integrating(FinishedPoint { frequency_hz, impedance_ohm });
+                running.phase = Phase::Integrating { frequency_hz, is_overloaded };
                 running.until = until;
             }
-            Phase::Integrating(reading) => {
-                running.readings.push(reading);
+            Phase::Integrating { frequency_hz, is_overloaded } => {
+                let impedance_ohm = world.end_reading().filter(|_| !is_overloaded);
+                running.readings.push(FinishedPoint { frequency_hz, impedance_ohm });
                 self.next_point(at, world);
             }
         }

@@ -6,6 +6,7 @@
 
 mod motion;
 mod nuisance;
+mod reading;
 mod scene;
 mod sensor;
 mod stage;
@@ -16,7 +17,6 @@ mod truth;
 
 use std::{f64::consts::TAU, mem::Discriminant};
 
-use num_complex::Complex64;
 use rig_contact::Circuit;
 use rig_model::{
     Orientation, RigTime,
@@ -34,9 +34,10 @@ pub use self::{
 };
 use self::{
     nuisance::{DriftPath, Point},
+    reading::OpenReading,
     sensor::{SensorModel, WorldContact},
 };
-use crate::{clock::after, plant::Plant};
+use crate::plant::Plant;
 
 /// A sample as it lies under the probe.
 #[derive(Debug, Clone, Copy)]
@@ -83,6 +84,8 @@ pub struct World {
     plant_at: RigTime,
     /// Whether the plant has the circuit of a probe in the sample.
     is_plant_loaded: bool,
+    /// The reading under way.
+    reading: Option<OpenReading>,
     noise: Stream,
     encoder: Stream,
     drive_phase: Stream,
@@ -166,6 +169,7 @@ impl World {
             plant,
             plant_at: RigTime::ZERO,
             is_plant_loaded: false,
+            reading: None,
             noise: Stream::new(seed, stream::NOISE),
             encoder: Stream::new(seed, stream::ENCODER),
             drive_phase: Stream::new(seed, stream::DRIVE_PHASE),
@@ -194,6 +198,7 @@ impl World {
 
     /// A stage for the commands of its drive. Its motion up to now is checked for violations.
     pub fn drive(&mut self, now: RigTime, axis: AxisId) -> &mut Stage {
+        self.glide(now);
         self.watch(now);
         match axis {
             AxisId::Linear => &mut self.linear,
@@ -296,22 +301,6 @@ impl World {
         self.set_contact_fault(now, None);
     }
 
-    /// The reading of an ideal lock-in over `cycles` cycles from now on, with the noise of the
-    /// scene, in ohm, and its end time.
-    pub fn measure(&mut self, now: RigTime, cycles: u32) -> (Complex64, RigTime) {
-        self.follow_plant(now);
-        let duration_s = f64::from(cycles) / self.plant.frequency_hz();
-        let impedance_ohm = self.plant.measure(cycles);
-        // The plant has moved on by exactly its cycles; the clock rounds them up.
-        let done = after(now, duration_s);
-        self.plant.advance((done.since(now).as_secs_f64() - duration_s).max(0.0));
-        self.plant_at = done;
-        let sigma = self.scene.nuisances.impedance_rel * (10.0 / f64::from(cycles)).sqrt();
-        let noise = Complex64::new(self.noise.normal(), self.noise.normal());
-        let turn = Complex64::cis(self.scene.nuisances.analyzer_phase_deg.to_radians());
-        (impedance_ohm * turn * (1.0 + sigma * noise), done)
-    }
-
     /// A normal draw for the jitter of an encoder, in steps of its drive.
     pub fn encoder_jitter(&mut self) -> f64 {
         self.scene.nuisances.encoder_steps * self.encoder.normal()
@@ -357,7 +346,9 @@ impl World {
         if !(is_turning || is_moving) || self.mounted.is_none() {
             return;
         }
-        if (self.indentation_mm(now) > 0.0) != self.is_plant_loaded {
+        // A reading of a moving probe is ahead of what is watched, and has felt the sample itself.
+        let is_behind = self.plant_at <= now;
+        if is_behind && (self.indentation_mm(now) > 0.0) != self.is_plant_loaded {
             self.advance_plant(self.crossing(since, now));
         }
         // A lowering probe is deepest at the end of its way; a tilting sample may rise in between.
@@ -425,6 +416,7 @@ impl World {
     /// Lets the plant live up to `now`. The sensor feels that a move takes it into the sample or out of it,
     /// and the depth when the move ends.
     fn follow_plant(&mut self, now: RigTime) {
+        self.glide(now);
         self.watch(now);
         let moved = self.linear.rests_from().max(self.rotary.rests_from());
         if self.plant_at < moved && moved < now {

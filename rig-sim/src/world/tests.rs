@@ -1,5 +1,7 @@
 use std::time::Duration;
 
+use num_complex::Complex64;
+
 use super::*;
 use crate::scene::matched;
 
