@@ -6,10 +6,10 @@ use std::{net::Ipv4Addr, path::Path};
 
 use axum::{
     Router,
-    body::{Body, to_bytes},
+    body::{Body, BodyDataStream, to_bytes},
     http::{Request, Response, StatusCode, header},
 };
-use futures_util::StreamExt;
+use futures_util::{StreamExt, future::join_all};
 use rig_engine::RigState;
 use rig_files::rig_file::{Connection, SimulatedPerson};
 use rigd::{
@@ -187,15 +187,23 @@ async fn a_late_answer_does_not_answer_the_next_prompt() {
 }
 
 #[tokio::test]
-async fn readings_are_seen_while_the_sweep_goes_on_and_are_those_of_the_journal() {
+async fn each_of_many_streams_sees_the_readings_as_they_come_and_those_are_of_the_journal() {
     let daemon = Daemon::start(SimulatedPerson::Answers).await;
-    let answer = daemon.send("GET", "/api/v1/events?live=true", &[], "").await;
-    let mut stream = answer.into_body().into_data_stream();
-    let (_, _) =
-        daemon.post("sweeps", "application/json", r#"{"min_hz": 120, "max_hz": 165}"#).await;
+    // With this many, the time between two events of a stream depends on their number.
+    let mut streams = Vec::new();
+    for _ in 0..60 {
+        let answer = daemon.send("GET", "/api/v1/events?live=true", &[], "").await;
+        streams.push(answer.into_body().into_data_stream());
+    }
+    daemon.post("sweeps", "application/json", r#"{"min_hz": 120, "max_hz": 165}"#).await;
+    join_all(streams.into_iter().map(follow_a_sweep)).await;
+    daemon.close().await;
+}
+
+/// Reads a stream until the journal has the sweep and the live readings have caught up with it.
+async fn follow_a_sweep(mut stream: BodyDataStream) {
     let (mut text, mut live, mut journal) = (String::new(), Vec::new(), None);
     let mut sigmas = Vec::new();
-    // Until the journal has the sweep and the live readings have caught up with it.
     while journal.as_ref().is_none_or(|all: &Vec<f64>| live.len() < all.len()) {
         text.push_str(std::str::from_utf8(&stream.next().await.unwrap().unwrap()).unwrap());
         while let Some((event, rest)) = text.split_once("\n\n") {
@@ -215,7 +223,6 @@ async fn readings_are_seen_while_the_sweep_goes_on_and_are_those_of_the_journal(
     }
     assert_eq!(Some(live), journal);
     assert!(sigmas.last() < sigmas.first(), "{sigmas:?}");
-    daemon.close().await;
 }
 
 fn kind_and_data(event: &str) -> (String, Value) {

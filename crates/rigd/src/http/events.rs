@@ -139,7 +139,7 @@ pub(super) async fn stream(
     })?;
     let status = shared.inner.rig.status();
     // Before the journal is read: what is written from here on is not missed.
-    let Heard { news, rig } = shared.inner.hub.listen(&shared);
+    let Heard { news, moments } = shared.inner.hub.listen(&shared);
     let last =
         match headers.get("last-event-id") {
             // Without an id the stream begins with what happens from now on.
@@ -154,7 +154,7 @@ pub(super) async fn stream(
         };
     let closing = shared.inner.closing.clone();
     let newest = status.borrow().last_event;
-    let live = live.then(|| live::stream(shared.clone(), rig));
+    let live = live.then(|| live::stream(shared.clone(), moments));
     let cursor = Cursor {
         shared,
         status,

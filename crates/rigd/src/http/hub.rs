@@ -3,19 +3,27 @@
 //! The streams share each event, so that a thousand of them need no more reading than one. A stream that takes
 //! its events more slowly than they come has missed some when it asks again, and reads those from the journal.
 //!
-//! The streams also watch the rig through here: the rig thread wakes one task for them, and this task wakes them.
+//! The streams also watch the rig through here: the rig thread wakes one task for them, and this task gives them
+//! moments of the rig that they share.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{
+    Arc,
+    atomic::{AtomicBool, Ordering},
+};
 
 use axum::body::Bytes;
-use tokio::sync::{
-    broadcast::{self, Receiver, Sender},
-    watch,
+use tokio::{
+    sync::{
+        broadcast::{self, Receiver, Sender},
+        watch,
+    },
+    time::{sleep, timeout},
 };
 
 use super::{
     Shared,
     events::{Topic, of_record},
+    live::{HEARTBEAT, INTERVAL, Moment},
 };
 use crate::rig::Status;
 
@@ -36,7 +44,7 @@ pub(super) struct News {
 #[derive(Debug)]
 pub(super) struct Hub {
     news: Sender<News>,
-    rig: watch::Sender<Status>,
+    moments: watch::Sender<Arc<Moment>>,
     is_running: AtomicBool,
 }
 
@@ -44,24 +52,24 @@ pub(super) struct Hub {
 pub(super) struct Heard {
     /// The events from now on. Those that are in the journal when the stream begins may be left out.
     pub(super) news: Receiver<News>,
-    /// The rig, a moment later than others see it.
-    pub(super) rig: watch::Receiver<Status>,
+    /// The rig, a moment later than others see it, and at least once a second.
+    pub(super) moments: watch::Receiver<Arc<Moment>>,
 }
 
 impl Hub {
     /// A hub for the streams of a rig.
     pub(super) fn new(rig: &Status) -> Self {
-        let (news, rig) = (broadcast::channel(KEPT).0, watch::channel(rig.clone()).0);
-        Self { news, rig, is_running: AtomicBool::new(false) }
+        let moments = watch::channel(Arc::new(Moment::new(rig.clone()))).0;
+        Self { news: broadcast::channel(KEPT).0, moments, is_running: AtomicBool::new(false) }
     }
 
     /// Begins to listen.
     pub(super) fn listen(&self, shared: &Shared) -> Heard {
-        let heard = Heard { news: self.news.subscribe(), rig: self.rig.subscribe() };
+        let heard = Heard { news: self.news.subscribe(), moments: self.moments.subscribe() };
         if !self.is_running.swap(true, Ordering::AcqRel) {
             let status = shared.inner.rig.status();
             let last = status.borrow().last_event;
-            self.rig.send_replace(status.borrow().clone());
+            self.moments.send_replace(Arc::new(Moment::new(status.borrow().clone())));
             tokio::spawn(relay(shared.clone(), shared.inner.rig.status()));
             tokio::spawn(run(shared.clone(), status, last));
         }
@@ -69,18 +77,24 @@ impl Hub {
     }
 }
 
-/// Gives the streams the state of the rig whenever it changes, until the daemon closes.
+/// Gives the streams a moment of the rig when it has changed and at each heartbeat, until the daemon closes.
 async fn relay(shared: Shared, mut status: watch::Receiver<Status>) {
-    loop {
-        let present = status.borrow_and_update().clone();
-        shared.inner.hub.rig.send_replace(present);
-        let is_over = tokio::select! {
-            changed = status.changed() => changed.is_err(),
-            () = shared.inner.closing.cancelled() => true,
-        };
-        if is_over {
-            return;
+    let relaying = async {
+        loop {
+            let present = status.borrow_and_update().clone();
+            shared.inner.hub.moments.send_replace(Arc::new(Moment::new(present)));
+            sleep(INTERVAL).await;
+            if matches!(
+                timeout(HEARTBEAT.saturating_sub(INTERVAL), status.changed()).await,
+                Ok(Err(_))
+            ) {
+                return;
+            }
         }
+    };
+    tokio::select! {
+        () = relaying => {}
+        () = shared.inner.closing.cancelled() => {}
     }
 }
 

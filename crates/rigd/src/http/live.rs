@@ -4,10 +4,13 @@
 //! least once a second, so that a client can detect a lost connection. `live_sweep` has the
 //! readings since the previous event. Both describe states, not changes: a slow client gets fewer
 //! events and misses nothing.
+//!
+//! The streams send moments of the rig that they share, so that a moment is encoded once, however many
+//! streams there are.
 
 use std::{
     sync::{
-        Arc,
+        Arc, Mutex, OnceLock, PoisonError,
         atomic::{AtomicUsize, Ordering},
     },
     time::Duration,
@@ -27,11 +30,52 @@ use crate::{
 };
 
 /// A client sees a change after this time at most, and no more events than one in this time.
-const INTERVAL: Duration = Duration::from_millis(40);
+pub(super) const INTERVAL: Duration = Duration::from_millis(40);
 /// Live events that all streams together get in a second. From 41 streams on each gets fewer.
 const EVENTS_PER_S: f64 = 1024.0;
 /// An event comes after this time, also when nothing changes.
-const HEARTBEAT: Duration = Duration::from_secs(1);
+pub(super) const HEARTBEAT: Duration = Duration::from_secs(1);
+/// Parts of a sweep that a moment keeps. Streams of the same pace ask for the same ones.
+const PARTS_MAX: usize = 64;
+
+/// The rig at one moment, as the streams send it.
+#[derive(Debug)]
+pub(super) struct Moment {
+    status: Status,
+    rig: OnceLock<Option<Bytes>>,
+    /// Parts of the sweep from these indices to the end, encoded.
+    parts: Mutex<Vec<([usize; 2], Bytes)>>,
+}
+
+impl Moment {
+    pub(super) const fn new(status: Status) -> Self {
+        Self { status, rig: OnceLock::new(), parts: Mutex::new(Vec::new()) }
+    }
+
+    /// The event of the rig.
+    fn rig(&self, shared: &Shared) -> Option<Bytes> {
+        self.rig.get_or_init(|| self.rig_now(shared)).clone()
+    }
+
+    /// The event of the rig with the clocks as they are now.
+    fn rig_now(&self, shared: &Shared) -> Option<Bytes> {
+        event("rig", &rig::view(shared, &self.status))
+    }
+
+    /// The event of the sweep from these indices on.
+    fn part(&self, live: &LiveSweep, from: [usize; 2]) -> Option<Bytes> {
+        // Parts are complete even after a panic.
+        let mut parts = self.parts.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, part)) = parts.iter().find(|(begin, _)| *begin == from) {
+            return Some(part.clone());
+        }
+        let part = event("live_sweep", &LiveView::of(live, from))?;
+        if parts.len() < PARTS_MAX {
+            parts.push((from, part.clone()));
+        }
+        Some(part)
+    }
+}
 
 /// A sweep as far as it has come since the last event.
 #[derive(Debug, Serialize)]
@@ -75,7 +119,7 @@ struct CircuitView {
 /// The position of a stream of live events.
 struct Cursor {
     shared: Shared,
-    status: watch::Receiver<Status>,
+    moments: watch::Receiver<Arc<Moment>>,
     /// When the last event was sent.
     sent: Option<Instant>,
     /// The sweep that is being sent, and how much of it has been.
@@ -108,9 +152,13 @@ impl Drop for Watcher {
     }
 }
 
-pub(super) fn stream(shared: Shared, status: watch::Receiver<Status>) -> impl Stream<Item = Bytes> {
+pub(super) fn stream(
+    shared: Shared,
+    moments: watch::Receiver<Arc<Moment>>,
+) -> impl Stream<Item = Bytes> {
     let watcher = Watcher::new(&shared.inner.watching);
-    let cursor = Cursor { shared, status, sent: None, sweep: 0, from: [0, 0], next: None, watcher };
+    let cursor =
+        Cursor { shared, moments, sent: None, sweep: 0, from: [0, 0], next: None, watcher };
     stream::unfold(cursor, |mut cursor| async move {
         let event = cursor.next().await?;
         Some((event, cursor))
@@ -123,40 +171,48 @@ impl Cursor {
         if let Some(event) = self.next.take() {
             return Some(event);
         }
-        if let Some(sent) = self.sent {
-            tokio::select! {
-                changed = self.status.changed() => changed.ok()?,
-                () = tokio::time::sleep_until(sent + HEARTBEAT) => {}
-            }
+        let sent = self.sent;
+        if let Some(sent) = sent {
+            self.moments.changed().await.ok()?;
             tokio::time::sleep_until(sent + self.watcher.interval()).await;
         }
-        let status = self.status.borrow_and_update().clone();
+        let moment = Arc::clone(&self.moments.borrow_and_update());
         self.sent = Some(Instant::now());
-        self.next = status.live.as_ref().and_then(|live| self.news(live));
-        event("rig", &rig::view(&self.shared, &status))
+        self.next = self.news(&moment);
+        match sent {
+            // The clocks of a moment may be a second old.
+            None => moment.rig_now(&self.shared),
+            Some(_) => moment.rig(&self.shared),
+        }
     }
 
     /// The part of a sweep since the last event.
-    fn news(&mut self, live: &Arc<LiveSweep>) -> Option<Bytes> {
-        if self.sweep != live.serial {
-            (self.sweep, self.from) = (live.serial, [0, 0]);
-        } else if self.from == [live.readings.len(), live.estimates.len()] {
+    fn news(&mut self, moment: &Moment) -> Option<Bytes> {
+        let live = moment.status.live.as_ref()?;
+        let (from, to) = (self.from, [live.readings.len(), live.estimates.len()]);
+        let from = if self.sweep == live.serial { from } else { [0, 0] };
+        if (self.sweep, from) == (live.serial, to) {
             return None;
         }
-        let view = LiveView {
+        (self.sweep, self.from) = (live.serial, to);
+        moment.part(live, from)
+    }
+}
+
+impl LiveView {
+    fn of(live: &LiveSweep, from: [usize; 2]) -> Self {
+        Self {
             sweep: live.serial,
             purpose: live.purpose.name(),
             min_hz: live.request.window.min_hz,
             max_hz: live.request.window.max_hz,
             target_sigma_hz: live.request.target_sigma_hz,
             time_limit_s: live.request.time_limit_s,
-            from: self.from,
-            readings: live.readings[self.from[0]..].iter().filter_map(ReadingView::of).collect(),
-            estimates: live.estimates[self.from[1]..].iter().map(EstimateView::of).collect(),
+            from,
+            readings: live.readings[from[0]..].iter().filter_map(ReadingView::of).collect(),
+            estimates: live.estimates[from[1]..].iter().map(EstimateView::of).collect(),
             circuit: live.circuit.as_ref().map(CircuitView::of),
-        };
-        self.from = [live.readings.len(), live.estimates.len()];
-        event("live_sweep", &view)
+        }
     }
 }
 
