@@ -16,7 +16,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use rig_store::{Digest, Reader, Run, RunId, Store, StoreError};
+use rig_store::{Digest, Reader, Run, RunId, Store, StoreError, make_directory};
 use rig_verify::JournalError;
 
 use crate::run_files;
@@ -112,7 +112,7 @@ impl Archive {
     /// # Errors
     /// [`ArchiveError::InUse`], or the error of the system.
     pub(crate) fn open(root: &Path) -> Result<Self, ArchiveError> {
-        fs::create_dir_all(root).map_err(failed(root))?;
+        make_directory(root).map_err(failed(root))?;
         // The journal keeps the place, and a path from the current directory means nothing later.
         let root = fs::canonicalize(root).map_err(failed(root))?;
         let path = root.join(LOCK);

@@ -16,6 +16,7 @@ use std::{
 
 use clap::ValueEnum;
 use rig_record::Digest;
+use rig_store::make_directory;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
@@ -228,7 +229,7 @@ pub fn uses(data: &Path) -> BTreeMap<String, u64> {
 fn lock(data: &Path) -> Result<File, TokensError> {
     let path = data.join(LOCK_FILE);
     let failed = |source| TokensError::File { path: path.clone(), source };
-    fs::create_dir_all(data).map_err(failed)?;
+    make_directory(data).map_err(failed)?;
     let mut options = File::options();
     let file = options.create(true).truncate(false).write(true).mode(0o600).open(&path);
     let file = file.map_err(failed)?;

@@ -19,6 +19,7 @@
 //! everything that tells where the axes were.
 
 mod backup;
+mod directory;
 mod error;
 mod excerpt;
 mod journal;
@@ -33,6 +34,7 @@ mod sql;
 mod tests;
 
 pub use backup::{BackedUpRun, back_up};
+pub use directory::make_directory;
 pub use error::{SqliteError, StoreError};
 pub use excerpt::excerpt;
 pub use journal::{Journal, Store};

@@ -1,14 +1,14 @@
 //! One writer per data directory.
 
 use std::{
-    fs::{self, File, TryLockError},
+    fs::{File, TryLockError},
     io,
     path::Path,
     thread,
     time::Duration,
 };
 
-use crate::StoreError;
+use crate::{StoreError, make_directory};
 
 pub(crate) const FILE: &str = "rigd.lock";
 
@@ -26,7 +26,7 @@ pub(crate) struct DirectoryLock {
 impl DirectoryLock {
     /// Makes the directory where it is missing, and takes its lock.
     pub(crate) fn take(directory: &Path) -> Result<Self, StoreError> {
-        fs::create_dir_all(directory).map_err(StoreError::Directory)?;
+        make_directory(directory).map_err(StoreError::Directory)?;
         let file = File::options()
             .create(true)
             .truncate(false)

@@ -3,6 +3,7 @@
 mod archive;
 mod backup;
 mod damage;
+mod directory;
 mod interruption;
 mod journal;
 mod memory;
