@@ -9,7 +9,9 @@ It starts a daemon of its own on the simulated bench, with tokens. Standard libr
 import concurrent.futures
 import json
 import re
+import resource
 import socket
+import ssl
 import subprocess
 import sys
 import tempfile
@@ -55,6 +57,21 @@ def raw(text, timeout=15):
         return got
 
 
+def serve(*args):
+    """A daemon of its own, and its host and port."""
+    log = open(Path(DATA.name) / "log", "a+")
+    begin = Path(log.name).stat().st_size
+    daemon = subprocess.Popen(
+        [RIGD, "serve", "config/protocols/smoke.toml", "--data", DATA.name, "--listen", "127.0.0.1:0", *args],
+        cwd=ROOT, stderr=log, stdout=subprocess.DEVNULL,
+    )
+    deadline = time.monotonic() + 30
+    while not (found := re.search(r"https?://([0-9.]+):(\d+)/", Path(log.name).read_text()[begin:])):
+        assert time.monotonic() < deadline and daemon.poll() is None, Path(log.name).read_text()
+        time.sleep(0.05)
+    return daemon, log, found[1], int(found[2])
+
+
 def expect(what, got, *allowed):
     if got in allowed:
         return
@@ -75,17 +92,9 @@ def status_of(answer):
 
 
 OPERATE, VIEW = run("token", "new", "ada", "--role", "operate"), run("token", "new", "eve", "--role", "view")
-log = open(Path(DATA.name) / "log", "w+")
-daemon = subprocess.Popen(
-    [RIGD, "serve", "config/protocols/smoke.toml", "--data", DATA.name, "--listen", "127.0.0.1:0"],
-    cwd=ROOT, stderr=log, stdout=subprocess.DEVNULL,
-)
+daemon, log, HOST, PORT = serve()
 try:
     deadline = time.monotonic() + 30
-    while not (found := re.search(r"http://([0-9.]+):(\d+)/", Path(log.name).read_text())):
-        assert time.monotonic() < deadline and daemon.poll() is None, Path(log.name).read_text()
-        time.sleep(0.05)
-    HOST, PORT = found[1], int(found[2])
     ADDRESS = f"{HOST}:{PORT}"
     while ask("GET", "/readyz")[0] != 200:
         assert time.monotonic() < deadline, "not ready"
@@ -120,6 +129,34 @@ try:
     expect("the same link again", status_of(second), 410)
     cookie = re.search(rb"set-cookie: ([^;]+)", first)[1].decode()
     expect("a cookie without Origin", ask("POST", "/api/v1/session", headers={"Cookie": cookie})[0], 403)
+
+    # One client cannot end the cookies of the others, however many it asks for.
+    for _ in range(300):
+        ask("POST", "/api/v1/session", VIEW)
+    first = raw(f"POST /api/v1/session HTTP/1.1\r\nHost: localhost:{PORT}\r\nAuthorization: Bearer {OPERATE}\r\n"
+                "Connection: close\r\n\r\n".encode())
+    cookie = re.search(rb"set-cookie: ([^;]+)", first)[1].decode()
+    for _ in range(300):
+        ask("POST", "/api/v1/session", VIEW)
+    head = f"GET /api/v1/rig HTTP/1.1\r\nHost: localhost:{PORT}\r\nCookie: {cookie}\r\nConnection: close\r\n\r\n"
+    expect("a cookie after those of another client", status_of(raw(head.encode())), 200)
+
+    # A note that gives orders to a terminal, and a line that looks like one of the list.
+    note = {"note": "a\x1b]0;taken over\x07\x9b2J\u202e\nentry 9: forged"}
+    expect("a note", ask("POST", "/api/v1/queue", OPERATE, json.dumps(note).encode(), {"Content-Type": "application/json"})[0], 201)
+    shown = run("queue", "list")
+    if any(letter in shown for letter in "\x1b\x07\x9b\u202e") or "\nentry 9" in shown:
+        failures.append(f"a note gives orders to the terminal: {shown!r}")
+
+    # Requests within the body of another.
+    inner = f"GET /api/v1/session HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer {OPERATE}\r\n\r\n"
+    begin = f"POST /api/v1/protocols/check HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer {VIEW}\r\n"
+    for lengths in ("Content-Length: 4\r\nTransfer-Encoding: chunked", "Transfer-Encoding: chunked\r\nContent-Length: 4",
+                    "Content-Length: 0\r\nContent-Length: 5", "Content-Length: 0, 0", "Content-Length: +5",
+                    "Transfer-Encoding: xchunked", "Transfer-Encoding: chunked, identity", "Content-Length : 0"):
+        answer = raw(f"{begin}{lengths}\r\n\r\n0\r\n\r\n{inner}".encode())
+        if b'"name"' in answer:
+            failures.append(f"a request within another was answered: {lengths!r}")
 
     # Paths.
     for path in ("/../../etc/passwd", "/%2e%2e/%2e%2e/etc/passwd", "/page.js/../../Cargo.toml", "//etc/passwd",
@@ -184,6 +221,31 @@ finally:
     daemon.terminate()
     code = daemon.wait(timeout=60)
 expect("the exit code of the daemon", code, 0)
+
+# Clients that connect to a port of TLS and say nothing, on all ordinary connections and all that are kept for a stop.
+daemon, log, HOST, PORT = serve("--tls")
+try:
+    most = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
+    resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
+    silent = [socket.create_connection((HOST, PORT)) for _ in range(min(1230, most - 64))]
+    trusted = ssl.create_default_context(cafile=f"{DATA.name}/tls-certificate.pem")
+    began = time.monotonic()
+    with socket.create_connection((HOST, PORT), timeout=15) as client, trusted.wrap_socket(client, server_hostname=HOST) as tls:
+        tls.sendall(f"POST /api/v1/stop HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer {VIEW}\r\n"
+                    "Content-Length: 0\r\n\r\n".encode())
+        expect("a stop among silent clients of TLS", status_of(tls.recv(65536)), 200)
+    if (took := time.monotonic() - began) > 3:
+        failures.append(f"a stop among silent clients of TLS took {took:.1f} s")
+    for client in silent:
+        client.close()
+    # What is no TLS, and what is nearly TLS.
+    for noise in (b"GET / HTTP/1.1\r\n\r\n", b"\x16\x03\x01\xff\xff" + b"\0" * 70_000, b"\x16\x03\x01\x00\x05\x01\x00\x00\x01\x00"):
+        if raw(noise).startswith(b"HTTP/"):
+            failures.append(f"the port of TLS answered {noise[:20]!r} in HTTP")
+finally:
+    daemon.terminate()
+    code = daemon.wait(timeout=60)
+expect("the exit code of the daemon with TLS", code, 0)
 for failure in failures:
     print("FAILED:", failure)
 if not failures:

@@ -22,12 +22,20 @@ pub(crate) fn replace(path: &Path, value: &impl Serialize, mode: u32) -> io::Res
     let beside = PathBuf::from(format!("{}.new", path.display()));
     // One that was left may have another mode.
     _ = fs::remove_file(&beside);
-    let mut file = File::options().create_new(true).write(true).mode(mode).open(&beside)?;
-    file.write_all(&serde_json::to_vec_pretty(value)?)?;
-    file.sync_all()?;
-    fs::rename(&beside, path)?;
+    let written = write(&beside, value, mode).and_then(|()| fs::rename(&beside, path));
+    if written.is_err() {
+        // A part of it would take room on a disk that may be full.
+        _ = fs::remove_file(&beside);
+    }
+    written?;
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
+}
+
+fn write(path: &Path, value: &impl Serialize, mode: u32) -> io::Result<()> {
+    let mut file = File::options().create_new(true).write(true).mode(mode).open(path)?;
+    file.write_all(&serde_json::to_vec_pretty(value)?)?;
+    file.sync_all()
 }
 
 #[cfg(test)]
@@ -48,5 +56,9 @@ mod tests {
         assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, FOR_OWNER);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
         assert!(replace(&folder.path().join("gone/a.json"), &1, FOR_ALL).is_err());
+        // A name that is taken by a folder cannot be replaced, and nothing is left beside it.
+        fs::create_dir(folder.path().join("b.json")).unwrap();
+        assert!(replace(&folder.path().join("b.json"), &1, FOR_ALL).is_err());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
     }
 }

@@ -76,7 +76,7 @@ pub(super) fn say_touch(record: &Record) {
         Record::TouchResult(touch) => {
             let resonance = format!("{} Hz", with_sigma(touch.resonance_hz, touch.sigma_hz));
             let shift = with_sigma(touch.shift_hz, touch.shift_sigma_hz);
-            let address = &touch.touch.step;
+            let address = screen::plain(&touch.touch.step);
             screen::say(&format!(
                 "{} {address:<ADDRESS$}  {resonance:>RESONANCE$}  shift {shift:>14} Hz",
                 painted("✓", Colour::Green),
@@ -84,7 +84,8 @@ pub(super) fn say_touch(record: &Record) {
         }
         Record::TouchRefused(refused) => {
             let text = format!("{:<ADDRESS$}  refused: {}", refused.touch.step, refused.reason);
-            screen::say(&format!("{} {}", painted("✕", Colour::Red), screen::indented(&text, 2)));
+            let text = screen::indented(&screen::plain(&text), 2);
+            screen::say(&format!("{} {text}", painted("✕", Colour::Red)));
         }
         _ => {}
     }

@@ -261,7 +261,9 @@ impl EntryView {
     /// What a person has to know of it.
     fn remarks(&self) -> Vec<String> {
         let number = self.number;
-        let note = (!self.note.is_empty()).then(|| format!("entry {number}: {}", self.note));
+        // A line of a note must not look like a line of the list.
+        let note: Vec<_> = self.note.lines().collect();
+        let note = (!note.is_empty()).then(|| format!("entry {number}: {}", note.join(" ")));
         let asks = self.prompts.iter().map(|PromptView { prompt, after_s }| {
             format!("entry {number}, after {}: {prompt}", duration(*after_s))
         });

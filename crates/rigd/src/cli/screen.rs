@@ -4,6 +4,7 @@
 //! line.
 
 use std::{
+    borrow::Cow,
     env,
     io::{self, IsTerminal, Write},
     sync::{Mutex, MutexGuard, PoisonError},
@@ -60,6 +61,20 @@ pub(super) fn painted(text: &str, colour: Colour) -> String {
     format!("\x1b[{code}m{text}\x1b[0m")
 }
 
+/// Texts of other people and of devices, which must not give orders to the terminal: what is neither a letter nor the
+/// end of a line or of a column is shown as `�`.
+pub(super) fn plain(text: &str) -> Cow<'_, str> {
+    let is_order = |letter: char| {
+        let is_direction = matches!(letter, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+        is_direction || letter.is_control() && !matches!(letter, '\n' | '\t')
+    };
+    if text.contains(is_order) {
+        Cow::Owned(text.replace(is_order, "\u{fffd}"))
+    } else {
+        Cow::Borrowed(text)
+    }
+}
+
 /// Says something that stays. A terminal that has gone needs no word.
 pub(super) fn say(text: &str) {
     write(&format!("{text}\n"));
@@ -69,8 +84,8 @@ pub(super) fn say(text: &str) {
 /// is too long for a line, and between words where a clause is.
 pub(super) fn say_clearly(text: &str) {
     match columns() {
-        Some(columns) => say(&broken(text, columns)),
-        None => say(text),
+        Some(columns) => say(&plain(&broken(text, columns))),
+        None => say(&plain(text)),
     }
 }
 
@@ -80,7 +95,7 @@ pub(super) fn show_progress(text: &str) {
     let Some(columns) = columns() else { return };
     let mut screen = lock();
     // A character in the last column would move the cursor to the next line on some terminals.
-    let text = cut(text, columns - 1);
+    let text = cut(&plain(text), columns - 1);
     if screen.progress != text {
         _ = write!(io::stderr(), "{ERASE}{text}");
         screen.progress = text;
@@ -189,6 +204,15 @@ mod tests {
         assert_eq!(cut("a\u{5bd2}\u{5929}b", 5), "a\u{5bd2}…");
         assert_eq!(cut("a\u{5bd2}\u{5929}b", 3), "a…");
         assert_eq!(cut("a\u{5bd2}\u{5929}b", 6), "a\u{5bd2}\u{5929}b");
+    }
+
+    #[test]
+    fn a_text_gives_no_orders_to_the_terminal() {
+        assert_eq!(plain("a\tb\n30\u{b0} \u{5bd2}"), "a\tb\n30\u{b0} \u{5bd2}");
+        for order in ["\u{1b}[2J", "\u{9b}2J", "\r", "\u{7}", "\u{8}", "\u{7f}", "\u{202e}"] {
+            let shown = plain(order).into_owned();
+            assert!(shown.starts_with('\u{fffd}') && !shown.contains('\u{1b}'), "{shown:?}");
+        }
     }
 
     #[test]

@@ -10,11 +10,15 @@ use super::{Failure, screen};
 /// Lines for the person at the terminal, broken between words where they are too long for it.
 pub(super) fn note(text: &str) {
     let lines: Vec<_> = text.split('\n').map(|line| screen::indented(line, 2)).collect();
-    screen::say(&lines.join("\n"));
+    screen::say(&screen::plain(&lines.join("\n")));
 }
 
-/// Writes a result to stdout.
+/// Writes a result for people to stdout.
 pub(super) fn print(text: &str) -> Result<(), Failure> {
+    write(&screen::plain(text))
+}
+
+fn write(text: &str) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     writeln!(out, "{text}")
         .and_then(|()| out.flush())
@@ -25,7 +29,7 @@ pub(super) fn print(text: &str) -> Result<(), Failure> {
 pub(super) fn print_json(value: &impl serde::Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string(value)
         .map_err(|error| Failure::System { what: "stdout", source: error.into() })?;
-    print(&text)
+    write(&text)
 }
 
 /// Names and values, one pair in a line.

@@ -84,6 +84,11 @@ impl Client {
         self.token.is_some()
     }
 
+    /// Whether both have the same named token, or neither has one.
+    pub(super) fn has_token_of(&self, other: &Self) -> bool {
+        self.token == other.token
+    }
+
     /// A client without a named token has the name that it gives.
     pub(super) fn named(self, name: Operator) -> Self {
         if self.token.is_some() { self } else { Self { name, ..self } }

@@ -27,7 +27,8 @@ use super::{
 const SPARES_MAX: usize = 64;
 /// A reserved connection is closed after this time.
 const SPARE_TIME: Duration = Duration::from_secs(10);
-/// A head fits in one packet, so that a slower client is not a browser or a program in order.
+/// A head fits in one packet, and a handshake of TLS takes two round trips: a slower client is not a browser or a
+/// program in order.
 const HEAD_TIME: Duration = Duration::from_secs(5);
 /// On a spare, where others wait.
 const SPARE_HEAD_TIME: Duration = Duration::from_secs(1);
@@ -91,7 +92,7 @@ pub async fn serve(
             watch_over(&stream);
             let conversation = async {
                 match tls {
-                    Some(tls) => match tls.accept(stream).await {
+                    Some(tls) => match tls.accept(stream, connection.head_time()).await {
                         Ok(stream) => converse(stream, router, connection, closing).await,
                         Err(error) => tracing::debug!(%error, "no TLS with a client"),
                     },
@@ -109,6 +110,13 @@ pub async fn serve(
     drop(listener);
     // Connections that remain are dropped with the set.
     _ = timeout(GRACE, async { while connections.join_next().await.is_some() {} }).await;
+}
+
+impl Connection {
+    /// Time limit of a handshake, and of a head.
+    const fn head_time(&self) -> Duration {
+        if self.is_spare { SPARE_HEAD_TIME } else { HEAD_TIME }
+    }
 }
 
 fn arrived_at(stream: &TcpStream) -> Option<IpAddr> {
@@ -135,10 +143,9 @@ async fn converse(
         request.extensions_mut().insert(connection);
         router.clone().oneshot(request)
     });
-    let head_time = if connection.is_spare { SPARE_HEAD_TIME } else { HEAD_TIME };
     let mut conversation = http1::Builder::new()
         .timer(TokioTimer::new())
-        .header_read_timeout(head_time)
+        .header_read_timeout(connection.head_time())
         .max_header_size(HEAD_MAX)
         .max_buf_size(BUFFER_MAX)
         .keep_alive(!connection.is_spare)

@@ -24,9 +24,16 @@ use crate::tokens::{Role, Secret, fingerprint};
 const SESSION_TIME: Duration = Duration::from_secs(12 * 3600);
 /// Time for a person to open the link.
 const LINK_TIME: Duration = Duration::from_secs(300);
-/// Beyond these the oldest one ends.
-const SESSIONS_MAX: usize = 256;
-const LINKS_MAX: usize = 16;
+/// Beyond these the oldest one ends; first of all of one client, so that none ends those of the others.
+const SESSIONS: Bounds = Bounds { of_a_client: 32, of_all: 256 };
+const LINKS: Bounds = Bounds { of_a_client: 4, of_all: 64 };
+
+/// How many entries are kept.
+#[derive(Debug, Clone, Copy)]
+struct Bounds {
+    of_a_client: usize,
+    of_all: usize,
+}
 
 /// The clients with a cookie, and the links that have not been opened, by fingerprint.
 #[derive(Debug, Default)]
@@ -44,11 +51,11 @@ impl Sessions {
     }
 
     fn begin(&self, client: Client) -> io::Result<Secret> {
-        keep(&self.sessions, client, SESSION_TIME, SESSIONS_MAX)
+        keep(&self.sessions, client, SESSION_TIME, SESSIONS)
     }
 
     fn link(&self, client: Client) -> io::Result<Secret> {
-        keep(&self.links, client, LINK_TIME, LINKS_MAX)
+        keep(&self.links, client, LINK_TIME, LINKS)
     }
 
     fn open(&self, secret: &str) -> Option<Client> {
@@ -80,17 +87,28 @@ fn keep(
     entries: &Mutex<Entries>,
     client: Client,
     time: Duration,
-    most: usize,
+    bounds: Bounds,
 ) -> io::Result<Secret> {
     let secret = Secret::new()?;
     let mut entries = live(entries);
-    while entries.len() >= most {
-        let Some(oldest) = entries.iter().min_by_key(|(_, (_, until))| *until) else { break };
-        let oldest = oldest.0.clone();
-        entries.remove(&oldest);
-    }
+    remove_beyond(&mut entries, bounds.of_a_client, |other| other.has_token_of(&client));
+    remove_beyond(&mut entries, bounds.of_all, |_| true);
     entries.insert(fingerprint(secret.reveal()), (client, Instant::now() + time));
     Ok(secret)
+}
+
+/// Removes the oldest of these entries until there is room for one more.
+fn remove_beyond(entries: &mut Entries, most: usize, is_one: impl Fn(&Client) -> bool) {
+    let mut ends: Vec<_> = entries
+        .iter()
+        .filter(|(_, (client, _))| is_one(client))
+        .map(|(key, (_, until))| (*until, key.clone()))
+        .collect();
+    ends.sort();
+    let beyond = (ends.len() + 1).saturating_sub(most);
+    for (_, key) in ends.into_iter().take(beyond) {
+        entries.remove(&key);
+    }
 }
 
 /// Name of the cookie. Browsers send cookies to every port of a host, where another daemon may be.
@@ -225,16 +243,25 @@ mod tests {
     }
 
     #[tokio::test(start_paused = true)]
-    async fn links_and_cookies_are_bounded_and_the_oldest_one_ends() {
+    async fn links_and_cookies_are_bounded_and_nobody_ends_those_of_another() {
         let sessions = Sessions::default();
-        let first = sessions.begin(client()).unwrap();
+        let of = |name: &str| Client::of(name.parse().unwrap(), Role::View, Some(name.to_owned()));
+        let (other, link) = (sessions.begin(of("eve")).unwrap(), sessions.link(of("eve")).unwrap());
+        let first = sessions.begin(of("ada")).unwrap();
         tokio::time::advance(Duration::from_secs(1)).await;
-        let last = (0..SESSIONS_MAX).map(|_| sessions.begin(client()).unwrap()).last().unwrap();
-        assert!(sessions.find(first.reveal()).is_none() && sessions.find(last.reveal()).is_some());
-        for _ in 0..2 * LINKS_MAX {
-            sessions.link(client()).unwrap();
+        for _ in 0..SESSIONS.of_all {
+            sessions.begin(of("ada")).unwrap();
+            sessions.link(of("ada")).unwrap();
         }
-        assert_eq!(live(&sessions.links).len(), LINKS_MAX);
+        assert!(sessions.find(first.reveal()).is_none());
+        assert_eq!(live(&sessions.sessions).len(), SESSIONS.of_a_client + 1);
+        assert_eq!(live(&sessions.links).len(), LINKS.of_a_client + 1);
+        assert!(sessions.find(other.reveal()).is_some() && sessions.open(link.reveal()).is_some());
+        for number in 0..SESSIONS.of_all {
+            sessions.begin(of(&format!("client {number}"))).unwrap();
+        }
+        assert_eq!(live(&sessions.sessions).len(), SESSIONS.of_all);
+        assert!(sessions.find(other.reveal()).is_none());
     }
 
     #[test]

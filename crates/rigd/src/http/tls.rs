@@ -29,9 +29,6 @@ const OWN_CERTIFICATE: &str = "tls-certificate.pem";
 const OWN_KEY: &str = "tls-key.pem";
 /// Permissions that the file of a key must not have: writing by the group, and any access by others.
 const MODE_FORBIDDEN: u32 = 0o037;
-/// A handshake takes two round trips and some milliseconds of a processor.
-const HANDSHAKE_TIME: Duration = Duration::from_secs(5);
-
 /// Why there is no TLS.
 #[derive(Debug, thiserror::Error)]
 pub enum TlsError {
@@ -136,9 +133,13 @@ impl Tls {
         &self.certificate
     }
 
-    /// Shakes hands with a client.
-    pub(super) async fn accept(&self, stream: TcpStream) -> io::Result<TlsStream<TcpStream>> {
-        timeout(HANDSHAKE_TIME, self.acceptor.accept(stream)).await?
+    /// Shakes hands with a client within a time.
+    pub(super) async fn accept(
+        &self,
+        stream: TcpStream,
+        within: Duration,
+    ) -> io::Result<TlsStream<TcpStream>> {
+        timeout(within, self.acceptor.accept(stream)).await?
     }
 }
 
