@@ -130,7 +130,7 @@ pub(crate) fn post(address: &str, path: &str, body: &str) -> String {
     ask(address, &format!("POST /api/v1/{path}"), &headers, body)
 }
 
-fn ask(address: &str, line: &str, headers: &str, body: &str) -> String {
+pub(crate) fn ask(address: &str, line: &str, headers: &str, body: &str) -> String {
     let mut client = TcpStream::connect(address).unwrap();
     let text =
         format!("{line} HTTP/1.1\r\nhost: localhost\r\n{headers}connection: close\r\n\r\n{body}");
