@@ -16,6 +16,7 @@ mod fit;
 mod guard;
 mod identify;
 mod live;
+mod log;
 mod manager;
 mod manual;
 mod measure;
@@ -155,7 +156,8 @@ enum CliCommand {
 /// Runs the program.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    start_log(match cli.command {
+    // Until it is dropped, spans go to a collector if one is named.
+    let _exported = log::start(match cli.command {
         // The warnings of a rehearsal are about faults that it has made.
         #[cfg(feature = "simulator")]
         CliCommand::Rehearse(_) => LevelFilter::OFF,
@@ -228,12 +230,4 @@ pub fn main() -> ExitCode {
             ExitCode::from(failure.exit_code())
         }
     }
-}
-
-/// The log goes to stderr; `RUST_LOG` selects its contents.
-fn start_log(level: LevelFilter) {
-    use tracing_subscriber::{EnvFilter, fmt};
-    let filter = EnvFilter::builder().with_default_directive(level.into()).from_env_lossy();
-    let is_coloured = screen::is_coloured();
-    fmt().with_env_filter(filter).with_writer(|| screen::Log).with_ansi(is_coloured).init();
 }

@@ -39,6 +39,7 @@ mod route;
 mod runs;
 mod server;
 mod session;
+mod span;
 mod sweeps;
 mod tag;
 pub mod tls;
@@ -288,6 +289,7 @@ pub fn router(shared: Shared) -> Router {
         .fallback(not_found)
         .method_not_allowed_fallback(method_not_allowed)
         .layer(from_fn_with_state(shared.clone(), guard::check))
+        .layer(from_fn(span::of_request))
         .layer(from_fn(caught))
         .with_state(shared)
 }

@@ -28,5 +28,6 @@ pub mod run_files;
 pub mod simulation;
 mod sweep_form;
 mod sweeps;
+mod telemetry;
 pub mod tokens;
 mod verdict;

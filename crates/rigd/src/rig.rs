@@ -30,6 +30,7 @@ mod rig_loop;
 mod shell;
 mod slot;
 mod space;
+mod spans;
 mod status;
 mod thread;
 mod view;

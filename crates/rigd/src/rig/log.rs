@@ -147,6 +147,7 @@ impl Log {
     }
 
     pub(super) fn commit(&mut self) {
+        let _span = tracing::info_span!("commit").entered();
         self.last_commit = Instant::now();
         self.pulse.beat(Doing::Recording);
         let committed = self.session.0.commit();

@@ -28,7 +28,9 @@ use super::{
     open::{Opened, open_rig},
     owners::Owners,
     pulse::{Doing, Pulse},
-    record, until,
+    record,
+    spans::Spans,
+    until,
     view::View,
 };
 use crate::{
@@ -78,6 +80,7 @@ pub(super) struct Shell {
     clock: Clock,
     log: Log,
     view: View,
+    spans: Spans,
     is_virtual_time: bool,
     is_answer_due: bool,
     /// Processor time of the engine's last decision, if somebody reads it.
@@ -124,6 +127,7 @@ impl Shell {
             clock,
             log,
             view,
+            spans: Spans::default(),
             is_virtual_time,
             is_answer_due: false,
             thought: Duration::ZERO,
@@ -167,6 +171,7 @@ impl Shell {
                 biased;
                 request = inbox.recv(), if closing.is_none() => Wake::Request(request),
                 ended = self.owners.ended() => ended.map_or(Wake::Beat, |(id, ended)| {
+                    self.spans.end(id, &ended);
                     Wake::Input(Input::Done(id, ended))
                 }),
                 () = until(self.clock, self.engine.deadline()) => Wake::Input(Input::Tick),
@@ -302,7 +307,7 @@ impl Shell {
             || self.log.store().directory().is_none()
             || self.log.since_commit() >= COMMIT_INTERVAL;
         if !is_busy || is_due {
-            self.log.commit();
+            self.commit();
         }
         if self.log.error().is_some() && !had_ended && self.view.has_ended() {
             self.view.run_is_incomplete();
@@ -323,9 +328,13 @@ impl Shell {
         }
     }
 
+    fn commit(&mut self) {
+        self.spans.present().in_scope(|| self.log.commit());
+    }
+
     /// Makes an intent durable, and tells the interlock when it is.
     fn commit_intent(&mut self) {
-        self.log.commit();
+        self.commit();
         if let Some(down_to) = self.intent.take().filter(|_| self.log.is_complete()) {
             self.gate.intent_is_durable(down_to);
         }
@@ -343,6 +352,7 @@ impl Shell {
         if !is_way_out && let Some(failure) = self.log.failure() {
             self.owners.refuse(id, failure);
         } else {
+            self.spans.begin(id, &operation);
             self.owners.start(id, operation);
         }
     }
@@ -368,6 +378,7 @@ impl Shell {
         }
         self.view.note(event, self.clock.now());
         self.log.note(event);
+        self.spans.note(event, || self.log.run().and_then(|(_, recorder)| recorder.step_id()));
         if let Event::Faulted { fault, .. } = event {
             self.open_black_boxes(fault);
         }

@@ -150,6 +150,7 @@ impl Shell {
     ) -> Result<(), RequestRefusal> {
         journal.commit()?;
         self.log.follow_run(journal, Recorder::for_plan(Arc::clone(&view.plan), sweeps));
+        self.spans.begin_run(view.id, &view.plan.name);
         self.view.begin_run(view);
         self.begin(admitted, by);
         // A client that has the id may ask for the records of its begin at once.
