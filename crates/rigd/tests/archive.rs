@@ -5,6 +5,9 @@
 
 #[path = "support/preload.rs"]
 mod preload;
+#[expect(dead_code, reason = "other tests use more of it")]
+#[path = "support/program.rs"]
+mod program;
 
 use std::{
     fs,
@@ -72,6 +75,24 @@ fn names(directory: &Path) -> Vec<String> {
     let mut names: Vec<_> = entries.map(|entry| name(entry).into_string().unwrap()).collect();
     names.sort();
     names
+}
+
+#[test]
+fn a_daemon_says_where_an_archived_run_is_and_has_its_readings_no_more() {
+    let folder = with_runs(2);
+    let (data, archive) = (folder.path().join("data"), folder.path().join("archive"));
+    json(&data, &["archive", archive.to_str().unwrap(), "smoke-1"]);
+    let (daemon, address) = program::Program::serve(folder.path());
+    let listed = program::request(&address, "GET /api/v1/runs", "");
+    let listed: Value = serde_json::from_str(listed.split_once("\r\n\r\n").unwrap().1).unwrap();
+    let place = names(&archive).into_iter().find(|name| name.contains("smoke-1")).unwrap();
+    assert_eq!(listed[0]["archived_to"], Value::Null);
+    assert_eq!(listed[1]["archived_to"], archive.join(place).to_str().unwrap());
+    assert_eq!(listed[1]["status"], "completed");
+    let gone = program::request(&address, "GET /api/v1/runs/smoke-1", "");
+    assert!(gone.starts_with("HTTP/1.1 410"), "{gone}");
+    daemon.signal(rustix::process::Signal::TERM);
+    assert!(daemon.end().0.success());
 }
 
 #[test]

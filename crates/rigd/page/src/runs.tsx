@@ -39,7 +39,7 @@ export function Runs({ view }: { view: View }) {
   const status = view.model.run?.status;
   const id = view.model.run?.id;
   useEffect(() => { get<RunEntry[]>("runs").then((all) => setRuns([...all].sort((a, b) => b.started_at.localeCompare(a.started_at))), () => undefined); }, [status, id]);
-  const shown = (runs ?? []).filter((run) => `${run.name} ${run.protocol} ${ending(run.status)} ${day(run.started_at)} ${notes[run.id]?.note ?? ""} ${notes[run.id]?.is_starred ? "starred" : ""}`.toLowerCase().includes(wanted.toLowerCase()));
+  const shown = (runs ?? []).filter((run) => `${run.name} ${run.protocol} ${ending(run.status)} ${run.archived_to === undefined ? "" : "archived"} ${day(run.started_at)} ${notes[run.id]?.note ?? ""} ${notes[run.id]?.is_starred ? "starred" : ""}`.toLowerCase().includes(wanted.toLowerCase()));
   const page = shown.slice(0, count);
   useEffect(() => {
     let isOver = false;
@@ -47,6 +47,8 @@ export function Runs({ view }: { view: View }) {
     void (async () => {
       for (const run of page) {
         if (isOver) return;
+        // Its readings are not here.
+        if (run.archived_to !== undefined) continue;
         const detail = await detailOf(run).catch(() => undefined);
         if (detail && !isOver) setDetails((old) => (old.get(run.id) === detail ? old : new Map(old).set(run.id, detail)));
       }
@@ -110,7 +112,7 @@ function RunRow({ run, detail, note = NO_NOTE, onNote, isPicked, onPick }: RowPr
     <tr>
       <th scope="row"><a href={`#/runs/${run.id}`}>{run.name}</a><Star name={run.name} note={note} onNote={onNote} /><br /><span class="soft">{day(run.started_at)}</span>{note.note && <><br /><span class="note-text">{note.note}</span></>}</th>
       <td>{results && <Thumbnail rows={results.touch_results} />}</td>
-      <td><EndChip status={run.status} /></td>
+      <td><EndChip status={run.status} />{run.archived_to !== undefined && <><br /><span class="soft" title={run.archived_to}>archived</span></>}</td>
       <td>{results && <><Share measured={results.touches_measured} refused={results.touches_refused} planned={results.touches_planned} />
         {results.touches_measured} of {results.touches_planned}{results.touches_refused > 0 && <span class="refused-word">, ✕ {results.touches_refused}</span>}</>}</td>
       <td>{results && duration(results.rig_seconds)}</td>

@@ -179,6 +179,8 @@ export interface RunEntry {
   status: string;
   started_at: string;
   finished_at?: string;
+  /** The folder in the archive that has its readings. */
+  archived_to?: string;
   /** It can be continued. */
   is_resumable: boolean;
 }

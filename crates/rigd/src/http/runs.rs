@@ -36,6 +36,9 @@ pub(super) struct RunView {
     #[serde(skip_serializing_if = "Option::is_none")]
     finished_at: Option<String>,
     records: u64,
+    /// The folder in the archive that has its readings.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    archived_to: Option<String>,
     /// It can be continued.
     is_resumable: bool,
     links: RunLinks,
@@ -340,6 +343,8 @@ impl RunView {
     fn new(reader: &Reader, run: Run) -> Self {
         Self {
             is_simulated: reader.is_simulated(run.id),
+            // What cannot be read is told where the run itself is asked for.
+            archived_to: reader.archive_of(run.id).ok().flatten().map(|note| note.place),
             is_resumable: run.is_resumable(),
             links: RunLinks::of(run.id),
             name: name(reader, &run),
