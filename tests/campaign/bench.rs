@@ -12,7 +12,7 @@ use rig_model::{Mm, Position};
 use rig_store::Source;
 use rig_tests::changed;
 use rigd::{
-    loaded_rig::{LoadedRig, LoadedScene},
+    loaded_rig::{Instruments, LoadedRig, LoadedScene},
     protocol_file::LoadedProtocol,
 };
 
@@ -144,6 +144,7 @@ impl Bench {
         let (scene, scene_text) = scene(number, is_uneven, draw);
         let loaded = LoadedRig {
             path: PathBuf::new(),
+            instruments: Instruments::shipped(&rig).expect("shipped instruments"),
             file: rig.clone(),
             source: rig_text.clone(),
             scene: Some(LoadedScene { scene: scene.clone(), source: scene_text.clone() }),
@@ -179,6 +180,7 @@ impl Bench {
         let scene = LoadedScene { scene: self.scene.clone(), source: self.scene_text.clone() };
         LoadedRig {
             path: PathBuf::new(),
+            instruments: Instruments::shipped(&self.rig).expect("shipped instruments"),
             file: self.rig.clone(),
             source: self.rig_text.clone(),
             scene: Some(scene),

@@ -24,7 +24,7 @@ const PURE: [&str; 12] = [
 /// docs/decisions.
 const ARROWS: [(&str, &[&str]); 20] = [
     ("rig-model", &[]),
-    ("rig-files", &["rig-model", "rig-contact", "rig-resonance"]),
+    ("rig-files", &["rig-model", "rig-contact", "rig-resonance", "rig-scpi"]),
     ("rig-scpi", &[]),
     ("rig-contact", &["rig-model"]),
     ("rig-resonance", &["rig-model"]),
@@ -33,8 +33,8 @@ const ARROWS: [(&str, &[&str]); 20] = [
     ("rig-engine", &["rig-model", "rig-protocol", "rig-resonance"]),
     ("rig-interlock", &["rig-model"]),
     ("rig-link", &["rig-model"]),
-    ("rig-analyzer", &["rig-model", "rig-link", "rig-scpi"]),
-    ("rig-stage", &["rig-model", "rig-link"]),
+    ("rig-analyzer", &["rig-model", "rig-files", "rig-link", "rig-scpi"]),
+    ("rig-stage", &["rig-model", "rig-files", "rig-link"]),
     ("rig-record", &[]),
     ("rig-store", &["rig-record"]),
     ("rig-chart", &[]),

@@ -19,9 +19,11 @@ fn load() -> LoadedRig {
     let scene_toml = text("config/scenes/paper.toml");
     let scene = rig_sim::scene::read("scene", &scene_toml).unwrap();
     let source = |name: &str, toml: String| rig_store::Source { name: name.to_owned(), toml };
+    let file = rig_files::rig_file::RigFile::read("rig", &toml).unwrap();
     LoadedRig {
         path: std::path::PathBuf::new(),
-        file: rig_files::rig_file::RigFile::read("rig", &toml).unwrap(),
+        instruments: rigd::loaded_rig::Instruments::shipped(&file).unwrap(),
+        file,
         source: source("rig", toml),
         scene: Some(LoadedScene { scene, source: source("scene", scene_toml) }),
     }

@@ -44,6 +44,45 @@ async fn every_make_of_analyzer_carries_a_run() {
     check(&[(HIOKI, r#"dialect = "tonghui-th283x""#), level("max_level_v = 2")], "2").await;
 }
 
+/// The instruments of a user: copies of shipped files under other names, with other spellings of the same messages.
+#[tokio::test]
+async fn instruments_with_files_of_their_own_carry_a_run() {
+    let scratch = tempfile::TempDir::new().unwrap();
+    let copy = |shipped_name: &str, name: &str, changes: &[(&str, &str)]| {
+        let path = shipped(&format!("config/instruments/{shipped_name}.toml"));
+        let mut text = fs::read_to_string(path).unwrap();
+        let own_name = (format!("name = {shipped_name:?}"), format!("name = {name:?}"));
+        let changes = changes.iter().map(|(old, new)| (old.to_string(), new.to_string()));
+        for (old, new) in changes.chain([own_name]) {
+            assert!(text.contains(&old), "{old}");
+            text = text.replacen(&old, &new, 1);
+        }
+        let path = scratch.path().join(format!("{name}.toml"));
+        fs::write(&path, text).unwrap();
+        path
+    };
+    let analyzer = copy(
+        "keysight-e4980a",
+        "lab-meter",
+        &[
+            (":FREQuency {frequency_hz}", ":FREQ {frequency_hz:.3}HZ"),
+            ("IMPedance RX", "IMPedance ZTR"),
+            ("\"resistance_ohm\", \"reactance_ohm\"", "\"impedance_ohm\", \"phase_rad\""),
+        ],
+    );
+    let drive = copy("oriental-az", "lab-drive", &[]);
+    let dialect = format!("dialect = {analyzer:?}");
+    let map = format!("register_map = {drive:?}");
+    let changes = [
+        (HIOKI, &*dialect),
+        (AZ, &*map),
+        ("max_level_v = 5", "max_level_v = 2"),
+        (SERIAL_ANALYZER, r#"{ tcp = "127.0.0.1:5025" }"#),
+        ("baud = 115200 }", r#"baud = 115200, parity = "even" }"#),
+    ];
+    check(&changes, "2").await;
+}
+
 #[tokio::test]
 async fn every_make_of_drive_carries_a_run() {
     let steps = ("mm_per_step = 0.001", "mm_per_step = 0.01");

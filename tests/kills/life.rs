@@ -9,7 +9,7 @@ use rig_sim::{SimHandle, world::Scene};
 use rig_store::{MemoryDisk, Reader, Record, RunId, Source};
 use rig_tests::{changed, text};
 use rigd::{
-    loaded_rig::{LoadedRig, LoadedScene},
+    loaded_rig::{Instruments, LoadedRig, LoadedScene},
     protocol_file::LoadedProtocol,
     rig::{self, RigHandle, Status},
 };
@@ -128,6 +128,7 @@ impl Rig {
         let scene = LoadedScene { scene: self.scene.clone(), source: self.scene_source.clone() };
         LoadedRig {
             path: PathBuf::new(),
+            instruments: Instruments::shipped(&self.file).expect("the shipped rig"),
             file: self.file.clone(),
             source: self.source.clone(),
             scene: Some(scene),

@@ -2,7 +2,8 @@
 
 use std::{error::Error, time::Instant};
 
-use rig_analyzer::{Analyzer, HIOKI_IM3536};
+use rig_analyzer::Analyzer;
+use rig_files::instrument::HIOKI_IM3536;
 use rig_link::{Clock, Endpoint, Flow, Frame, Port, StopSignal};
 use rig_model::{DriveLevel, LineSettings, Parity, StopBits, SweepPoint};
 

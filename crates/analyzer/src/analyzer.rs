@@ -1,11 +1,12 @@
 //! An analyzer: identified, configured, and then asked for readings.
 
+use rig_files::instrument::dialect::{CommandSet, Dialect};
 use rig_link::{HealthMeter, Port, StopSignal, Transcript};
 use rig_model::{DriveLevel, Reading, RigTime, SweepPoint};
 
 use crate::{
-    AnalyzerError, Dialect, Identity, TransportSettings, dialect::CommandSet,
-    instrument_port::InstrumentPort, point::TriggerSettings, trace,
+    AnalyzerError, Identity, TransportSettings, instrument_port::InstrumentPort,
+    point::TriggerSettings, trace,
 };
 
 /// Settling of a point that is begun again, s. What drove the sensor since the last reading is not known:
@@ -61,7 +62,7 @@ impl Analyzer {
     /// The same, with other transport settings.
     pub fn open_with(port: Port, dialect: &'static Dialect, settings: TransportSettings) -> Self {
         Self {
-            port: InstrumentPort::new(port, dialect.transport, settings),
+            port: InstrumentPort::new(port, &dialect.transport, settings),
             dialect,
             identity: None,
             can_chain: None,
@@ -106,8 +107,8 @@ impl Analyzer {
         }
         // The options are known after the identification.
         self.retry(async |this| this.synchronise().await).await?;
-        let (min, max) = self.dialect.make.level_v();
-        let high_power = self.dialect.high_power.filter(|_| self.has_high_power);
+        let (min, max) = self.dialect.level_v;
+        let high_power = self.dialect.high_power.as_ref().filter(|_| self.has_high_power);
         let max = high_power.map_or(max, |high_power| high_power.max_v);
         self.within("level in V", level.volt, (min, max))?;
         self.level = Some(level);
@@ -136,13 +137,13 @@ impl Analyzer {
         if self.level.is_none() {
             return Err(AnalyzerError::NotConfigured { port: self.port.name() });
         }
-        let commands = self.dialect.commands;
+        let commands = &self.dialect.commands;
         let (settle_max_s, cycles_max) = match commands {
             CommandSet::Points(_) => (SETTLE_MAX_S, CYCLES_MAX),
-            CommandSet::Trace => (trace::DELAY_MAX_S, trace::AVERAGES_MAX),
+            CommandSet::TraceE4990a => (trace::DELAY_MAX_S, trace::AVERAGES_MAX),
         };
         for point in points {
-            self.within("frequency in Hz", point.frequency_hz, self.dialect.make.frequency_hz())?;
+            self.within("frequency in Hz", point.frequency_hz, self.dialect.frequency_hz)?;
             self.within("settling in s", point.settle_s, (0.0, settle_max_s))?;
             self.within("cycles", point.cycles.into(), (1.0, cycles_max.into()))?;
         }
@@ -160,8 +161,8 @@ impl Analyzer {
                         first.settle_s = first.settle_s.max(SETTLE_AGAIN_S);
                     }
                     match commands {
-                        CommandSet::Trace if is_again => this.try_trace(&[first]).await,
-                        CommandSet::Trace => this.try_trace(rest).await,
+                        CommandSet::TraceE4990a if is_again => this.try_trace(&[first]).await,
+                        CommandSet::TraceE4990a => this.try_trace(rest).await,
                         CommandSet::Points(commands) => {
                             this.try_point(commands, &first, stop).await
                         }
@@ -194,7 +195,7 @@ impl Analyzer {
         if min <= asked && asked <= max {
             return Ok(());
         }
-        let dialect = self.dialect.make.name();
+        let dialect = self.dialect.name.as_str();
         Err(AnalyzerError::OutOfRange { dialect, what, asked, min, max })
     }
 }

@@ -2,16 +2,13 @@
 
 use std::{sync::Arc, time::Duration};
 
+use rig_files::instrument::dialect::{Handshake, TransportRules};
 use rig_link::{HealthMeter, LineError, Port, escaped};
 use rig_model::{RigTime, Terminator};
 use rig_scpi::{Ending, ExpectedResponse, Framing, Response, ResponseDecoder};
 use tokio::time::Instant;
 
-use crate::{
-    AnalyzerError, UnexpectedTerminator,
-    dialect::{Handshake, TransportRules},
-    message::Message,
-};
+use crate::{AnalyzerError, UnexpectedTerminator, message::Message};
 
 /// Settings of the transport that can be changed on an instrument.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,7 +44,9 @@ const ANSWER_BYTES: usize = 256;
 #[derive(Debug)]
 pub(crate) struct InstrumentPort {
     port: Port,
-    transport: TransportRules,
+    /// Terminator of messages to the instrument.
+    ending: Ending,
+    handshake: Handshake,
     settings: TransportSettings,
     decoder: ResponseDecoder,
     /// A question was sent, and its answer has not come. The caller may have stopped waiting.
@@ -63,18 +62,24 @@ pub(crate) struct TimedAnswer {
 }
 
 impl InstrumentPort {
-    pub(crate) fn new(port: Port, transport: TransportRules, settings: TransportSettings) -> Self {
-        let sent = match settings.terminator {
-            None => transport.ending,
-            Some(Terminator::Lf) => Ending::Lf,
-            Some(Terminator::CrLf) => Ending::CrLf,
-            Some(Terminator::Cr) => Ending::Cr,
+    pub(crate) fn new(port: Port, transport: &TransportRules, settings: TransportSettings) -> Self {
+        let sent = match settings.terminator.unwrap_or(transport.terminator) {
+            Terminator::Lf => Ending::Lf,
+            Terminator::CrLf => Ending::CrLf,
+            Terminator::Cr => Ending::Cr,
         };
         let ending = if sent == Ending::Cr { Ending::Cr } else { Ending::Lf };
         let decoder = ResponseDecoder::new(Framing { ending, ..Framing::default() });
-        let transport = TransportRules { ending: sent, ..transport };
         let health = HealthMeter::default();
-        Self { port, transport, settings, decoder, is_answer_pending: false, health }
+        Self {
+            port,
+            ending: sent,
+            handshake: transport.handshake,
+            settings,
+            decoder,
+            is_answer_pending: false,
+            health,
+        }
     }
 
     /// Time limit for the answer to a query about settings.
@@ -175,9 +180,9 @@ impl InstrumentPort {
 
     /// The bytes of a message as they go out.
     fn bytes(&self, message: &Message) -> Vec<u8> {
-        match self.transport.handshake {
-            Handshake::None => message.bytes(self.transport.ending),
-            Handshake::EchoEachCharacter => message.short_bytes(self.transport.ending),
+        match self.handshake {
+            Handshake::None => message.bytes(self.ending),
+            Handshake::EchoEachCharacter => message.short_bytes(self.ending),
         }
     }
 
@@ -185,7 +190,7 @@ impl InstrumentPort {
     /// time until that is noted.
     async fn send(&mut self, message: &Message) -> Result<(Instant, Duration), AnalyzerError> {
         let bytes = self.bytes(message);
-        match self.transport.handshake {
+        match self.handshake {
             Handshake::None => {
                 let begun = Instant::now();
                 let sent = self.port.send(&bytes).await;
@@ -260,7 +265,7 @@ impl InstrumentPort {
 
     /// A question whose answer was lost.
     fn failed(&self, asked: &Message, source: LineError) -> AnalyzerError {
-        let is_cr = self.transport.ending == Ending::Cr;
+        let is_cr = self.ending == Ending::Cr;
         let unexpected_terminator = match &source {
             LineError::TimedOut { arrived, .. } => match arrived.bytes.last() {
                 Some(b'\r') if !is_cr => Some(UnexpectedTerminator::CrForLf),

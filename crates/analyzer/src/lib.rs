@@ -1,15 +1,13 @@
 //! Drivers of impedance analyzers.
 //!
-//! A [`Dialect`] is a command set and the rules of a transport, both data; an [`Analyzer`] owns
+//! A [`Dialect`] is the messages of an instrument file and the rules of a transport; an [`Analyzer`] owns
 //! the port and carries measurements out. A reading is returned only when the instrument has
 //! confirmed the frequency and reports no error.
 
 mod analyzer;
-mod dialect;
+mod answer;
 mod error;
-mod hioki;
 mod instrument_port;
-mod lcr;
 mod message;
 mod point;
 mod points;
@@ -19,10 +17,7 @@ mod trace;
 mod traces;
 
 pub use analyzer::Analyzer;
-pub use dialect::{
-    Dialect, HIOKI_IM3536, HP_4284A, Handshake, HighPower, KEYSIGHT_E4980A, KEYSIGHT_E4990A,
-    Resolution, TONGHUI_TH283X, TransportRules,
-};
 pub use error::{AnalyzerError, EventStatus, UnexpectedTerminator};
 pub use instrument_port::TransportSettings;
+pub use rig_files::instrument::dialect::Dialect;
 pub use rig_scpi::Identity;

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use rig_files::instrument::template::{Quantity, Template, datum};
 use rig_scpi::{Ending, Program};
 
 /// One message, of one or more units.
@@ -44,6 +45,28 @@ impl Message {
         Self { program: self.program.map(|program| program.characters(word)) }
     }
 
+    /// Adds the units of a message of an instrument file, with the values of its quantities.
+    pub(crate) fn template(self, template: &Template, value: impl Fn(Quantity) -> f64) -> Self {
+        template.units.iter().fold(self, |message, unit| {
+            let header = unit.header.as_str();
+            let message =
+                if unit.is_question { message.query(header) } else { message.command(header) };
+            unit.data
+                .iter()
+                .fold(message, |message, pieces| message.literal(&datum(pieces, &value)))
+        })
+    }
+
+    /// Adds the units of a message that holds no quantities.
+    pub(crate) fn plain(self, template: &Template) -> Self {
+        self.template(template, |_| f64::NAN)
+    }
+
+    /// Adds a datum to the last unit, as it is written.
+    fn literal(self, text: &str) -> Self {
+        Self { program: self.program.map(|program| program.literal(text)) }
+    }
+
     /// A command with a number.
     pub(crate) fn set(self, header: &str, value: f64) -> Self {
         self.command(header).number(value)
@@ -57,7 +80,7 @@ impl Message {
     /// The bytes that go out.
     pub(crate) fn bytes(&self, ending: Ending) -> Vec<u8> {
         let program = self.program.clone().expect("a message has units when it is sent");
-        program.finish(ending).expect("headers are constants, and numbers were checked")
+        program.finish(ending).expect("headers and data were checked when they were read")
     }
 
     /// The same with the short form of each header, for a line on which every character waits.

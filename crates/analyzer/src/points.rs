@@ -2,15 +2,17 @@
 
 use std::time::Duration;
 
+use rig_files::instrument::{
+    dialect::{PointCommands, Poll},
+    template::Quantity,
+};
 use rig_link::StopSignal;
-use rig_model::{PointResult, Reading, SweepPoint};
-use rig_scpi::{DataError, Datum};
+use rig_model::{PointResult, Reading, RigTime, SweepPoint};
+use rig_scpi::Datum;
 use tokio::time::{Instant, sleep, sleep_until};
 
 use crate::{
-    Analyzer, AnalyzerError,
-    dialect::PointCommands,
-    hioki, lcr,
+    Analyzer, AnalyzerError, answer,
     message::Message,
     point::{Integration, TriggerSettings, mean},
     questions::shown,
@@ -26,13 +28,13 @@ impl Analyzer {
     /// Measures one point; no reading when a stop was raised.
     pub(crate) async fn try_point(
         &mut self,
-        commands: PointCommands,
+        commands: &PointCommands,
         point: &SweepPoint,
         stop: &StopSignal,
     ) -> Result<Vec<Reading>, AnalyzerError> {
         self.set_up().await?;
         let frequency_hz = self.dialect.resolution.round(point.frequency_hz);
-        let integration = commands.integration(point.cycles, frequency_hz);
+        let integration = Integration::by_rule(point.cycles, frequency_hz, &commands.integration);
         let delay_s = point.settle_s.min(self.dialect.delay_max_s);
         let mut wanted = TriggerSettings { frequency_hz, averages: integration.averages, delay_s };
         let rest_s = point.settle_s - delay_s;
@@ -67,13 +69,13 @@ impl Analyzer {
     /// stop.
     async fn settle(
         &mut self,
-        commands: PointCommands,
+        commands: &PointCommands,
         wanted: &TriggerSettings,
         seconds: f64,
         stop: &StopSignal,
     ) -> Result<bool, AnalyzerError> {
         let before = self.current.take();
-        let message = commands.settings(Message::new(), wanted, before.as_ref());
+        let message = settings(Message::new(), commands, wanted, before.as_ref());
         self.confirm(message).await?;
         if before.is_none_or(|before| before.frequency_hz != wanted.frequency_hz) {
             self.frequency_set_at = self.port.link().clock().now();
@@ -89,44 +91,49 @@ impl Analyzer {
     /// Sends the changed settings, triggers once, and confirms frequency and status.
     async fn trigger_once(
         &mut self,
-        commands: PointCommands,
+        commands: &PointCommands,
         wanted: &TriggerSettings,
         trigger_s: f64,
-    ) -> Result<(PointResult, f64, rig_model::RigTime), AnalyzerError> {
+    ) -> Result<(PointResult, f64, RigTime), AnalyzerError> {
         // Until it has confirmed, nothing is known about its settings.
         let before = self.current.take();
-        let frequency_header = commands.frequency_header();
         let within = self.port.reply_within()
             + Duration::from_secs_f64(wanted.delay_s + MEASURE_TIMES * trigger_s);
         let begun = Instant::now();
-        let (answers, asked_at, message) = self
-            .ask_all(
-                &[
-                    &|m| commands.trigger(commands.settings(m, wanted, before.as_ref())),
-                    &|m| m.query(frequency_header),
-                    &|m| m.query("*ESR"),
-                ],
-                within,
-            )
-            .await?;
+        let trigger = |m| settings(m, commands, wanted, before.as_ref()).plain(&commands.trigger);
+        let mut triggered_at = None;
+        if let Some(poll) = &commands.poll {
+            let (answers, at, message) =
+                self.ask_all(&[&|m| trigger(m).query("*ESR")], self.port.reply_within()).await?;
+            let status = self.read_status(&message, answers[0].first())?;
+            self.check(&message, status).await?;
+            let ready_at = begun + Duration::from_secs_f64(wanted.delay_s + trigger_s);
+            self.poll_until(poll, ready_at, begun + within).await?;
+            triggered_at = Some(at);
+        }
+        let read = |m| if commands.poll.is_some() { m } else { trigger(m) }.plain(&commands.read);
+        let frequency_of = |m: Message| m.plain(&commands.frequency);
+        let (answers, asked_at, message) =
+            self.ask_all(&[&read, &frequency_of, &|m| m.query("*ESR")], within).await?;
+        let asked_at = triggered_at.unwrap_or(asked_at);
         let [reading, frequency, status] = &answers[..] else {
             unreachable!("three questions have three answers")
         };
         let status = self.read_status(&message, status.first())?;
         self.check(&message, status).await?;
-        let found_hz = self.number(frequency_header, frequency)?;
+        let found_hz = self.number(&frequency_of(Message::new()), frequency)?;
         let tolerance_hz = self.dialect.resolution.tolerance_hz(wanted.frequency_hz);
         if (found_hz - wanted.frequency_hz).abs() > tolerance_hz {
             let (port, wanted) = (self.port.name(), wanted.frequency_hz);
             let what = "frequency in Hz";
             return Err(AnalyzerError::NotTaken { port, what, wanted, found: found_hz });
         }
-        let measured = match commands.reading(reading) {
+        let measured = match answer::reading(reading, &commands.answer) {
             Ok(Some(measured)) => measured,
             Ok(None) => {
                 // Earlier it cannot be ready, and a line with echoes has better things to carry.
                 sleep_until(begun + Duration::from_secs_f64(wanted.delay_s + trigger_s)).await;
-                self.fetch_until(begun + within).await?
+                self.fetch_until(commands, begun + within).await?
             }
             Err(_) => return Err(self.not_a_reading(&message, reading)),
         };
@@ -138,16 +145,46 @@ impl Analyzer {
     }
 
     /// Asks again for a measurement that was not ready.
-    async fn fetch_until(&mut self, deadline: Instant) -> Result<PointResult, AnalyzerError> {
+    async fn fetch_until(
+        &mut self,
+        commands: &PointCommands,
+        deadline: Instant,
+    ) -> Result<PointResult, AnalyzerError> {
         loop {
             sleep(POLL).await;
             let (answers, _, message) =
-                self.ask_all(&[&|m| m.query(lcr::FETCH)], self.port.reply_within()).await?;
-            match lcr::reading(&answers[0]) {
+                self.ask_all(&[&|m| m.plain(&commands.read)], self.port.reply_within()).await?;
+            match answer::reading(&answers[0], &commands.answer) {
                 Ok(Some(measured)) => return Ok(measured),
                 Ok(None) if Instant::now() < deadline => {}
                 _ => return Err(self.not_a_reading(&message, &answers[0])),
             }
+        }
+    }
+
+    /// Asks until the measurement is over, first when it can be.
+    async fn poll_until(
+        &mut self,
+        poll: &Poll,
+        ready_at: Instant,
+        deadline: Instant,
+    ) -> Result<(), AnalyzerError> {
+        let deadline = deadline.max(ready_at) + Duration::from_secs_f64(poll.timeout_s);
+        sleep_until(ready_at).await;
+        loop {
+            let (answers, _, message) =
+                self.ask_all(&[&|m| m.plain(&poll.ask)], self.port.reply_within()).await?;
+            let word = answers[0].first().and_then(|datum| datum.integer().ok());
+            let is_over = word.is_some_and(|word| word & i64::from(poll.mask) != 0);
+            if is_over {
+                return Ok(());
+            }
+            if word.is_none() || deadline <= Instant::now() {
+                let found = shown(&answers[0]);
+                let expected = "a status with the bit of a measurement that is over";
+                return Err(self.port.unexpected(&message, expected, found.as_bytes()));
+            }
+            sleep(POLL).await;
         }
     }
 
@@ -158,45 +195,27 @@ impl Analyzer {
     }
 }
 
-impl PointCommands {
-    fn integration(self, cycles: u32, frequency_hz: f64) -> Integration {
-        match self {
-            Self::Hioki => hioki::integration(cycles),
-            Self::Lcr(variant) => lcr::integration(cycles, frequency_hz, variant),
-        }
+/// Adds the settings of a shot that differ from those before it.
+fn settings(
+    mut message: Message,
+    commands: &PointCommands,
+    wanted: &TriggerSettings,
+    before: Option<&TriggerSettings>,
+) -> Message {
+    let value = |quantity| match quantity {
+        Quantity::Frequency => wanted.frequency_hz,
+        Quantity::Averages => wanted.averages.into(),
+        Quantity::Delay => wanted.delay_s,
+        Quantity::Level | Quantity::Cable => f64::NAN,
+    };
+    if before.is_none_or(|before| before.frequency_hz != wanted.frequency_hz) {
+        message = message.template(&commands.set_frequency, value);
     }
-
-    fn settings(
-        self,
-        message: Message,
-        wanted: &TriggerSettings,
-        before: Option<&TriggerSettings>,
-    ) -> Message {
-        match self {
-            Self::Hioki => hioki::settings(message, wanted, before),
-            Self::Lcr(variant) => lcr::settings(message, wanted, before, variant),
-        }
+    if before.is_none_or(|before| before.averages != wanted.averages) {
+        message = message.template(&commands.set_averages, value);
     }
-
-    fn trigger(self, message: Message) -> Message {
-        match self {
-            Self::Hioki => hioki::trigger(message),
-            Self::Lcr(_) => lcr::trigger(message),
-        }
+    if before.is_none_or(|before| before.delay_s != wanted.delay_s) {
+        message = message.template(&commands.set_delay, value);
     }
-
-    const fn frequency_header(self) -> &'static str {
-        match self {
-            Self::Hioki => hioki::FREQUENCY,
-            Self::Lcr(_) => lcr::FREQUENCY,
-        }
-    }
-
-    /// The result of a trigger; `None` while the measurement is under way.
-    fn reading(self, data: &[Datum]) -> Result<Option<PointResult>, DataError> {
-        match self {
-            Self::Hioki => hioki::reading(data).map(Some),
-            Self::Lcr(_) => lcr::reading(data),
-        }
-    }
+    message
 }

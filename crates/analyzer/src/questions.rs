@@ -109,13 +109,12 @@ impl Analyzer {
         AnalyzerError::Refused { port: self.port.name(), asked, status, reports }
     }
 
-    pub(crate) fn number(&self, asked: &str, data: &[Datum]) -> Result<f64, AnalyzerError> {
+    pub(crate) fn number(&self, asked: &Message, data: &[Datum]) -> Result<f64, AnalyzerError> {
         match data {
             [datum] if datum.number().is_ok() => Ok(datum.number().unwrap_or(f64::NAN)),
             _ => {
                 let found = shown(data);
-                let asked = Message::new().query(asked);
-                Err(self.port.unexpected(&asked, "a number", found.as_bytes()))
+                Err(self.port.unexpected(asked, "a number", found.as_bytes()))
             }
         }
     }

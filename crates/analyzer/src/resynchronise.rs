@@ -2,18 +2,15 @@
 
 use std::time::Duration;
 
+use rig_files::instrument::{
+    dialect::{CommandSet, PointCommands},
+    template::{Quantity, Template},
+};
 use rig_link::LineError;
-use rig_model::with_causes;
+use rig_model::{DriveLevel, with_causes};
 use rig_scpi::{ExpectedResponse, Response};
 
-use crate::{
-    Analyzer, AnalyzerError, Identity,
-    dialect::{CommandSet, PointCommands},
-    hioki, lcr,
-    message::Message,
-    questions::Question,
-    trace,
-};
+use crate::{Analyzer, AnalyzerError, Identity, message::Message, questions::Question, trace};
 
 /// Number of new starts of a measurement after a lost answer.
 const ATTEMPTS: u32 = 3;
@@ -87,8 +84,8 @@ impl Analyzer {
         self.is_set_up = false;
         self.port.wait_for_silence(QUARANTINE).await?;
         let mut greeting = Message::new();
-        if self.dialect.transport.has_headers {
-            greeting = greeting.choose(":HEADer", "OFF");
+        if let Some(first) = &self.dialect.transport.greeting {
+            greeting = greeting.plain(first);
         }
         let greeting = greeting.command("*CLS").query("*IDN");
         let response = self.ask_line(&greeting).await?;
@@ -98,7 +95,7 @@ impl Analyzer {
         if self.identity.as_ref() != Some(&found) {
             self.confirm_line(&Message::new().query("*IDN"), &response).await?;
         }
-        let (port, expected) = (self.port.name(), self.dialect.models);
+        let (port, expected) = (self.port.name(), self.dialect.models.as_str());
         if !self.dialect.model_prefixes.iter().any(|prefix| found.model.starts_with(prefix)) {
             let found = Box::new(found);
             return Err(AnalyzerError::WrongInstrument { port, expected, found });
@@ -153,7 +150,7 @@ impl Analyzer {
     }
 
     async fn find_high_power(&mut self) -> Result<bool, AnalyzerError> {
-        let Some(high_power) = self.dialect.high_power else { return Ok(false) };
+        let Some(high_power) = &self.dialect.high_power else { return Ok(false) };
         let options = Message::new().query("*OPT");
         let answer = self.ask_line(&options).await?;
         self.confirm_line(&options, &answer).await?;
@@ -171,23 +168,25 @@ impl Analyzer {
             return Ok(());
         }
         self.current = None;
-        let high_power = self.dialect.high_power.filter(|_| self.has_high_power);
-        let (messages, level_header) = match self.dialect.commands {
-            CommandSet::Points(PointCommands::Hioki) => (hioki::setup(level), hioki::LEVEL),
-            CommandSet::Points(PointCommands::Lcr(variant)) => {
-                let switch = high_power.and_then(|high_power| high_power.switch);
-                (lcr::setup(level, variant, switch), lcr::LEVEL)
-            }
-            CommandSet::Trace => (trace::setup(level), trace::LEVEL),
+        let high_power = self.dialect.high_power.as_ref().filter(|_| self.has_high_power);
+        let switch = high_power.and_then(|high_power| high_power.switch.as_ref());
+        let commands = &self.dialect.commands;
+        let messages = match commands {
+            CommandSet::Points(commands) => setup(commands, level, switch),
+            CommandSet::TraceE4990a => trace::setup(level),
+        };
+        let level_of = |m: Message| match commands {
+            CommandSet::Points(commands) => m.plain(&commands.level),
+            CommandSet::TraceE4990a => m.query(trace::LEVEL),
         };
         for message in messages {
             self.confirm(message).await?;
         }
-        let questions: [Question<'_>; 2] = [&|m| m.query(level_header), &|m| m.query("*ESR")];
+        let questions: [Question<'_>; 2] = [&level_of, &|m| m.query("*ESR")];
         let (answers, _, asked) = self.ask_all(&questions, self.port.reply_within()).await?;
         let status = self.read_status(&asked, answers[1].first())?;
         self.check(&asked, status).await?;
-        let found = self.number(level_header, &answers[0])?;
+        let found = self.number(&level_of(Message::new()), &answers[0])?;
         if (found - level.volt).abs() > LEVEL_TOLERANCE_REL * level.volt {
             let (port, wanted) = (self.port.name(), level.volt);
             return Err(AnalyzerError::NotTaken { port, what: "level in V", wanted, found });
@@ -195,6 +194,18 @@ impl Analyzer {
         self.is_set_up = true;
         Ok(())
     }
+}
+
+/// The settings of a measurement at a level. `switch` is the command for a high level, if it needs one.
+fn setup(commands: &PointCommands, level: DriveLevel, switch: Option<&Template>) -> Vec<Message> {
+    let value = |_: Quantity| level.volt;
+    let message = |template: &Template| {
+        let first = switch.filter(|_| template.holds(Quantity::Level));
+        first
+            .map_or_else(Message::new, |switch| Message::new().plain(switch))
+            .template(template, value)
+    };
+    commands.setup.iter().map(message).collect()
 }
 
 /// Whether another attempt can succeed: after a lost or damaged answer or a restart of the

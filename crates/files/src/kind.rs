@@ -13,6 +13,10 @@ pub enum FileKind {
     Scene,
     /// The settings of the daemon.
     Service,
+    /// What an analyzer must be told.
+    Analyzer,
+    /// What an axis drive must be told.
+    Drive,
     /// The readings of a sweep, CSV or Touchstone.
     Sweep,
 }
@@ -35,6 +39,8 @@ impl Complaint for OtherKind {
             (FileKind::Protocol, FileKind::Sweep) => "`rigd fit` takes sweeps",
             (FileKind::Protocol, _) => "give a protocol file",
             (FileKind::Scene, _) => "name a scene file in [simulation] of the rig file",
+            (FileKind::Analyzer, _) => "name an analyzer file as the dialect of the rig file",
+            (FileKind::Drive, _) => "name a drive file as a register_map of the rig file",
             (FileKind::Service, _) => "name the service file with --config",
             (FileKind::Sweep, _) => "give the readings of a sweep, as CSV or Touchstone",
         };
@@ -50,6 +56,8 @@ impl FileKind {
             Self::Protocol => "protocol file",
             Self::Scene => "scene file",
             Self::Service => "service file",
+            Self::Analyzer => "analyzer file",
+            Self::Drive => "drive file",
             Self::Sweep => "sweep file",
         }
     }
@@ -63,6 +71,23 @@ impl FileKind {
             }
             Self::Scene => &["orientation", "contact", "place", "nuisances"],
             Self::Service => &["listen", "allow_hosts", "token_file", "release_queue", "tls"],
+            Self::Analyzer => &[
+                "models",
+                "model_prefixes",
+                "delay_max_s",
+                "frequency_steps",
+                "transport",
+                "setup",
+                "measure",
+            ],
+            Self::Drive => &[
+                "drives",
+                "speed_unit",
+                "acceleration_unit",
+                "start_within_ms",
+                "signature",
+                "steps",
+            ],
             Self::Sweep => &[],
         }
     }
@@ -74,7 +99,8 @@ impl FileKind {
         }
         let names = top_names(text);
         let count = |kind: Self| kind.marks().iter().filter(|mark| names.contains(*mark)).count();
-        let kinds = [Self::Rig, Self::Protocol, Self::Scene, Self::Service];
+        let kinds =
+            [Self::Rig, Self::Protocol, Self::Scene, Self::Service, Self::Analyzer, Self::Drive];
         let mut counts = kinds.map(|kind| (count(kind), kind));
         counts.sort_by_key(|&(count, _)| count);
         let [.., (second, _), (most, kind)] = counts;
@@ -137,6 +163,8 @@ mod tests {
     const RIG: &str = include_str!("../../../config/rigs/bench.toml");
     const PROTOCOL: &str = include_str!("../../../config/protocols/smoke.toml");
     const SCENE: &str = include_str!("../../../config/scenes/paper.toml");
+    const ANALYZER: &str = include_str!("../../../config/instruments/keysight-e4990a.toml");
+    const DRIVE: &str = include_str!("../../../config/instruments/iai-rc.toml");
     const SERVICE: &str = include_str!("../../../config/service/service.toml");
 
     #[test]
@@ -146,6 +174,8 @@ mod tests {
             (FileKind::Protocol, PROTOCOL),
             (FileKind::Scene, SCENE),
             (FileKind::Service, SERVICE),
+            (FileKind::Analyzer, ANALYZER),
+            (FileKind::Drive, DRIVE),
             (FileKind::Sweep, "frequency_hz,resistance_ohm,reactance_ohm\n140,1,2\n"),
             (FileKind::Sweep, "\n! a network analyzer\n# HZ S RI R 50\n"),
             (FileKind::Sweep, "Freq (Hz);Rs;X\n"),

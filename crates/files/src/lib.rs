@@ -7,6 +7,7 @@
 //!   their values are types of these crates.
 //! - [`rig_file`] is the description of a rig; [`sensor`] and [`samples`] are the sections that it
 //!   shares with scene files.
+//! - [`instrument`] has the files of analyzers and axis drives.
 //! - [`service_file`] has the settings of the daemon.
 //! - [`sweep_file`] is a sweep of any instrument, for the fit.
 //! - [`FileKind`] recognises a file of another kind than the expected one.
@@ -14,6 +15,7 @@
 #![deny(clippy::disallowed_methods)]
 
 mod fault;
+pub mod instrument;
 mod kind;
 pub mod rig_file;
 pub mod samples;

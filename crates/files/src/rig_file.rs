@@ -16,6 +16,7 @@ use std::path::{Path, PathBuf};
 
 use crate::{
     Faults, Location,
+    instrument::Named,
     samples::KnownSample,
     settings::{self, InForce},
 };
@@ -90,8 +91,8 @@ pub enum SimulatedPerson {
 /// The impedance analyzer.
 #[derive(Debug, Clone)]
 pub struct AnalyzerFile {
-    /// Make, which selects the dialect.
-    pub make: AnalyzerMake,
+    /// The instrument, which selects the dialect.
+    pub instrument: Named<AnalyzerMake>,
     /// Port of the analyzer.
     pub port: PortFile,
     /// End of a message in both directions; `None` for the usual one of the make.
@@ -135,8 +136,8 @@ impl PortFile {
 /// The drive of an axis.
 #[derive(Debug, Clone)]
 pub struct AxisFile<U> {
-    /// Make, which selects the register map.
-    pub make: DriveMake,
+    /// The instrument, which selects the register map.
+    pub instrument: Named<DriveMake>,
     /// Modbus address, 1 to 247.
     pub unit_id: u8,
     /// Positions of its counts.

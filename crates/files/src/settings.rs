@@ -44,7 +44,7 @@ mod value_fault;
 mod tests;
 
 pub use in_force::{InForce, in_force};
-pub use kind::{Choice, Flag, Integer, Interval, Kind, List, Number, Section, Text};
+pub use kind::{Choice, ChoiceOrFile, Flag, Integer, Interval, Kind, List, Number, Section, Text};
 pub use schema::schema;
 pub use setting::Setting;
 pub use table::{Entry, Presence, Table};

@@ -1,8 +1,6 @@
-//! The makes of devices that rigd can drive, each with its name in rig files.
+//! The makes of devices that are shipped and simulated, each with its name in rig files.
 
 use std::fmt;
-
-use crate::Parity;
 
 /// A make of impedance analyzer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,32 +37,6 @@ impl AnalyzerMake {
             Self::KeysightE4990a => "keysight-e4990a",
         }
     }
-
-    /// Lowest and highest frequency, Hz.
-    ///
-    /// # Source
-    /// The specifications in the manuals that `rig-analyzer` cites with each dialect.
-    pub const fn frequency_hz(self) -> (f64, f64) {
-        match self {
-            Self::HiokiIm3536 => (4.0, 8e6),
-            Self::KeysightE4980a => (20.0, 2e6),
-            Self::Hp4284a => (20.0, 1e6),
-            Self::TonghuiTh283x => (20.0, 1e5),
-            Self::KeysightE4990a => (20.0, 120e6),
-        }
-    }
-
-    /// Lowest and highest level without options, V.
-    ///
-    /// # Source
-    /// As for [`Self::frequency_hz`].
-    pub const fn level_v(self) -> (f64, f64) {
-        match self {
-            Self::HiokiIm3536 => (0.01, 5.0),
-            Self::KeysightE4980a | Self::Hp4284a | Self::TonghuiTh283x => (0.005, 2.0),
-            Self::KeysightE4990a => (0.005, 1.0),
-        }
-    }
 }
 
 impl fmt::Display for AnalyzerMake {
@@ -94,18 +66,6 @@ impl DriveMake {
             Self::OrientalAz => "oriental-az",
             Self::IaiRc => "iai-rc",
             Self::LeadshinePr => "leadshine-pr",
-        }
-    }
-
-    /// The parity of its serial line as it leaves the factory.
-    ///
-    /// # Source
-    /// Oriental Motor, HM-60262E (8E1); IAI, `ROBONET` manual, p. 38 (no parity); Leadshine, iEM-RS
-    /// and DM556RS manuals (8N1).
-    pub const fn parity(self) -> Parity {
-        match self {
-            Self::OrientalAz => Parity::Even,
-            Self::IaiRc | Self::LeadshinePr => Parity::None,
         }
     }
 }

@@ -11,6 +11,7 @@ pub mod faults;
 pub mod files;
 mod hint;
 pub mod http;
+mod instruments;
 mod interruption;
 pub mod loaded_rig;
 mod local_time;

@@ -10,7 +10,7 @@ use rig_model::RigLimits;
 use rig_store::Source;
 
 use crate::files::read;
-pub use crate::{files::FileError, simulation::LoadedScene};
+pub use crate::{files::FileError, instruments::Instruments, simulation::LoadedScene};
 
 /// A rig file with its scene.
 #[derive(Debug)]
@@ -19,6 +19,8 @@ pub struct LoadedRig {
     pub path: PathBuf,
     /// The rig file.
     pub file: RigFile,
+    /// What its devices must be told.
+    pub instruments: Instruments,
     /// Its text, for the journal.
     pub source: Source,
     /// The scene of a simulated rig.
@@ -58,10 +60,14 @@ impl LoadedRig {
     pub fn load(path: &Path) -> Result<Self, FileError> {
         let (name, text) = read(path, FileKind::Rig)?;
         let file = RigFile::read(&name, &text).map_err(FileError::Faults)?;
+        let instruments = Instruments::load(path, &file)?;
         let scene = file.scene(path).map(|scene| LoadedScene::load(&scene)).transpose();
         let scene = scene.map_err(|error| at_its_name(error, &name, &file.connection))?;
+        if scene.is_some() {
+            instruments.check_simulated(path, &file)?;
+        }
         let source = Source { name: file.name.clone(), toml: text };
-        Ok(Self { path: path.to_owned(), file, source, scene })
+        Ok(Self { path: path.to_owned(), file, instruments, source, scene })
     }
 
     /// The facts that a protocol is checked against.

@@ -8,7 +8,11 @@ use std::{
     process::Command,
 };
 
-use rig_files::{rig_file::RigFile, service_file::ServiceFile};
+use rig_files::{
+    instrument::{Dialect, RegisterMap},
+    rig_file::RigFile,
+    service_file::ServiceFile,
+};
 use rig_protocol::Protocol;
 use serde_json::Value;
 use tempfile::TempDir;
@@ -31,11 +35,13 @@ fn is_read(kind: &str, text: &str) -> bool {
         "protocol" => Protocol::read("file", text).faults().iter().next().is_none(),
         "rig" => RigFile::read("file", text).is_ok(),
         "service" => ServiceFile::read(Path::new("file"), text).is_ok(),
+        "analyzer" => Dialect::read("file", text).is_ok(),
+        "drive" => RegisterMap::read("file", text).is_ok(),
         _ => rig_sim::scene::read("file", text).is_ok(),
     }
 }
 
-const FILES: [(&str, &str); 8] = [
+const FILES: [(&str, &str); 10] = [
     ("protocol", "protocols/smoke.toml"),
     ("protocol", "protocols/three-direction.toml"),
     ("rig", "rigs/simulated.toml"),
@@ -44,11 +50,13 @@ const FILES: [(&str, &str); 8] = [
     ("scene", "scenes/matched.toml"),
     ("scene", "scenes/new-bench.toml"),
     ("service", "service/service.toml"),
+    ("analyzer", "instruments/new-analyzer.toml"),
+    ("drive", "instruments/new-drive.toml"),
 ];
 
 #[test]
 fn the_committed_schemas_are_those_of_the_program_and_every_shipped_file_names_one() {
-    for kind in ["protocol", "rig", "scene", "service"] {
+    for kind in ["protocol", "rig", "scene", "service", "analyzer", "drive"] {
         let committed = repository().join(format!("docs/schemas/{kind}.json"));
         let known = fs::read_to_string(&committed).unwrap_or_default();
         let (is_done, text) = rigd(&["schema", kind]);

@@ -75,7 +75,7 @@ pub use grammar::error::ScpiError;
 pub use grammar::param::{Limits, Param};
 pub use grammar::scan::{Ending, Terminators};
 pub use grammar::unit::Unit;
-pub use grammar::value::{RealFormat, Value};
+pub use grammar::value::{RealFormat, Value, shortest};
 pub use instrument::dialect::{
     AfterErrorPolicy, AfterQueryPolicy, Dialect, ErrorFormat, QUERY_ERRORS, UnreadPolicy,
 };

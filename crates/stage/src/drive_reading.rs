@@ -2,12 +2,10 @@
 
 use std::fmt;
 
+use rig_files::instrument::drive::{AlarmSource, Block, Field, Flag, Table, Width};
 use rig_model::{Position, RigTime};
 
-use crate::{
-    RegisterMap, Reply, Request,
-    map::{AlarmSource, Block, Field, Flag, Table, Width},
-};
+use crate::{RegisterMap, Reply, Request};
 
 /// An alarm of a drive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -97,9 +95,9 @@ pub(crate) fn number(block: Block, reply: &Reply, address: u16, width: Width) ->
 }
 
 /// The alarm of a code, zero for none.
-pub(crate) fn alarm(map: &RegisterMap, code: u16) -> Option<Alarm> {
-    let known = map.alarms.iter().find(|&&(known, _)| known == code);
-    (code != 0).then_some(Alarm { code, name: known.map_or("see its manual", |known| known.1) })
+pub(crate) fn alarm(map: &'static RegisterMap, code: u16) -> Option<Alarm> {
+    let known = map.alarms.iter().find(|(known, _)| *known == code);
+    (code != 0).then_some(Alarm { code, name: known.map_or("see its manual", |(_, name)| name) })
 }
 
 /// The request that reads a block.

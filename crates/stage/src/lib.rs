@@ -1,4 +1,4 @@
-//! Drivers of Modbus axis controllers; register maps are data.
+//! Drivers of Modbus axis controllers; register maps are the data of instrument files.
 //!
 //! A [`Bus`](BusHandle) is the one owner of a line; a [`Stage`] is one axis on it. Nothing here
 //! decides where an axis goes: a stage takes only a [`Target`](rig_model::Target), and a move is
@@ -11,8 +11,6 @@ mod echo;
 mod error;
 mod halt;
 mod line;
-pub mod map;
-pub mod maps;
 mod order;
 mod port_loan;
 mod profile;
@@ -26,7 +24,7 @@ pub use drive_reading::{Alarm, AxisStatus};
 pub use error::{BusError, DeviceRefusal, Exception, LineFault, StageError};
 pub use halt::HaltFrames;
 pub use line::CheckRegisters;
-pub use map::RegisterMap;
 pub use request::{Reply, Request};
+pub use rig_files::instrument::drive::RegisterMap;
 pub use stage::{Look, Stage};
 pub use symptom::Symptom;

@@ -2,13 +2,12 @@
 
 use std::time::Duration;
 
+use rig_files::instrument::drive::{
+    AccelerationUnit, Quantity, RegisterContent, SpeedUnit, Step, Width,
+};
 use rig_model::{Axis, Position, Scale, Unit};
 
-use crate::{
-    RegisterMap, Request, StageError,
-    map::{AccelerationUnit, Quantity, RegisterContent, SpeedUnit, Step, Width},
-    profile,
-};
+use crate::{RegisterMap, Request, StageError, profile};
 
 /// Standard acceleration of free fall, mm/s².
 const FREE_FALL_MM_PER_S2: f64 = 9806.65;
@@ -124,10 +123,10 @@ impl Order {
     }
 
     /// The action of a step of the command.
-    pub(crate) fn action(&self, step: Step) -> StepAction {
-        StepAction::Ask(match step {
+    pub(crate) fn action(&self, step: &Step) -> StepAction {
+        StepAction::Ask(match *step {
             Step::Hold { ms } => return StepAction::Wait(Duration::from_millis(ms.into())),
-            Step::Registers { address, contents } => {
+            Step::Registers { address, ref contents } => {
                 Request::WriteRegisters { address, values: self.words(contents) }
             }
             Step::Register { address, value } => Request::WriteRegister { address, value },

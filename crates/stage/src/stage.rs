@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use rig_files::instrument::drive::Step;
 use rig_link::{HealthMeter, StopSignal};
 use rig_model::{Axis, Position, Scale, Target, Unit};
 use tokio::time::{Instant, sleep, sleep_until};
@@ -11,7 +12,6 @@ use crate::{
     StageError,
     drive_reading::{DriveReading, alarm, number, read_request},
     line::CheckRegisters,
-    map::Step,
     order::{Order, StepAction},
 };
 
@@ -94,14 +94,14 @@ impl<U: Unit> Stage<U> {
     /// given; [`StageError::Unrecognised`] when anything else may be there.
     pub async fn identify(&mut self) -> Result<AxisStatus<U>, StageError<U>> {
         let order = Order::at_rest(&self.scale, &self.axis)?;
-        let settings = self.map.settings;
+        let settings = &self.map.settings;
         let request = read_request(settings.read);
         // A drive that was switched off has lost the settings that identified it.
         self.recognise_by(request.clone(), None).await?;
         self.check_signature().await?;
-        let expected = Reply::Words(order.words(settings.expect));
+        let expected = Reply::Words(order.words(&settings.expect));
         if self.ask(request.clone()).await? != expected {
-            self.take_all(settings.write, &order).await?;
+            self.take_all(&settings.write, &order).await?;
             if self.ask(request.clone()).await? != expected {
                 let (port, unit) = (self.bus.name().clone(), self.unit);
                 let fault = LineFault::Changed { port, unit, request };
@@ -109,7 +109,7 @@ impl<U: Unit> Stage<U> {
             }
         }
         self.recognise_by(request, Some(expected)).await?;
-        self.command(self.map.prepare).await?;
+        self.command(&self.map.prepare).await?;
         self.status().await
     }
 
@@ -130,20 +130,21 @@ impl<U: Unit> Stage<U> {
     /// As [`look`](Self::look).
     pub async fn look_again(&mut self) -> Result<Look<U>, StageError<U>> {
         let order = Order::at_rest(&self.scale, &self.axis)?;
-        let settings = self.map.settings;
+        let settings = &self.map.settings;
         self.check_signature().await?;
         let found = self.ask(read_request(settings.read)).await?;
-        let has_settings = found == Reply::Words(order.words(settings.expect));
+        let has_settings = found == Reply::Words(order.words(&settings.expect));
         Ok(Look { status: self.status().await?, has_settings })
     }
 
     /// Checks, before anything is written, that the device is a drive of this make, and that it counts
     /// as the rig file says.
     async fn check_signature(&self) -> Result<(), StageError<U>> {
-        let (signature, drives) = (self.map.signature, self.map.drives);
+        let (signature, drives) = (&self.map.signature, self.map.drives.as_str());
         let reply = self.ask(read_request(signature.read)).await?;
-        for &(address, width, min, max) in signature.ranges {
-            let (what, found) = (signature.what, number(signature.read, &reply, address, width));
+        for &(address, width, min, max) in &signature.ranges {
+            let (what, found) =
+                (signature.what.as_str(), number(signature.read, &reply, address, width));
             if found < min || max < found {
                 return Err(StageError::Unrecognised { what, found, min, max, drives });
             }
@@ -224,7 +225,7 @@ impl<U: Unit> Stage<U> {
         if stop.is_raised() {
             return Err(self.stopped_at(from));
         }
-        self.take_all(self.map.start, &order).await?;
+        self.take_all(&self.map.start, &order).await?;
         self.follow(target, &order, from, stop).await
     }
 
@@ -283,7 +284,7 @@ impl<U: Unit> Stage<U> {
         let at = self.scale.position(reading.position.into());
         let moved = self.scale.position(from.into()).value() - at.value();
         if reading.target != order.target || moved.abs() <= self.axis.tolerance() {
-            return StageError::Ignored { wanted, at, hint: self.map.ignored_hint };
+            return StageError::Ignored { wanted, at, hint: &self.map.ignored_hint };
         }
         StageError::NotThere { wanted, at, off: (at.value() - wanted.value()).abs() }
     }
@@ -316,7 +317,7 @@ impl<U: Unit> Stage<U> {
             return Err(self.stopped_at(from.position));
         }
         let started_at = self.scale.position(from.position.into()).value();
-        self.command(self.map.home).await?;
+        self.command(&self.map.home).await?;
         let started = Instant::now();
         let mut next_reading_at = started + self.start_within();
         loop {
@@ -348,7 +349,7 @@ impl<U: Unit> Stage<U> {
     /// [`StageError::WillNotStop`], [`StageError::Bus`].
     pub async fn stop(&mut self) -> Result<Position<U>, StageError<U>> {
         let order = Order::at_rest(&self.scale, &self.axis)?;
-        for &step in self.map.stop {
+        for step in &self.map.stop {
             self.take(step, &order, Priority::Urgent).await?;
         }
         let started = Instant::now();
@@ -365,7 +366,7 @@ impl<U: Unit> Stage<U> {
             }
             sleep(READ_INTERVAL_MIN).await;
         };
-        self.command(self.map.release_stop).await?;
+        self.command(&self.map.release_stop).await?;
         Ok(at)
     }
 
@@ -376,7 +377,7 @@ impl<U: Unit> Stage<U> {
     /// [`StageError::Uncountable`] for an axis whose limits its drive cannot count to.
     pub fn halt_frames(&self) -> Result<HaltFrames, StageError<U>> {
         let order = Order::at_rest(&self.scale, &self.axis)?;
-        let frames = self.map.stop.iter().filter_map(|&step| match order.action(step) {
+        let frames = self.map.stop.iter().filter_map(|step| match order.action(step) {
             StepAction::Ask(request) => Some((self.unit, request)),
             StepAction::Wait(_) => None,
         });
@@ -388,8 +389,8 @@ impl<U: Unit> Stage<U> {
     /// # Errors
     /// [`StageError::AlarmPersists`], [`StageError::Bus`].
     pub async fn reset_alarm(&mut self) -> Result<AxisStatus<U>, StageError<U>> {
-        self.command(self.map.reset).await?;
-        self.command(self.map.prepare).await?;
+        self.command(&self.map.reset).await?;
+        self.command(&self.map.prepare).await?;
         let give_up = Instant::now() + RESET_WITHIN;
         loop {
             let status = self.status().await?;
@@ -432,7 +433,7 @@ impl<U: Unit> Stage<U> {
     }
 
     async fn take_all(&self, steps: &[Step], order: &Order) -> Result<(), StageError<U>> {
-        for &step in steps {
+        for step in steps {
             self.take(step, order, Priority::None).await?;
         }
         Ok(())
@@ -440,7 +441,7 @@ impl<U: Unit> Stage<U> {
 
     async fn take(
         &self,
-        step: Step,
+        step: &Step,
         order: &Order,
         priority: Priority,
     ) -> Result<(), StageError<U>> {
@@ -458,7 +459,7 @@ impl<U: Unit> Stage<U> {
 
     async fn read_drive(&mut self) -> Result<DriveReading, StageError<U>> {
         let mut replies = Vec::with_capacity(self.map.status.len());
-        for &block in self.map.status {
+        for &block in &self.map.status {
             replies.push(self.ask(read_request(block)).await?);
         }
         let reading = DriveReading::new(self.map, &replies);

@@ -8,7 +8,8 @@ use std::{
     time::Duration,
 };
 
-use rig_analyzer::{Analyzer, HIOKI_IM3536};
+use rig_analyzer::Analyzer;
+use rig_files::instrument::HIOKI_IM3536;
 use rig_link::{Clock, Port};
 use rig_model::{LineSettings, Parity, StopBits};
 use tokio::{

@@ -7,3 +7,4 @@ mod measurements;
 mod peer;
 mod relatives;
 mod simulated;
+mod user;

@@ -2,7 +2,8 @@
 
 use std::{collections::BTreeMap, time::Duration};
 
-use rig_analyzer::{Analyzer, AnalyzerError, HIOKI_IM3536, TransportSettings};
+use rig_analyzer::{Analyzer, AnalyzerError, TransportSettings};
+use rig_files::instrument::HIOKI_IM3536;
 use rig_link::{Clock, Port, StopSignal};
 use rig_model::{
     DriveLevel, LineSettings, Parity, PointResult, Reading, ReadingFlag, StopBits, SweepPoint,

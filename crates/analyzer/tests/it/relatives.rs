@@ -5,7 +5,8 @@ use std::{
     time::Duration,
 };
 
-use rig_analyzer::{Analyzer, AnalyzerError, Dialect, HP_4284A, TONGHUI_TH283X};
+use rig_analyzer::{Analyzer, AnalyzerError, Dialect};
+use rig_files::instrument::{HP_4284A, TONGHUI_TH283X};
 use rig_link::{Clock, Endpoint, Port, StopSignal, Transport};
 use rig_model::{DriveLevel, LineSettings, Parity, Reading, ReadingFlag, StopBits, SweepPoint};
 use tokio::{

@@ -1,9 +1,7 @@
 //! The dialects against the simulated instruments, which share no line with them.
 
-use rig_analyzer::{
-    Analyzer, AnalyzerError, Dialect, HIOKI_IM3536, HP_4284A, KEYSIGHT_E4980A, KEYSIGHT_E4990A,
-    TONGHUI_TH283X,
-};
+use rig_analyzer::{Analyzer, AnalyzerError, Dialect};
+use rig_files::instrument::{KEYSIGHT_E4980A, KEYSIGHT_E4990A, TONGHUI_TH283X};
 use rig_link::{Clock, Flow, Port, StopSignal};
 use rig_model::{AnalyzerMake, DriveLevel, Reading, ReadingFlag, SweepPoint};
 use rig_sim::{
@@ -28,11 +26,15 @@ async fn analyzer_on(rig: &mut SimRig, dialect: &'static Dialect) -> Analyzer {
     analyzer
 }
 
-const MAKES: [(AnalyzerMake, &Dialect, f64); 3] = [
-    (AnalyzerMake::HiokiIm3536, &HIOKI_IM3536, 5.0),
-    (AnalyzerMake::KeysightE4980a, &KEYSIGHT_E4980A, 5.0),
-    (AnalyzerMake::KeysightE4990a, &KEYSIGHT_E4990A, 1.0),
-];
+/// Three makes, each with a level that it gives, V.
+fn makes() -> [(AnalyzerMake, &'static Dialect, f64); 3] {
+    let makes = [
+        (AnalyzerMake::HiokiIm3536, 5.0),
+        (AnalyzerMake::KeysightE4980a, 5.0),
+        (AnalyzerMake::KeysightE4990a, 1.0),
+    ];
+    makes.map(|(make, volt)| (make, Dialect::of(make), volt))
+}
 
 fn point(frequency_hz: f64, cycles: u32) -> SweepPoint {
     SweepPoint { frequency_hz, settle_s: 3.0, cycles }
@@ -44,14 +46,14 @@ async fn three_makes_measure_the_same_sensor() {
     let points =
         [point(130.0, 2), point(135.0, 2), point(140.0, 2), point(150.0, 2), point(141.3, 990)];
     let mut all: Vec<Vec<Reading>> = Vec::new();
-    for (model, dialect, volt) in MAKES {
+    for (model, dialect, volt) in makes() {
         let mut rig = bench(model);
         let mut analyzer = analyzer_on(&mut rig, dialect).await;
         analyzer.configure(DriveLevel { volt }).await.unwrap();
         let readings = analyzer.measure(&points, &StopSignal::new()).await.unwrap();
-        assert!(readings.is_sorted_by_key(|reading| reading.started), "{}", dialect.make);
+        assert!(readings.is_sorted_by_key(|reading| reading.started), "{}", dialect.name);
         for (reading, point) in readings.iter().zip(&points) {
-            let context = (dialect.make, point.frequency_hz);
+            let context = (&dialect.name, point.frequency_hz);
             assert_eq!(reading.frequency_hz, point.frequency_hz, "{context:?}");
             assert_eq!(reading.flag(), None, "{context:?}");
             assert!(point.settle_s <= reading.settle_s, "{context:?}: {}", reading.settle_s);
@@ -73,7 +75,7 @@ async fn three_makes_measure_the_same_sensor() {
 #[tokio::test(start_paused = true)]
 async fn an_overload_is_measured_again_and_one_that_stays_is_given_up() {
     let points = [130.0, 135.0, 140.0, 141.3].map(|hz| point(hz, 10));
-    for (model, dialect, volt) in MAKES {
+    for (model, dialect, volt) in makes() {
         let mut rig = bench(model);
         let mut analyzer = analyzer_on(&mut rig, dialect).await;
         analyzer.configure(DriveLevel { volt }).await.unwrap();
@@ -89,15 +91,15 @@ async fn an_overload_is_measured_again_and_one_that_stays_is_given_up() {
         let readings = analyzer.measure(&points, &StopSignal::new()).await.unwrap();
         let flags: Vec<_> = readings.iter().map(Reading::flag).collect();
         let once = [Some(ReadingFlag::Overload), None, None, None, None];
-        assert_eq!(flags, once, "{}", dialect.make);
-        assert!(readings.is_sorted_by_key(|reading| reading.started), "{}", dialect.make);
+        assert_eq!(flags, once, "{}", dialect.name);
+        assert!(readings.is_sorted_by_key(|reading| reading.started), "{}", dialect.name);
         let found: Vec<f64> = readings[1..].iter().map(|reading| reading.frequency_hz).collect();
-        assert_eq!(found, [130.0, 135.0, 140.0, 141.3], "{}", dialect.make);
+        assert_eq!(found, [130.0, 135.0, 140.0, 141.3], "{}", dialect.name);
 
         overload(100);
         let readings = analyzer.measure(&points, &StopSignal::new()).await.unwrap();
         let flags: Vec<_> = readings.iter().map(Reading::flag).collect();
-        assert_eq!(flags, [Some(ReadingFlag::Overload); 3], "{}", dialect.make);
+        assert_eq!(flags, [Some(ReadingFlag::Overload); 3], "{}", dialect.name);
     }
 }
 
@@ -105,7 +107,7 @@ async fn an_overload_is_measured_again_and_one_that_stays_is_given_up() {
 #[tokio::test(start_paused = true)]
 async fn a_reading_after_a_cut_reply_is_one_of_a_settled_sensor() {
     let brief = SweepPoint { settle_s: 0.0, ..point(140.2, 2) };
-    for (model, dialect, volt) in MAKES {
+    for (model, dialect, volt) in makes() {
         for nth in 0..6 {
             let mut rig = bench(model);
             let mut analyzer = analyzer_on(&mut rig, dialect).await;
@@ -124,7 +126,7 @@ async fn a_reading_after_a_cut_reply_is_one_of_a_settled_sensor() {
                 assert!(
                     off < 1e-3 * one.magnitude_ohm(),
                     "{} {nth}: {one:?} {two:?}",
-                    dialect.make
+                    dialect.name
                 );
             }
         }
@@ -172,7 +174,7 @@ async fn a_level_is_what_the_model_and_its_options_can_give() {
         (20.1, "keysight-e4980a: level in V 20.1 is outside [0.005, 20]"),
         (1.01, "keysight-e4990a: level in V 1.01 is outside [0.005, 1]"),
     ];
-    for ((model, dialect, _), (volt, message)) in MAKES[1..].iter().zip(rows) {
+    for ((model, dialect, _), (volt, message)) in makes()[1..].iter().zip(rows) {
         let mut rig = bench(*model);
         let mut analyzer = analyzer_on(&mut rig, dialect).await;
         let error = analyzer.configure(DriveLevel { volt }).await.unwrap_err();
@@ -182,14 +184,14 @@ async fn a_level_is_what_the_model_and_its_options_can_give() {
 
 #[tokio::test(start_paused = true)]
 async fn a_level_that_stands_is_not_set_again() {
-    for (model, dialect, volt) in MAKES {
+    for (model, dialect, volt) in makes() {
         let mut rig = bench(model);
         let mut analyzer = analyzer_on(&mut rig, dialect).await;
         analyzer.configure(DriveLevel { volt }).await.unwrap();
         let sent = |analyzer: &Analyzer| analyzer.transcript().frames().len();
         let before = sent(&analyzer);
         analyzer.configure(DriveLevel { volt }).await.unwrap();
-        assert_eq!(sent(&analyzer), before, "{}", dialect.make);
+        assert_eq!(sent(&analyzer), before, "{}", dialect.name);
         analyzer.configure(DriveLevel { volt: 0.5 }).await.unwrap();
         assert!(before < sent(&analyzer));
     }
@@ -205,26 +207,20 @@ async fn the_wrong_dialect_is_found_out_by_the_identity() {
 
 #[tokio::test(start_paused = true)]
 async fn every_frequency_of_a_range_is_set_as_the_driver_expects_it() {
-    let makes = [
-        (AnalyzerMake::HiokiIm3536, &HIOKI_IM3536),
-        (AnalyzerMake::KeysightE4980a, &KEYSIGHT_E4980A),
-        (AnalyzerMake::Hp4284a, &HP_4284A),
-        (AnalyzerMake::TonghuiTh283x, &TONGHUI_TH283X),
-        (AnalyzerMake::KeysightE4990a, &KEYSIGHT_E4990A),
-    ];
-    for (model, dialect) in makes {
+    for model in AnalyzerMake::ALL {
+        let dialect = Dialect::of(model);
         let mut rig = bench(model);
         let mut analyzer = analyzer_on(&mut rig, dialect).await;
         analyzer.configure(DriveLevel { volt: 1.0 }).await.unwrap();
-        let (min_hz, max_hz) = dialect.make.frequency_hz();
+        let (min_hz, max_hz) = dialect.frequency_hz;
         let odd = (0..40).map(|n| min_hz * (max_hz / min_hz).powf(f64::from(n) / 40.3));
         for frequency_hz in odd.chain([1487.29, 999.996, min_hz, max_hz]) {
             let point = SweepPoint { frequency_hz, settle_s: 0.0, cycles: 1 };
             let measured = analyzer.measure(&[point], &StopSignal::new()).await;
             let found_hz =
-                measured.unwrap_or_else(|e| panic!("{}: {e}", dialect.make))[0].frequency_hz;
+                measured.unwrap_or_else(|e| panic!("{}: {e}", dialect.name))[0].frequency_hz;
             let off = (found_hz / frequency_hz - 1.0).abs();
-            assert!(off < 0.01, "{}: {frequency_hz} Hz became {found_hz} Hz", dialect.make);
+            assert!(off < 0.01, "{}: {frequency_hz} Hz became {found_hz} Hz", dialect.name);
         }
     }
 }

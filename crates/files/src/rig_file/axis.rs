@@ -5,7 +5,10 @@ use std::ops::RangeInclusive;
 use rig_model::{Axis, AxisError, AxisLimits, DriveMake, Position, Scale, Span, Unit};
 
 use super::{AxisFile, fault::RigFileFault};
-use crate::settings::{Setting, Table};
+use crate::{
+    instrument::Named,
+    settings::{Setting, Table},
+};
 
 /// The keys of an axis, with its unit.
 #[derive(Debug)]
@@ -83,7 +86,7 @@ pub(super) struct AxisRead<U> {
     pub(super) axis: Axis<U>,
     pub(super) file: AxisFile<U>,
     /// `None` if it is faulty.
-    pub(super) make: Option<DriveMake>,
+    pub(super) instrument: Option<Named<DriveMake>>,
     pub(super) unit_id: Setting<u32>,
     pub(super) soft_limits: Setting<(f64, f64)>,
     pub(super) rest: Setting<f64>,
@@ -96,7 +99,7 @@ where
     RigFileFault: From<AxisError<U>>,
 {
     let makes = DriveMake::ALL.map(|make| (make.name(), make));
-    let make = table.choice("register_map", makes).required();
+    let make = table.choice_or_file("register_map", makes).required();
     let unit_id = table.count("unit_id").range(1..=247).required();
     let per_count = table.number(keys.per_count).required();
     let zero = table.number(keys.zero).or(0.0);
@@ -142,7 +145,7 @@ where
     AxisRead {
         axis: checked.unwrap_or_else(placeholder),
         file: AxisFile {
-            make: make.value,
+            instrument: make.value.clone(),
             unit_id: u8::try_from(unit_id.value).expect("the range of the key ends at 247"),
             scale: Scale {
                 per_count: per_count.value,
@@ -152,7 +155,7 @@ where
             },
             is_homing_up: homes.unwrap_or(false),
         },
-        make: make.sound().copied(),
+        instrument: make.sound().cloned(),
         unit_id,
         soft_limits,
         rest,

@@ -24,6 +24,8 @@ pub(super) enum RigFileFault {
     NoBaud,
     #[error("a line of {linear} and {rotary} needs its parity: their factory settings differ")]
     NoParity { linear: DriveMake, rotary: DriveMake },
+    #[error("a line with a drive that has a file of its own needs its parity")]
+    UnreadParity,
     #[error("tcp = \"{address}\" is not of the form host:port")]
     NotAnAddress { address: String },
     #[error("serial = \"{address}\" is an address, not a device file")]
@@ -81,6 +83,10 @@ impl Complaint for RigFileFault {
             Self::NoBaud => "read it from the display or the switches of the device".into(),
             Self::NoParity { .. } => {
                 "set both drives to one parity, and write it here: parity = \"none\" or \"even\""
+                    .into()
+            }
+            Self::UnreadParity => {
+                "write the parity that is set in the drives: parity = \"none\", \"even\" or \"odd\""
                     .into()
             }
             Self::NotADevice { address } => format!("write {{ tcp = \"{address}\" }}"),

@@ -15,6 +15,7 @@ use super::{
     sensor,
 };
 use crate::{
+    instrument::{Dialect, Named, RegisterMap},
     samples::samples,
     settings::{Presence, Setting, Table},
 };
@@ -28,7 +29,7 @@ pub(super) fn rig(table: &mut Table<'_>) -> RigFile {
     let linear = linear.required().value;
     let rotary = table.section("rotary", |table| axis::axis::<Deg>(table, &axis::ROTARY));
     let rotary = rotary.required().value;
-    let parity = line_parity(linear.make, rotary.make);
+    let parity = line_parity(linear.instrument.as_ref(), rotary.instrument.as_ref());
     let port = |table: &mut Table<'_>| port(table, parity.clone());
     let bus = table.section("bus", |table| table.section("port", port).required().value);
     let bus = bus.required();
@@ -113,15 +114,17 @@ struct AnalyzerRead {
 
 fn analyzer(table: &mut Table<'_>) -> AnalyzerRead {
     let makes = AnalyzerMake::ALL.map(|make| (make.name(), make));
-    let make = table.choice("dialect", makes).required();
+    let instrument = table.choice_or_file("dialect", makes).required();
     let port = table.section("port", |table| port(table, Ok(Parity::None))).required().value;
     let terminators = Terminator::ALL.map(|terminator| (terminator.name(), terminator));
     let terminator = table.choice("terminator", terminators).optional();
     let reply_timeout_s = table.number("reply_timeout_s").range(0.05..=60.0).or(1.0).value;
     let frequency_hz = table.number("frequency_hz").above(0.0).interval().required();
     let max_level_v = table.number("max_level_v").above(0.0).required();
-    if let Some(&make) = make.sound() {
-        let ((min, max), (_, limit)) = (make.frequency_hz(), make.level_v());
+    // The ranges of another instrument are compared when its file is read.
+    if let Some(&Named::Shipped(make)) = instrument.sound() {
+        let dialect = Dialect::of(make);
+        let ((min, max), (_, limit)) = (dialect.frequency_hz, dialect.level_v);
         if frequency_hz.sound().is_some_and(|&(lowest, highest)| lowest < min || max < highest) {
             let refusal = RigFileFault::BeyondDialect { make, min, max };
             table.refuse(&frequency_hz, &refusal);
@@ -134,7 +137,7 @@ fn analyzer(table: &mut Table<'_>) -> AnalyzerRead {
     let range = AnalyzerRange { frequency_hz: frequency_hz.value, max_level_v: max_level_v.value };
     AnalyzerRead {
         file: AnalyzerFile {
-            make: make.value,
+            instrument: instrument.value,
             port,
             terminator: terminator.map(|terminator| terminator.value),
             reply_timeout_s,
@@ -145,14 +148,21 @@ fn analyzer(table: &mut Table<'_>) -> AnalyzerRead {
 
 /// The parity of a line whose drives have their factory settings.
 fn line_parity(
-    linear: Option<DriveMake>,
-    rotary: Option<DriveMake>,
+    linear: Option<&Named<DriveMake>>,
+    rotary: Option<&Named<DriveMake>>,
 ) -> Result<Parity, RigFileFault> {
+    let parity = |make: DriveMake| RegisterMap::of(make).parity;
     match (linear, rotary) {
-        (Some(linear), Some(rotary)) if linear.parity() != rotary.parity() => {
+        (Some(Named::File { .. }), _) | (_, Some(Named::File { .. })) => {
+            Err(RigFileFault::UnreadParity)
+        }
+        (Some(&Named::Shipped(linear)), Some(&Named::Shipped(rotary)))
+            if parity(linear) != parity(rotary) =>
+        {
             Err(RigFileFault::NoParity { linear, rotary })
         }
-        (make, other) => Ok(make.or(other).map_or(Parity::None, DriveMake::parity)),
+        (Some(&Named::Shipped(make)), _) | (None, Some(&Named::Shipped(make))) => Ok(parity(make)),
+        (None, None) => Ok(Parity::None),
     }
 }
 

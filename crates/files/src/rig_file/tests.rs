@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use rig_model::{AnalyzerMake, DriveMake, LineSettings, Parity, StopBits};
 
-use super::{Connection, Pace, PortFile, RigFile};
+use super::{Connection, Named, Pace, PortFile, RigFile};
 
 const SIMULATED: &str = include_str!("../../../../config/rigs/simulated.toml");
 const BENCH: &str = include_str!("../../../../config/rigs/bench.toml");
@@ -46,7 +46,7 @@ fn a_rig_file_has_ports_addresses_and_positions() {
     );
     assert_eq!((rig.linear.unit_id, rig.rotary.unit_id), (1, 2));
     assert_eq!(rig.limits.linear.rest_target().position().value(), 24.5);
-    assert_eq!(rig.linear.make, DriveMake::OrientalAz);
+    assert_eq!(rig.linear.instrument, Named::Shipped(DriveMake::OrientalAz));
 }
 
 #[test]
@@ -230,4 +230,22 @@ fn every_key_of_the_schema_that_is_in_force_is_listed_with_its_line() {
     let values = RigFile::in_force("rig.toml", &without).unwrap();
     let patience = values.iter().find(|value| value.name == "recovery.patience_s").unwrap();
     assert_eq!((patience.text.as_deref(), patience.location), (Some("120"), None));
+}
+
+#[test]
+fn an_instrument_with_a_file_is_named_by_its_path() {
+    let text = SIMULATED
+        .replacen("dialect = \"hioki-im3536\"", "dialect = \"lab/bridge.toml\"", 1)
+        .replacen("register_map = \"oriental-az\"", "register_map = \"lab/drive.toml\"", 1);
+    let baud = "baud = 115200";
+    let rig = RigFile::read("rig.toml", &text.replacen(baud, "baud = 115200, parity = \"odd\"", 1));
+    let rig = rig.unwrap();
+    let Named::File { path, location } = &rig.analyzer.instrument else { panic!("{rig:?}") };
+    assert_eq!((path.as_path(), location.column), (Path::new("lab/bridge.toml"), 11));
+    assert!(matches!(rig.linear.instrument, Named::File { .. }));
+    assert_eq!(rig.bus.line().map(|line| line.parity), Some(Parity::Odd));
+    let refused = RigFile::read("rig.toml", &text).unwrap_err().to_string();
+    let expected = "a line with a drive that has a file of its own needs its parity; write the parity \
+                    that is set in the drives: parity = \"none\", \"even\" or \"odd\"";
+    assert!(refused.ends_with(expected), "{refused}");
 }

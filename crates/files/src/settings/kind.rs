@@ -1,6 +1,6 @@
 //! The kinds of value that a key may hold.
 
-use std::fmt;
+use std::{fmt, path::PathBuf};
 
 use serde_json::{Map, Value, json};
 use toml::{Spanned, de::DeValue};
@@ -13,7 +13,10 @@ use super::{
     unit_hint::unit_hint,
     value_fault::{Bound, FaultyValue, Limit, ValueFault},
 };
-use crate::Location;
+use crate::{
+    Location,
+    instrument::{ENDING, Named},
+};
 
 /// A kind of value. Only this module has kinds.
 pub trait Kind: sealed::Sealed {
@@ -50,6 +53,7 @@ mod sealed {
     impl Sealed for super::Flag {}
     impl Sealed for super::Text {}
     impl<T> Sealed for super::Choice<T> {}
+    impl<T> Sealed for super::ChoiceOrFile<T> {}
     impl<K> Sealed for super::List<K> {}
     impl<F> Sealed for super::Section<F> {}
     impl Sealed for super::Interval {}
@@ -181,7 +185,11 @@ impl<T: Copy + fmt::Display + TryFrom<i128> + Into<i128>> Kind for Integer<T> {
     }
 
     fn schema(&self, _: &str) -> Value {
-        let limit = |value: T| u64::try_from(value.into()).unwrap_or_default();
+        let limit = |value: T| {
+            let value: i128 = value.into();
+            let below_zero = || json!(i64::try_from(value).unwrap_or(i64::MIN));
+            u64::try_from(value).map_or_else(|_| below_zero(), |value| json!(value))
+        };
         json!({ "type": "integer", "minimum": limit(self.min), "maximum": limit(self.max) })
     }
 
@@ -294,6 +302,40 @@ impl<T: Clone + PartialEq> Kind for Choice<T> {
     fn written(&self, value: &T) -> Option<String> {
         let (word, _) = self.words.iter().find(|(_, meaning)| meaning == value)?;
         Some(format!("\"{word}\""))
+    }
+}
+
+/// One of a few words, or the path of an instrument file.
+#[derive(Debug, Clone)]
+pub struct ChoiceOrFile<T> {
+    pub(crate) choice: Choice<T>,
+}
+
+impl<T: Clone + PartialEq> Kind for ChoiceOrFile<T> {
+    type Value = Named<T>;
+
+    fn read<'d>(&self, slot: &Slot<'d>, value: &'d Spanned<DeValue<'d>>) -> Option<Named<T>> {
+        if value.get_ref().as_str().is_some_and(|text| text.ends_with(ENDING)) {
+            let path = Text { max_chars: 250 }.read(slot, value)?;
+            return Some(Named::File { path: PathBuf::from(path), location: slot.location });
+        }
+        self.choice.read(slot, value).map(Named::Shipped)
+    }
+
+    fn placeholder(&self, slot: &Slot<'_>) -> Named<T> {
+        Named::Shipped(self.choice.placeholder(slot))
+    }
+
+    fn schema(&self, path: &str) -> Value {
+        let file = json!({ "type": "string", "pattern": r"\.toml$" });
+        json!({ "anyOf": [self.choice.schema(path), file] })
+    }
+
+    fn written(&self, value: &Named<T>) -> Option<String> {
+        match value {
+            Named::Shipped(make) => self.choice.written(make),
+            Named::File { path, .. } => Some(Value::from(path.to_string_lossy()).to_string()),
+        }
     }
 }
 

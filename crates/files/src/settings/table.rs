@@ -8,7 +8,7 @@ use toml::{
 };
 
 use super::{
-    Choice, Flag, Integer, Interval, Kind, List, Number, Section, Setting, Text,
+    Choice, ChoiceOrFile, Flag, Integer, Interval, Kind, List, Number, Section, Setting, Text,
     keys::{Described, TableKeys},
     kind::Slot,
     source::Source,
@@ -73,6 +73,11 @@ impl<'d> Table<'d> {
         self.entry(key, Integer { min: 0, max: u64::MAX })
     }
 
+    /// A whole number with a sign that fits in 32 bits.
+    pub fn integer(&mut self, key: &'static str) -> Entry<'_, 'd, Integer<i32>> {
+        self.entry(key, Integer { min: i32::MIN, max: i32::MAX })
+    }
+
     /// `true` or `false`.
     pub fn flag(&mut self, key: &'static str) -> Entry<'_, 'd, Flag> {
         self.entry(key, Flag)
@@ -97,6 +102,19 @@ impl<'d> Table<'d> {
         self.entry(key, Choice { words })
     }
 
+    /// One of a few words, each with its meaning, or the path of an instrument file.
+    ///
+    /// # Panics
+    /// If there are no words.
+    pub fn choice_or_file<T: Clone + PartialEq>(
+        &mut self,
+        key: &'static str,
+        words: impl IntoIterator<Item = (&'static str, T)>,
+    ) -> Entry<'_, 'd, ChoiceOrFile<T>> {
+        let Entry { table, key, kind: choice } = self.choice(key, words);
+        Entry { table, key, kind: ChoiceOrFile { choice } }
+    }
+
     /// A table with its own keys, read by `reader`.
     pub fn section<T, F: Fn(&mut Table<'_>) -> T>(
         &mut self,
@@ -109,6 +127,16 @@ impl<'d> Table<'d> {
     /// Adds a complaint about a setting.
     pub fn refuse(&self, location: impl Into<Location>, complaint: &impl Complaint) {
         self.source.refuse(location.into(), complaint);
+    }
+
+    /// Refuses a key that the table must not have, with a reason of its own.
+    pub fn refuse_key(&mut self, key: &'static str, complaint: &impl Complaint) {
+        let Some((written, _)) = self.entries.and_then(|entries| entries.get_key_value(key)) else {
+            return;
+        };
+        self.keys.asked.push(key);
+        self.keys.present.push(key);
+        self.source.refuse(self.source.location(written.span().start), complaint);
     }
 
     /// Start of the table.

@@ -6,6 +6,8 @@ use num_complex::Complex64;
 use rig_model::{AnalyzerMake, Impedance, PointResult, Reading, ReadingFlag, RigTime, Window};
 use rig_resonance::{Bench, Circuit, NoisePrior, Past, Timing, flagged};
 
+use crate::instrument::Dialect;
+
 use super::{
     FaultCollector, FileSweep, FitSettings, LeftOut, LeftOutReason,
     cells::{Separator, cells},
@@ -194,7 +196,7 @@ fn rows(header: &Header<'_>, text: &str, faults: &mut FaultCollector) -> Vec<Row
 
 /// The lowest frequency of any known analyzer, Hz.
 fn lowest_frequency_hz() -> f64 {
-    let lowest = AnalyzerMake::ALL.iter().map(|make| make.frequency_hz().0);
+    let lowest = AnalyzerMake::ALL.iter().map(|make| Dialect::of(*make).frequency_hz.0);
     lowest.fold(f64::INFINITY, f64::min)
 }
 

@@ -9,7 +9,11 @@ use std::{
 };
 
 use clap::{Args, Subcommand, ValueEnum};
-use rig_files::{rig_file::RigFile, service_file::ServiceFile};
+use rig_files::{
+    instrument::{Dialect, RegisterMap},
+    rig_file::RigFile,
+    service_file::ServiceFile,
+};
 use rig_protocol::Protocol;
 use serde_json::Value;
 
@@ -40,6 +44,10 @@ enum FileKind {
     Scene,
     /// The settings of the daemon
     Service,
+    /// What an impedance analyzer must be told
+    Analyzer,
+    /// What an axis drive must be told
+    Drive,
 }
 
 #[derive(Debug, Args)]
@@ -63,6 +71,9 @@ struct NewProtocolArgs {
 const PROTOCOL: &str = include_str!("../../../../config/protocols/three-direction.toml");
 const RIG: &str = include_str!("../../../../config/rigs/simulated.toml");
 const SERVICE: &str = include_str!("../../../../config/service/service.toml");
+/// The files of instruments to start from, which explain every key.
+pub(super) const ANALYZER: &str = include_str!("../../../../config/instruments/new-analyzer.toml");
+pub(super) const DRIVE: &str = include_str!("../../../../config/instruments/new-drive.toml");
 #[cfg(feature = "simulator")]
 const SCENE: &str = concat!(
     include_str!("../../../../config/scenes/paper.toml"),
@@ -78,6 +89,8 @@ pub(super) fn schema(args: &SchemaArgs) -> Result<(), Failure> {
         #[cfg(feature = "simulator")]
         FileKind::Scene => (rig_sim::scene::schema(), SCENE),
         FileKind::Service => (ServiceFile::schema(), SERVICE),
+        FileKind::Analyzer => (Dialect::schema(), ANALYZER),
+        FileKind::Drive => (RegisterMap::schema(), DRIVE),
     };
     let comments = comments(manual);
     let schema = described(schema, "", &comments);

@@ -30,7 +30,13 @@ pub(super) fn simulated(rig: &LoadedRig, plan: &Plan) -> LoadedRig {
         person: SimulatedPerson::Waits,
     };
     let file = RigFile { connection: Connection::Simulated(simulation), ..rig.file.clone() };
-    LoadedRig { path: PathBuf::new(), file, source: rig.source.clone(), scene: Some(scene) }
+    LoadedRig {
+        path: PathBuf::new(),
+        file,
+        instruments: rig.instruments,
+        source: rig.source.clone(),
+        scene: Some(scene),
+    }
 }
 
 fn bench_of(file: &RigFile, plan: &Plan) -> LoadedScene {

@@ -13,7 +13,7 @@ use super::{
     DeviceError, OpenError,
     open::{Ports, analyzer_on, bus_settings, describe, stage},
 };
-use crate::loaded_rig::LoadedRig;
+use crate::{instruments::Instruments, loaded_rig::LoadedRig};
 
 /// Number of readings of an axis, for the statistics of round trips.
 const LOOKS: u32 = 10;
@@ -144,17 +144,18 @@ pub fn inspect(rig: LoadedRig) -> Result<Inspection, OpenError> {
 }
 
 async fn inspect_devices(rig: LoadedRig) -> Result<Inspection, OpenError> {
-    let LoadedRig { file, scene, .. } = rig;
+    let LoadedRig { file, instruments, scene, .. } = rig;
     // The simulated devices live until the end.
     let Ports { analyzer, bus, simulation: _simulation } =
-        Ports::open(&file, scene, None, Clock::start()).await?;
-    let (analyzer_port, analyzer) = look_at_analyzer(&file, analyzer).await;
-    let (bus_port, linear, rotary) = look_at_bus(&file, bus).await;
+        Ports::open(&file, &instruments, scene, None, Clock::start()).await?;
+    let (analyzer_port, analyzer) = look_at_analyzer(&file, &instruments, analyzer).await;
+    let (bus_port, linear, rotary) = look_at_bus(&file, &instruments, bus).await;
     Ok(Inspection { ports: [analyzer_port, bus_port], devices: [analyzer, linear, rotary] })
 }
 
 async fn look_at_analyzer(
     file: &RigFile,
+    instruments: &Instruments,
     port: Result<Port, rig_link::OpenError>,
 ) -> (PortSeen, DeviceSeen) {
     let name = name(&file.analyzer.port, &port);
@@ -166,7 +167,7 @@ async fn look_at_analyzer(
         Err(error) => return (seen(Err(error)), device(None)),
     };
     let (intruders, transcript) = (port.intruders(), port.transcript());
-    let outcome = greet(analyzer_on(port, file), &file.limits).await;
+    let outcome = greet(analyzer_on(port, file, instruments.analyzer), &file.limits).await;
     (seen(Ok(port_facts(&name, intruders, &transcript))), device(Some(outcome)))
 }
 
@@ -180,6 +181,7 @@ async fn greet(mut analyzer: Analyzer, limits: &RigLimits) -> Result<DeviceFacts
 
 async fn look_at_bus(
     file: &RigFile,
+    instruments: &Instruments,
     port: Result<Port, rig_link::OpenError>,
 ) -> (PortSeen, DeviceSeen, DeviceSeen) {
     let name = name(&file.bus, &port);
@@ -194,10 +196,12 @@ async fn look_at_bus(
     };
     let (intruders, transcript) = (port.intruders(), port.transcript());
     let bus = BusHandle::open(port, bus_settings(&file.bus));
-    let linear = look_at_axis(stage(&bus, &file.linear, file.limits.linear)).await;
-    let rotary = look_at_axis(stage(&bus, &file.rotary, file.limits.rotary)).await;
-    let linear = linear.map(|axis| axis_facts(describe(&file.linear), axis));
-    let rotary = rotary.map(|axis| axis_facts(describe(&file.rotary), axis));
+    let linear =
+        look_at_axis(stage(&bus, &file.linear, instruments.linear, file.limits.linear)).await;
+    let rotary =
+        look_at_axis(stage(&bus, &file.rotary, instruments.rotary, file.limits.rotary)).await;
+    let linear = linear.map(|axis| axis_facts(describe(&file.linear, instruments.linear), axis));
+    let rotary = rotary.map(|axis| axis_facts(describe(&file.rotary, instruments.rotary), axis));
     (
         seen(Ok(port_facts(&name, intruders, &transcript))),
         device("linear stage", Some(linear.map_err(DeviceError::from))),

@@ -15,6 +15,7 @@ use super::{
     gate::Gate,
 };
 use crate::{
+    instruments::{Instruments, NotSimulated},
     loaded_rig::{LoadedRig, LoadedScene},
     simulation::{SceneError, SimHandle, Simulation},
 };
@@ -42,6 +43,9 @@ pub enum OpenError {
     /// The scene cannot be set up.
     #[error("scene")]
     Scene(#[from] SceneError),
+    /// A simulated rig has an instrument that no simulated device plays.
+    #[error(transparent)]
+    NotSimulated(#[from] NotSimulated),
     /// A port cannot be opened.
     #[error("{role}")]
     Port {
@@ -125,25 +129,26 @@ pub(super) async fn open_rig(
     clock: Clock,
 ) -> Result<Opened, OpenError> {
     let known_samples = rig.known_samples();
-    let LoadedRig { file, source, scene, .. } = rig;
+    let LoadedRig { file, instruments, source, scene, .. } = rig;
     let scene_source = scene.as_ref().map(|scene| scene.source().clone());
-    let Ports { analyzer, bus, simulation } = Ports::open(&file, scene, bench, clock).await?;
+    let Ports { analyzer, bus, simulation } =
+        Ports::open(&file, &instruments, scene, bench, clock).await?;
     let analyzer_port = analyzer.map_err(|source| OpenError::Port { role: "analyzer", source })?;
     let bus_port = bus.map_err(|source| OpenError::Port { role: "bus", source })?;
     let black_boxes =
         [&analyzer_port, &bus_port].map(|port| (port.name().clone(), port.transcript()));
-    let mut analyzer = analyzer_on(analyzer_port, &file);
+    let mut analyzer = analyzer_on(analyzer_port, &file, instruments.analyzer);
     let bus = BusHandle::open(bus_port, bus_settings(&file.bus));
-    let mut linear = stage(&bus, &file.linear, file.limits.linear);
-    let mut rotary = stage(&bus, &file.rotary, file.limits.rotary);
+    let mut linear = stage(&bus, &file.linear, instruments.linear, file.limits.linear);
+    let mut rotary = stage(&bus, &file.rotary, instruments.rotary, file.limits.rotary);
     let identity = analyzer.identify().await.map_err(device("analyzer", &file.analyzer.port))?;
     look_at(&mut linear).await.map_err(device("linear stage", &file.bus))?;
     look_at(&mut rotary).await.map_err(device("rotary stage", &file.bus))?;
     let device_of = |role, identity, health| DeviceIdentity { role, identity, health };
     let devices = Arc::new([
         device_of("analyzer", identity.to_string(), analyzer.health()),
-        device_of("linear stage", describe(&file.linear), linear.health()),
-        device_of("rotary stage", describe(&file.rotary), rotary.health()),
+        device_of("linear stage", describe(&file.linear, instruments.linear), linear.health()),
+        device_of("rotary stage", describe(&file.rotary, instruments.rotary), rotary.health()),
     ]);
     let setting = Setting {
         limits: file.limits,
@@ -182,22 +187,24 @@ async fn look_at<U: Unit>(stage: &mut Stage<U>) -> Result<(), StageError<U>> {
 }
 
 /// The ports of a rig. One can be open while the other is not.
-pub(super) struct Ports {
-    pub(super) analyzer: Result<Port, rig_link::OpenError>,
-    pub(super) bus: Result<Port, rig_link::OpenError>,
-    pub(super) simulation: Option<Simulation>,
+pub(crate) struct Ports {
+    pub(crate) analyzer: Result<Port, rig_link::OpenError>,
+    pub(crate) bus: Result<Port, rig_link::OpenError>,
+    pub(crate) simulation: Option<Simulation>,
 }
 
 impl Ports {
     /// Opens them; with a scene, simulated devices replace those on the ports.
-    pub(super) async fn open(
+    pub(crate) async fn open(
         file: &RigFile,
+        instruments: &Instruments,
         scene: Option<LoadedScene>,
         bench: Option<SimHandle>,
         clock: Clock,
     ) -> Result<Self, OpenError> {
         if let Some(scene) = scene {
-            return Ok(Self::simulated(file, Simulation::start(file, scene, bench)?, clock).await);
+            let simulation = Simulation::start(file, instruments.simulated()?, scene, bench)?;
+            return Ok(Self::simulated(file, simulation, clock).await);
         }
         Ok(Self {
             analyzer: open_port(&file.analyzer.port, clock).await,
@@ -216,30 +223,31 @@ impl Ports {
 }
 
 /// An analyzer as the rig file describes it. A simulated one ends its messages as is usual.
-pub(super) fn analyzer_on(port: Port, file: &RigFile) -> Analyzer {
-    let AnalyzerFile { make, terminator, reply_timeout_s, .. } = &file.analyzer;
+pub(crate) fn analyzer_on(port: Port, file: &RigFile, dialect: &'static Dialect) -> Analyzer {
+    let AnalyzerFile { terminator, reply_timeout_s, .. } = &file.analyzer;
     let terms = TransportSettings {
         terminator: terminator.filter(|_| file.connection == Connection::Ports),
         reply_within: Duration::from_secs_f64(*reply_timeout_s),
     };
-    Analyzer::open_with(port, Dialect::of(*make), terms)
+    Analyzer::open_with(port, dialect, terms)
 }
 
 pub(super) fn stage<U: Unit>(
     bus: &BusHandle,
     file: &AxisFile<U>,
+    map: &'static RegisterMap,
     axis: rig_model::Axis<U>,
 ) -> Stage<U> {
-    Stage::new(bus.clone(), RegisterMap::of(file.make), file.unit_id, file.scale, axis)
+    Stage::new(bus.clone(), map, file.unit_id, file.scale, axis)
 }
 
 /// The identity of a drive. Few drives report one.
-pub(super) fn describe<U>(file: &AxisFile<U>) -> String {
-    format!("{} at unit {}", file.make, file.unit_id)
+pub(super) fn describe<U>(file: &AxisFile<U>, map: &RegisterMap) -> String {
+    format!("{} at unit {}", map.name, file.unit_id)
 }
 
 /// Modbus RTU on a serial line, Modbus TCP on the network.
-pub(super) const fn bus_settings(port: &PortFile) -> BusSettings {
+pub(crate) const fn bus_settings(port: &PortFile) -> BusSettings {
     match port {
         PortFile::Serial { .. } => BusSettings::rtu(),
         PortFile::Tcp { .. } => BusSettings::tcp(),

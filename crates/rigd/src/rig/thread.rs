@@ -47,7 +47,7 @@ pub(super) fn run(
         }
     };
     runtime.block_on(async {
-        let file = rig.file.clone();
+        let (file, instruments) = (rig.file.clone(), rig.instruments);
         let shell = match Store::open(&data) {
             Ok(store) => Shell::open(rig, store, None).await,
             Err(source) => Err(OpenError::Data { data: data.clone(), source }),
@@ -70,7 +70,7 @@ pub(super) fn run(
                     let fault = Fault::Panicked { what: panic_message(&*panic).to_owned() };
                     // The ports and the journal are free for the way out.
                     drop(shell);
-                    let kept = Kept { file, data, simulation };
+                    let kept = Kept { file, instruments, data, simulation };
                     leave_contact(kept, fault, &watched).await;
                     refuse_all(inbox).await;
                 }

@@ -30,7 +30,7 @@ use super::{
     slot::Slot,
     until,
 };
-use crate::{loaded_rig::LoadedRig, simulation::Simulation};
+use crate::{instruments::Instruments, loaded_rig::LoadedRig, simulation::Simulation};
 
 /// Longest wait for a port that another program holds: one that is ending releases it at once.
 const HELD_FOR: Duration = Duration::from_secs(2);
@@ -75,23 +75,25 @@ pub fn make_safe(rig: LoadedRig, data: Option<&Path>, by: &str) -> Result<WayOut
     let log = Log::open(data, &rig.file.name)?;
     runtime.block_on(async {
         let clock = Clock::start();
-        let LoadedRig { file, scene, .. } = rig;
+        let LoadedRig { file, instruments, scene, .. } = rig;
         // The simulated devices live until the end.
         let (port, _simulation) = match &file.connection {
             Connection::Ports => (wait_for_port(&file, clock).await, None),
             Connection::Simulated(_) => {
-                let Ports { bus, simulation, .. } = Ports::open(&file, scene, None, clock).await?;
+                let Ports { bus, simulation, .. } =
+                    Ports::open(&file, &instruments, scene, None, clock).await?;
                 (bus, simulation)
             }
         };
         let port = port.map_err(|source| OpenError::Port { role: "bus", source })?;
-        retract(&file, port, clock, Fault::Stopped { by: by.to_owned() }, log).await
+        retract(&file, &instruments, port, clock, Fault::Stopped { by: by.to_owned() }, log).await
     })
 }
 
 /// What is needed for the way out after a panic.
 pub(super) struct Kept {
     pub(super) file: RigFile,
+    pub(super) instruments: Instruments,
     pub(super) data: PathBuf,
     pub(super) simulation: Option<Simulation>,
 }
@@ -99,7 +101,7 @@ pub(super) struct Kept {
 impl Kept {
     /// Retracts after the devices and the journal of the rig thread were dropped.
     pub(super) async fn retract(self, fault: Fault) -> Result<WayOut, OpenError> {
-        let Self { file, data, simulation } = self;
+        let Self { file, instruments, data, simulation } = self;
         let clock = Clock::start();
         let port = match simulation {
             Some(bench) => Port::open(bench.bus(&file), clock).await,
@@ -110,7 +112,7 @@ impl Kept {
             journal: None,
             recorded: Err(with_causes(&error).into()),
         });
-        retract(&file, port, clock, fault, log).await
+        retract(&file, &instruments, port, clock, fault, log).await
     }
 }
 
@@ -182,6 +184,7 @@ async fn wait_for_port(file: &RigFile, clock: Clock) -> Result<Port, rig_link::O
 
 async fn retract(
     file: &RigFile,
+    instruments: &Instruments,
     port: Port,
     clock: Clock,
     fault: Fault,
@@ -190,8 +193,8 @@ async fn retract(
     let began = clock.now();
     let bus = BusHandle::open(port, bus_settings(&file.bus));
     let axes = Axes {
-        linear: stage(&bus, &file.linear, file.limits.linear),
-        rotary: stage(&bus, &file.rotary, file.limits.rotary),
+        linear: stage(&bus, &file.linear, instruments.linear, file.limits.linear),
+        rotary: stage(&bus, &file.rotary, instruments.rotary, file.limits.rotary),
         is_homing_up: file.linear.is_homing_up,
         gate: Gate::new(file.limits, clock),
     };

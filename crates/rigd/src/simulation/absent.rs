@@ -7,7 +7,7 @@ use rig_files::rig_file::RigFile;
 use rig_link::Endpoint;
 use rig_store::Source;
 
-use crate::files::FileError;
+use crate::{files::FileError, instruments::SimulatedMakes};
 
 /// No bench can be simulated.
 #[derive(Debug, Clone)]
@@ -48,6 +48,7 @@ impl Simulation {
     #[expect(clippy::needless_pass_by_value, reason = "as with the simulator")]
     pub(crate) const fn start(
         _: &RigFile,
+        _: SimulatedMakes,
         scene: LoadedScene,
         _: Option<SimHandle>,
     ) -> Result<Self, SceneError> {

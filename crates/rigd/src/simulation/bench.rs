@@ -8,13 +8,16 @@ use rig_files::{
     rig_file::{AxisFile, Connection, PortFile, RigFile, SimulatedPerson},
 };
 use rig_link::{Endpoint, Transport};
-use rig_model::Unit;
+use rig_model::{DriveMake, Unit};
 use rig_protocol::Prompt;
 use rig_sim::{AxisWiring, LineTransport, PortId, SimRig, Wiring, world::Scene};
 pub use rig_sim::{SimHandle, world::SceneError};
 use rig_store::Source;
 
-use crate::files::{FileError, read};
+use crate::{
+    files::{FileError, read},
+    instruments::SimulatedMakes,
+};
 
 /// The scene of a simulated rig.
 #[derive(Debug)]
@@ -62,13 +65,14 @@ impl Simulation {
     /// The bench of a scene, or one that was open before.
     pub(crate) fn start(
         file: &RigFile,
+        makes: SimulatedMakes,
         LoadedScene { scene, .. }: LoadedScene,
         bench: Option<SimHandle>,
     ) -> Result<Self, SceneError> {
         let seed = scene.seed;
         let rig = match bench {
             Some(bench) => bench,
-            None => SimRig::start(scene, &wiring(file), seed)?.handle(),
+            None => SimRig::start(scene, &wiring(file, makes), seed)?.handle(),
         };
         let is_answering = !matches!(
             &file.connection,
@@ -130,12 +134,12 @@ impl Simulation {
     }
 }
 
-/// Simulated devices are of the makes that the rig file names.
-fn wiring(file: &RigFile) -> Wiring {
+/// Simulated devices are of these makes, and wired as in the rig file.
+fn wiring(file: &RigFile, makes: SimulatedMakes) -> Wiring {
     Wiring {
-        analyzer: file.analyzer.make,
-        linear: axis_wiring(&file.linear),
-        rotary: axis_wiring(&file.rotary),
+        analyzer: makes.analyzer,
+        linear: axis_wiring(&file.linear, makes.linear),
+        rotary: axis_wiring(&file.rotary, makes.rotary),
         transport: match file.bus.line() {
             Some(line) => LineTransport::Serial { baud: line.baud },
             None => LineTransport::Tcp,
@@ -143,9 +147,9 @@ fn wiring(file: &RigFile) -> Wiring {
     }
 }
 
-fn axis_wiring<U: Unit>(file: &AxisFile<U>) -> AxisWiring {
+fn axis_wiring<U: Unit>(file: &AxisFile<U>, make: DriveMake) -> AxisWiring {
     AxisWiring {
-        make: file.make,
+        make,
         unit_id: file.unit_id,
         units_per_step: file.scale.per_count,
         zero: file.scale.zero.value(),

@@ -41,6 +41,14 @@ pub enum ProgramError {
         /// The requested value.
         value: f64,
     },
+    /// Data as they are written are printable ASCII without what separates data and units.
+    #[error(
+        "`{text}` is not one datum of printable ASCII characters without `,`, `;` and quotation marks"
+    )]
+    NotLiteral {
+        /// The requested text.
+        text: String,
+    },
     /// Strings are ASCII.
     #[error("`{text}` holds characters beyond ASCII")]
     NotAscii {
@@ -143,6 +151,18 @@ impl Program {
         }
         self.separate();
         self.bytes.extend_from_slice(word.as_bytes());
+        self
+    }
+
+    /// Adds one datum as it is written, such as `0x1F`, `200HZ` or `1.50`.
+    #[must_use]
+    pub fn literal(mut self, text: &str) -> Self {
+        let is_plain = |byte: u8| byte.is_ascii_graphic() && !b",;\"'".contains(&byte);
+        if text.is_empty() || !text.bytes().all(is_plain) {
+            return self.refuse(ProgramError::NotLiteral { text: text.to_owned() });
+        }
+        self.separate();
+        self.bytes.extend_from_slice(text.as_bytes());
         self
     }
 

@@ -123,6 +123,16 @@ pub(crate) fn write_block(bytes: &[u8], out: &mut Vec<u8>) {
 }
 
 /// The shortest decimal that reads back as `value`, with an exponent when that is shorter to read.
+/// The shortest decimal form that reads back as the same number, as [`Program::number`] writes it. The
+/// number is finite.
+///
+/// [`Program::number`]: crate::Program::number
+pub fn shortest(value: f64) -> String {
+    let mut bytes = Vec::new();
+    write_shortest(value, &mut bytes);
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
 pub(crate) fn write_shortest(value: f64, out: &mut Vec<u8>) {
     if value == 0.0 || (1e-4..1e15).contains(&value.abs()) {
         put(out, format_args!("{value}"));

@@ -2,10 +2,11 @@
 
 use std::{
     collections::BTreeMap,
-    sync::{Arc, Mutex},
+    sync::{Arc, LazyLock, Mutex},
 };
 
-use rig_stage::{RegisterMap, maps};
+use rig_files::instrument::{IAI_RC, LEADSHINE_PR, ORIENTAL_AZ};
+use rig_stage::RegisterMap;
 use tokio::time::Instant;
 
 use crate::peer::with_crc;
@@ -13,7 +14,7 @@ use crate::peer::with_crc;
 /// What differs between the makes.
 #[derive(Debug)]
 pub(crate) struct Make {
-    pub(crate) map: &'static RegisterMap,
+    pub(crate) map: &'static LazyLock<RegisterMap>,
     /// Brings the registers that are read up to date.
     show: fn(&mut State),
     /// Carries out a write to these registers.
@@ -23,15 +24,11 @@ pub(crate) struct Make {
 }
 
 pub(crate) static AZ: Make =
-    Make { map: &maps::ORIENTAL_AZ, show: az::show, act: az::act, switch: |_, _, _| {} };
+    Make { map: &ORIENTAL_AZ, show: az::show, act: az::act, switch: |_, _, _| {} };
 pub(crate) static IAI: Make =
-    Make { map: &maps::IAI_RC, show: iai::show, act: iai::act, switch: iai::switch };
-pub(crate) static LEADSHINE: Make = Make {
-    map: &maps::LEADSHINE_PR,
-    show: leadshine::show,
-    act: leadshine::act,
-    switch: |_, _, _| {},
-};
+    Make { map: &IAI_RC, show: iai::show, act: iai::act, switch: iai::switch };
+pub(crate) static LEADSHINE: Make =
+    Make { map: &LEADSHINE_PR, show: leadshine::show, act: leadshine::act, switch: |_, _, _| {} };
 
 pub(crate) static MAKES: [&Make; 3] = [&AZ, &IAI, &LEADSHINE];
 

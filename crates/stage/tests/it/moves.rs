@@ -38,7 +38,7 @@ fn target(mm: f64) -> Target<Mm> {
 
 fn scale(make: &Make) -> Scale<Mm> {
     // A count of IAI is a hundredth of a millimetre; the others are a stepper of 6 mm lead.
-    let per_count = if make.map.make == DriveMake::IaiRc { 0.01 } else { 0.0006 };
+    let per_count = if make.map.simulated_as == Some(DriveMake::IaiRc) { 0.01 } else { 0.0006 };
     Scale {
         per_count,
         zero: Position::new(0.0),
@@ -129,7 +129,7 @@ async fn a_move_is_the_frame_that_the_manual_asks_for() {
         let target = axis.target(Position::new(mm)).unwrap();
         stage.move_to(target, speed, &StopSignal::new()).await.unwrap();
         let sent = drive.seen().into_iter().rfind(|frame| frame[1] == 0x10).unwrap();
-        assert_eq!(sent, hex(golden), "{}", make.map.make);
+        assert_eq!(sent, hex(golden), "{}", make.map.name);
     }
 }
 
@@ -143,7 +143,7 @@ async fn a_move_ends_at_its_target_after_the_time_it_takes() {
         assert!((at.value() + 50.0).abs() < 0.005);
         // 50 mm at 30 mm/s, two ramps, and hardly any waiting beyond.
         let seconds = started.elapsed().as_secs_f64();
-        assert!((1.71..1.78).contains(&seconds), "{}: {seconds}", make.map.make);
+        assert!((1.71..1.78).contains(&seconds), "{}: {seconds}", make.map.name);
     }
 }
 
@@ -157,7 +157,7 @@ async fn a_move_costs_one_write_and_a_look_a_second() {
             stage.move_to(target(mm), 6.0, &StopSignal::new()).await.unwrap();
             let requests = drive.seen().len() - before;
             let expected = 1 + (1 + seconds) * reads;
-            assert!(requests <= expected, "{} to {mm}: {requests}", make.map.make);
+            assert!(requests <= expected, "{} to {mm}: {requests}", make.map.name);
         }
     }
 }
@@ -235,9 +235,9 @@ async fn a_stop_does_not_wait_for_a_line_to_be_in_order() {
         let mut stage = stage_on(make, &drive, deaf);
         stage.identify().await.unwrap();
         let error = stage.move_to(target(50.0), 5.0, &StopSignal::new()).await.unwrap_err();
-        assert!(matches!(error, StageError::Bus(_)), "{}: {error:?}", make.map.make);
+        assert!(matches!(error, StageError::Bus(_)), "{}: {error:?}", make.map.name);
         drive.run_away();
-        assert!(drive.is_moving(), "{}", make.map.make);
+        assert!(drive.is_moving(), "{}", make.map.name);
         let drive_seen = drive.clone();
         let watch = tokio::spawn(async move {
             let started = Instant::now();
@@ -259,7 +259,7 @@ async fn a_drive_that_does_not_move_as_told_is_found_out() {
         let (drive, mut stage) = ready(make).await;
         drive.ignore_moves();
         let error = stage.move_to(target(10.0), 6.0, &stop).await.unwrap_err();
-        assert!(matches!(error, StageError::Ignored { .. }), "{}: {error}", make.map.make);
+        assert!(matches!(error, StageError::Ignored { .. }), "{}: {error}", make.map.name);
 
         let (drive, mut stage) = ready(make).await;
         drive.lose_counts(counts(make, 0.03));
@@ -352,7 +352,7 @@ async fn a_device_that_is_no_drive_is_not_taken_for_one() {
         let (said, writes) = identify_storage(make, 0).await;
         assert!(said.starts_with("not recognised: "), "{said}");
         assert!(said.contains(" reads 0, outside ["), "{said}");
-        assert_eq!(writes, 0, "{}: something was written to it", make.map.make);
+        assert_eq!(writes, 0, "{}: something was written to it", make.map.name);
     }
     let (said, _) = identify_storage(&AZ, 0).await;
     assert_eq!(
@@ -389,14 +389,14 @@ async fn nothing_moves_from_where_the_axis_cannot_be() {
                 )
             );
             assert_eq!(stage.believe_position().unwrap_err().to_string(), error.to_string());
-            assert_eq!(drive.seen().len(), frames, "{}", make.map.make);
+            assert_eq!(drive.seen().len(), frames, "{}", make.map.name);
         }
         drive.forget_home();
         stage.status().await.unwrap();
         let frames = drive.seen().len();
         let error = stage.move_to(target(0.0), 6.0, &stop).await.unwrap_err();
         assert_eq!(error.to_string(), "not homed: its position 12.000 mm is meaningless");
-        assert_eq!(drive.seen().len(), frames, "{}", make.map.make);
+        assert_eq!(drive.seen().len(), frames, "{}", make.map.name);
         stage.home(&stop).await.unwrap();
         stage.move_to(target(5.0), 6.0, &stop).await.unwrap();
     }
@@ -423,12 +423,12 @@ async fn a_drive_that_was_switched_off_is_not_believed_before_it_is_identified_a
         drive.restart();
         drive.swallow_an_answer();
         let error = stage.move_to(target(3.0), 6.0, &stop).await.unwrap_err();
-        if make.map.make == DriveMake::IaiRc {
+        if make.map.simulated_as == Some(DriveMake::IaiRc) {
             // Its settings come with each move, so that it is known only by its servo being off.
             assert!(matches!(error, StageError::Ignored { .. }), "{error:?}");
         } else {
             let StageError::Bus(BusError::Failed(fault)) = error else {
-                panic!("{}: {error:?}", make.map.make)
+                panic!("{}: {error:?}", make.map.name)
             };
             assert!(matches!(fault, LineFault::Changed { .. }), "{fault:?}");
             let again = stage.status().await;
@@ -449,7 +449,7 @@ async fn no_single_fault_makes_a_move_lie() {
             for frame in 0..18 {
                 let drive = Drive::new(make, 1);
                 let mut stage = stage_on(make, &drive, [(frame, fault)]);
-                let context = (make.map.make, fault, frame);
+                let context = (&make.map.name, fault, frame);
                 match two_moves(&mut stage).await {
                     Ok(at) => {
                         assert_eq!(counts(make, at.value()), counts(make, 2.9), "{context:?}");
@@ -477,7 +477,7 @@ async fn no_pair_of_faults_makes_a_move_lie() {
                 let mut stage = stage_on(make, &drive, faults);
                 if let Ok(at) = two_moves(&mut stage).await {
                     succeeded += 1;
-                    let context = (make.map.make, faults);
+                    let context = (&make.map.name, faults);
                     assert_eq!(counts(make, at.value()), counts(make, 2.9), "{context:?}");
                     assert_eq!(drive.position(), counts(make, 2.9), "{context:?}");
                 } else {

@@ -41,7 +41,12 @@ pub(super) fn page(kind: &str, schema: &Value, manual: &[KeyComment]) -> String 
     let title = kind.to_uppercase().chars().take(1).chain(kind.chars().skip(1)).collect::<String>();
     let mut text = format!(
         "# {title} files: every key\n\n`rigd schema {kind} --markdown` writes this page from the code that reads \
-         the files. [Protocol, rig and scene files](../files.md) has a file with all of it.\n"
+         the files. [{} has a file with all of it.\n",
+        if matches!(kind, "analyzer" | "drive") {
+            "Instruments](../instruments.md)"
+        } else {
+            "Protocol, rig and scene files](../files.md)"
+        }
     );
     section(&mut text, "", schema, &Manual(manual));
     text
@@ -167,6 +172,10 @@ fn kind(schema: &Value) -> String {
     if let Some(words) = schema["enum"].as_array() {
         let words: Vec<_> = words.iter().filter_map(Value::as_str).collect();
         return format!("`{}`", words.join("`, `"));
+    }
+    // A shipped instrument, or the path of a file.
+    if let Some([words, _]) = schema["anyOf"].as_array().map(Vec::as_slice) {
+        return format!("{}, or a path that ends in `.toml`", kind(words));
     }
     match schema["type"].as_str() {
         Some("number") => "number".to_owned(),

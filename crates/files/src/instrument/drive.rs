@@ -1,6 +1,6 @@
-//! The schema of a register map: everything that differs between two makes of drive, as data.
+//! What a Modbus axis drive must be told, as data.
 
-use rig_model::DriveMake;
+use rig_model::{DriveMake, Parity};
 
 /// One of the four tables of a Modbus device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,6 +26,14 @@ pub struct Block {
     pub count: u16,
 }
 
+impl Block {
+    /// Whether it has these neighbouring addresses.
+    pub const fn contains(self, address: u16, count: u16) -> bool {
+        self.address <= address
+            && address as u32 + count as u32 <= self.address as u32 + self.count as u32
+    }
+}
+
 /// A number in a status block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Field {
@@ -46,6 +54,16 @@ pub enum Width {
     I32,
 }
 
+impl Width {
+    /// Number of registers.
+    pub const fn registers(self) -> u16 {
+        match self {
+            Self::U16 => 1,
+            Self::I32 => 2,
+        }
+    }
+}
+
 /// A bit in a status block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Flag {
@@ -60,14 +78,14 @@ pub struct Flag {
 }
 
 /// One write of a command.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Step {
     /// Several registers in one request.
     Registers {
         /// First register.
         address: u16,
         /// Values of the registers.
-        contents: &'static [RegisterContent],
+        contents: Vec<RegisterContent>,
     },
     /// Writes one register.
     Register {
@@ -99,6 +117,17 @@ pub enum RegisterContent {
     Long(i32),
     /// A quantity of the move.
     Of(Quantity, Width),
+}
+
+impl RegisterContent {
+    /// Number of registers.
+    pub const fn registers(self) -> u16 {
+        match self {
+            Self::Word(_) => 1,
+            Self::Long(_) => 2,
+            Self::Of(_, width) => width.registers(),
+        }
+    }
 }
 
 /// The quantities of a move, in the drive's own units.
@@ -148,7 +177,8 @@ pub enum TargetReadBack {
 }
 
 impl TargetReadBack {
-    pub(crate) const fn field(self) -> Field {
+    /// Where it is read.
+    pub const fn field(self) -> Field {
         match self {
             Self::CommandPosition(field) | Self::Register(field) => field,
         }
@@ -172,27 +202,27 @@ pub enum AlarmSource {
 /// Settings that are written to the drive once: its own soft limits, if it has them, against a
 /// faulty host. Their values are known from then on, so that they also identify the drive after a
 /// fault of the line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DriveSettings {
     /// Steps that write the settings.
-    pub write: &'static [Step],
+    pub write: Vec<Step>,
     /// Reads them back.
     pub read: Block,
     /// Values that a read of the settings must give.
-    pub expect: &'static [RegisterContent],
+    pub expect: Vec<RegisterContent>,
 }
 
 /// Registers that distinguish a drive of this make from another device: quantities that are never
 /// zero in a drive that is switched on, and that rigd never writes. No make here has a register with
 /// its name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MakeSignature {
     /// Name of the quantity, with its unit.
-    pub what: &'static str,
+    pub what: String,
     /// Where. Its answer has another length than that to the settings.
     pub read: Block,
     /// The addresses of the quantities, and the least and the most that each can be.
-    pub ranges: &'static [(u16, Width, i32, i32)],
+    pub ranges: Vec<(u16, Width, i32, i32)>,
 }
 
 /// The counts for one revolution of the motor, from registers of the signature:
@@ -208,12 +238,16 @@ pub struct Resolution {
 }
 
 /// Everything that differs between two makes of drive.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct RegisterMap {
-    /// The make, with its name in rig files.
-    pub make: DriveMake,
+    /// Name in rig files and messages.
+    pub name: String,
+    /// The make that plays it on a simulated rig; `None` if none does.
+    pub simulated_as: Option<DriveMake>,
+    /// The parity of its serial line as it leaves the factory.
+    pub parity: Parity,
     /// The drives it is for, as people read them.
-    pub drives: &'static str,
+    pub drives: String,
     /// Whether it was tried on no hardware and its sources disagree.
     pub is_to_be_verified: bool,
     /// Registers that distinguish the drive from another device.
@@ -223,7 +257,7 @@ pub struct RegisterMap {
     pub resolution: Option<Resolution>,
     /// The blocks of one status reading, in order. The answers to these blocks and to the settings
     /// all have different lengths, so that none is ever taken for another.
-    pub status: &'static [Block],
+    pub status: Vec<Block>,
     /// Measured position, counts.
     pub position: Field,
     /// The target, counts.
@@ -237,7 +271,7 @@ pub struct RegisterMap {
     /// Source of the alarm in the status.
     pub alarm: AlarmSource,
     /// Names of the alarm codes.
-    pub alarms: &'static [(u16, &'static str)],
+    pub alarms: Vec<(u16, String)>,
     /// Unit of speed.
     pub speed: SpeedUnit,
     /// Unit of acceleration.
@@ -245,19 +279,19 @@ pub struct RegisterMap {
     /// Longest delay between the start of a move and its first sign, ms.
     pub start_within_ms: u16,
     /// Makes the drive take commands from here. Moves nothing.
-    pub prepare: &'static [Step],
+    pub prepare: Vec<Step>,
     /// Starts a move.
-    pub start: &'static [Step],
+    pub start: Vec<Step>,
     /// Steps that start homing.
-    pub home: &'static [Step],
+    pub home: Vec<Step>,
     /// Stops with deceleration, and keeps the axis from moving where the signal is a level.
-    pub stop: &'static [Step],
+    pub stop: Vec<Step>,
     /// Releases the stop after the axis has come to rest.
-    pub release_stop: &'static [Step],
+    pub release_stop: Vec<Step>,
     /// Clears an alarm.
-    pub reset: &'static [Step],
+    pub reset: Vec<Step>,
     /// Settings of the drive.
     pub settings: DriveSettings,
     /// Usual cause when the drive ignores a move, and what to check.
-    pub ignored_hint: &'static str,
+    pub ignored_hint: String,
 }
