@@ -67,6 +67,15 @@ impl Transcript {
         Self { ring: Arc::new(Mutex::new(ring)) }
     }
 
+    /// Keeps the last `capacity` frames from now on, instead of those of before.
+    pub fn keep(&self, capacity: usize) {
+        let mut ring = self.lock();
+        ring.capacity = capacity.max(1);
+        while ring.frames.len() > ring.capacity {
+            ring.frames.pop_front();
+        }
+    }
+
     /// The frames kept, oldest first.
     pub fn frames(&self) -> Vec<Frame> {
         self.lock().frames.iter().cloned().collect()
@@ -120,5 +129,11 @@ mod tests {
         transcript.record(RigTime::from_micros(4), Flow::Received, &[0xFF]);
         let frames: Vec<String> = transcript.frames().iter().map(ToString::to_string).collect();
         assert_eq!(frames, ["0.000002 s <- HIOKI\\r\\n", "0.000004 s <- \\xff"]);
+        transcript.keep(3);
+        transcript.cut();
+        transcript.record(RigTime::from_micros(5), Flow::Sent, b"a");
+        assert_eq!(transcript.frames().len(), 3);
+        transcript.keep(1);
+        assert_eq!(transcript.frames()[0].bytes, b"a");
     }
 }

@@ -15,6 +15,7 @@ mod failure;
 mod fit;
 mod guard;
 mod identify;
+mod instrument;
 mod live;
 mod log;
 mod manager;
@@ -129,6 +130,8 @@ enum CliCommand {
     Ports(ports::PortsArgs),
     /// Ask every device of a rig who it is
     Identify(identify::IdentifyArgs),
+    /// Write, record and check the files of instruments
+    Instrument(instrument::InstrumentArgs),
     /// Check a rig and advise on each problem
     Doctor(doctor::DoctorArgs),
     /// Home each lost axis, retract the probe, level the sample
@@ -196,6 +199,7 @@ pub fn main() -> ExitCode {
         CliCommand::Verify(args) => verify::verify(&args),
         CliCommand::Ports(args) => ports::ports(&args),
         CliCommand::Identify(args) => identify::identify(&args),
+        CliCommand::Instrument(args) => instrument::instrument(&args),
         CliCommand::Doctor(args) => doctor::doctor(&args),
         CliCommand::Home(args) => moves::home(&args),
         CliCommand::Safe(args) => safe::safe(&args),

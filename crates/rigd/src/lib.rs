@@ -31,4 +31,5 @@ mod sweep_form;
 mod sweeps;
 mod telemetry;
 pub mod tokens;
+pub mod transcripts;
 mod verdict;

@@ -69,6 +69,10 @@ pub(super) enum Failure {
     NoResonances { refused: usize, sweeps: usize },
     #[error("this timing needs the columns {missing} in the file")]
     NoTimes { missing: &'static str },
+    #[error("{because}")]
+    Transcript { because: String },
+    #[error("{differs} {} from the transcript", if *differs == 1 { "role differs" } else { "roles differ" })]
+    Differs { differs: usize },
     #[error("{silent} of 3 devices did not answer correctly")]
     Unidentified { silent: usize },
     #[error("{problems} {}", if *problems == 1 { "problem" } else { "problems" })]
@@ -200,6 +204,8 @@ impl Failure {
             | Self::Store(_)
             | Self::Export(_)
             | Self::Refused(_)
+            | Self::Transcript { .. }
+            | Self::Differs { .. }
             | Self::Unidentified { .. }
             | Self::Unfit { .. }
             | Self::Unchecked { .. }

@@ -1,0 +1,176 @@
+//! `rigd instrument`: files to start from, transcripts of the simulated rig, and their replay.
+
+#![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::{Command, Output},
+};
+
+use rigd::{
+    loaded_rig::LoadedRig,
+    transcripts::{Role, Unproven},
+};
+use tempfile::TempDir;
+
+fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+fn rigd(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_rigd")).args(args).current_dir(repository()).output().unwrap()
+}
+
+#[track_caller]
+fn done(args: &[&str]) -> String {
+    let output = rigd(args);
+    let text = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+    assert!(output.status.success(), "{args:?}: {text}");
+    text
+}
+
+/// The simulated rig with a meter and drives that have files of their own, in a directory.
+struct Bench {
+    folder: TempDir,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let folder = TempDir::new().unwrap();
+        let text = |path: &str| fs::read_to_string(repository().join(path)).unwrap();
+        let changed = |text: String, changes: &[(&str, &str)]| {
+            changes.iter().fold(text, |text, (old, new)| {
+                assert!(text.contains(old), "{old}");
+                text.replacen(old, new, 1)
+            })
+        };
+        let own = |name: &str| text(&format!("config/instruments/{name}.toml"));
+        let meter =
+            changed(own("keysight-e4980a"), &[("name = \"keysight-e4980a\"", "name = \"meter\"")]);
+        let drive = changed(own("oriental-az"), &[("name = \"oriental-az\"", "name = \"drive\"")]);
+        let rig = changed(
+            text("config/rigs/simulated.toml"),
+            &[
+                ("../scenes/paper.toml", "scene.toml"),
+                ("dialect = \"hioki-im3536\"", "dialect = \"meter.toml\""),
+                ("max_level_v = 5", "max_level_v = 2"),
+                ("register_map = \"oriental-az\"", "register_map = \"drive.toml\""),
+                ("baud = 115200 }", "baud = 115200, parity = \"even\" }"),
+            ],
+        );
+        let files = [
+            ("scene.toml", text("config/scenes/paper.toml")),
+            ("meter.toml", meter),
+            ("drive.toml", drive),
+            ("rig.toml", rig),
+        ];
+        for (name, text) in files {
+            fs::write(folder.path().join(name), text).unwrap();
+        }
+        Self { folder }
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.folder.path().join(name).to_str().unwrap().to_owned()
+    }
+
+    fn unproven(&self) -> Vec<Unproven> {
+        LoadedRig::load(Path::new(&self.path("rig.toml"))).unwrap().unproven()
+    }
+
+    fn change(&self, name: &str, old: &str, new: &str) {
+        let text = fs::read_to_string(self.path(name)).unwrap();
+        assert!(text.contains(old), "{old}");
+        fs::write(self.path(name), text.replacen(old, new, 1)).unwrap();
+    }
+}
+
+#[test]
+fn a_new_file_has_only_the_name_to_change_and_passes_its_check() {
+    let folder = TempDir::new().unwrap();
+    for kind in ["analyzer", "drive"] {
+        let path = folder.path().join(format!("lab-{kind}.toml"));
+        let path = path.to_str().unwrap();
+        done(&["instrument", "new", kind, path]);
+        assert!(fs::read_to_string(path).unwrap().contains(&format!("\nname = \"lab-{kind}\"\n")));
+        let text = done(&["instrument", "check", path]);
+        assert!(text.contains("unproven") && text.contains("no transcript"), "{text}");
+        assert!(!rigd(&["instrument", "new", kind, path]).status.success(), "it was replaced");
+    }
+}
+
+#[test]
+fn what_was_recorded_proves_the_files_until_they_change() {
+    let bench = Bench::new();
+    let roles = |device, instrument: &str, roles: &[Role]| Unproven {
+        device,
+        instrument: instrument.to_owned(),
+        roles: roles.to_vec(),
+    };
+    let analyzer = [Role::Identity, Role::Setup, Role::Reading];
+    let all =
+        [roles("analyzer", "meter", &analyzer), roles("linear stage", "drive", &[Role::Look])];
+    assert_eq!(bench.unproven(), all);
+    let text =
+        done(&["instrument", "record", "--rig", &bench.path("rig.toml"), "--out", &bench.path("")]);
+    assert!(text.contains("analyzer: meter, identity, setup, reading recorded in"), "{text}");
+    assert_eq!(bench.unproven(), []);
+    for (name, roles) in [("meter.toml", 3), ("drive.toml", 1)] {
+        let text = done(&["instrument", "check", &bench.path(name)]);
+        assert_eq!(text.matches("proven").count(), roles, "{text}");
+    }
+    // The other axis has a shipped drive.
+    let transcript = bench.path("oriental-az.transcript");
+    let text = done(&["instrument", "check", "oriental-az", "--transcript", &transcript]);
+    assert!(text.contains("look      proven"), "{text}");
+
+    // Another message, and the same message read otherwise.
+    bench.change("meter.toml", ":TRIGger:TDELay {delay_s}", ":TRIGger:TDELay {delay_s:.2}");
+    let output = rigd(&["instrument", "check", &bench.path("meter.toml")]);
+    let text = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{text}");
+    assert!(text.contains("setup     proven\nreading   differs: at "), "{text}");
+    assert!(text.contains("the file sends `:FREQuency 20;:APERture SHORt,"), "{text}");
+    assert_eq!(bench.unproven(), [roles("analyzer", "meter", &[Role::Reading])]);
+    bench.change("meter.toml", ":TRIGger:TDELay {delay_s:.2}", ":TRIGger:TDELay {delay_s}");
+    bench.change(
+        "meter.toml",
+        "[\"resistance_ohm\", \"reactance_ohm\"",
+        "[\"reactance_ohm\", \"resistance_ohm\"",
+    );
+    let output = rigd(&["instrument", "check", &bench.path("meter.toml")]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("reading   differs: the result is 20 Hz: "), "{text}");
+    bench.change(
+        "drive.toml",
+        "{ address = 0x0120, count = 4 }",
+        "{ address = 0x0120, count = 5 }",
+    );
+    let text = String::from_utf8(rigd(&["instrument", "check", &bench.path("drive.toml")]).stdout);
+    assert!(text.as_ref().unwrap().contains("look      differs: at "), "{text:?}");
+}
+
+#[test]
+fn a_transcript_that_is_damaged_or_of_another_instrument_is_refused() {
+    let bench = Bench::new();
+    let path = bench.path("meter.transcript");
+    let check = || {
+        let output = rigd(&["instrument", "check", &bench.path("meter.toml")]);
+        assert_eq!(output.status.code(), Some(1));
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let title = "# rigd transcript 1: ms since the port was opened, direction, bytes\n";
+    for (text, said) in [
+        ("".to_owned(), "meter.transcript:1: not a transcript of rigd"),
+        (title.to_owned(), "of the instrument , and this one is meter"),
+        (format!("{title}instrument = other\n"), "of the instrument other, and this one is meter"),
+        (format!("{title}instrument = meter\nline = tcp\n"), "has no `level_v`"),
+        (format!("{title}instrument = meter\n[identity]\n1 -> \\q\n"), "transcript:4: a byte is"),
+    ] {
+        fs::write(&path, text).unwrap();
+        let found = check();
+        assert!(found.contains(said), "{found}\ndoes not say: {said}");
+    }
+    assert_eq!(bench.unproven()[0].roles.len(), 3);
+}
