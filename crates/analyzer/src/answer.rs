@@ -6,6 +6,9 @@ use rig_scpi::{DataError, Datum};
 
 use crate::point::measured;
 
+/// Two fields, and the impedance that they make.
+type Pair = (AnswerField, AnswerField, fn(f64, f64) -> Impedance);
+
 /// Reads an answer. `None` while the measurement is under way.
 ///
 /// # Errors
@@ -28,7 +31,7 @@ pub(crate) fn reading(data: &[Datum], form: &AnswerForm) -> Result<Option<PointR
         },
         _ => None,
     };
-    let pairs: [(AnswerField, AnswerField, fn(f64, f64) -> Impedance); 4] = [
+    let pairs: [Pair; 4] = [
         (AnswerField::Resistance, AnswerField::Reactance, cartesian),
         (AnswerField::Impedance, AnswerField::PhaseRad, polar),
         (AnswerField::Impedance, AnswerField::PhaseDeg, |ohm, deg| polar(ohm, deg.to_radians())),

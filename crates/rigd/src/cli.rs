@@ -212,6 +212,11 @@ pub fn main() -> ExitCode {
         CliCommand::Completions(args) => manual::completions(&args),
         CliCommand::Man(args) => manual::man(&args),
     };
+    end(result)
+}
+
+/// Says why a command failed, and what to do.
+fn end(result: Result<(), Failure>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         // A reader that closes its pipe is not a failure.

@@ -133,7 +133,7 @@ impl Instruments {
         Err(refused(
             &path.display().to_string(),
             at.unwrap_or(Location { line: 1, column: 1 }),
-            InstrumentRefusal::NotSimulated(refusal),
+            &InstrumentRefusal::NotSimulated(refusal),
         ))
     }
 }
@@ -157,7 +157,7 @@ fn beside(
     read(&path, kind).map_err(|error| match error {
         FileError::Missing { path, instead } => {
             let refusal = InstrumentRefusal::Missing { path, instead };
-            refused(&rig.display().to_string(), location, refusal)
+            refused(&rig.display().to_string(), location, &refusal)
         }
         error => error,
     })
@@ -175,18 +175,18 @@ fn within_ranges(
     let name_of = || dialect.name.clone();
     if lowest < min || max < highest {
         let refusal = InstrumentRefusal::Frequency { name: name_of(), min, max };
-        return Err(refused(name, location, refusal));
+        return Err(refused(name, location, &refusal));
     }
     let (found, limit) = (range.max_level_v, dialect.level_v.1);
     if limit < found {
         let refusal = InstrumentRefusal::Level { found, limit, name: name_of() };
-        return Err(refused(name, location, refusal));
+        return Err(refused(name, location, &refusal));
     }
     Ok(())
 }
 
-fn refused(name: &str, location: Location, refusal: InstrumentRefusal) -> FileError {
+fn refused(name: &str, location: Location, refusal: &InstrumentRefusal) -> FileError {
     let mut faults = Faults::new(name);
-    faults.refuse(location, &refusal);
+    faults.refuse(location, refusal);
     FileError::Faults(faults)
 }

@@ -162,7 +162,7 @@ fn a_transcript_that_is_damaged_or_of_another_instrument_is_refused() {
     };
     let title = "# rigd transcript 1: ms since the port was opened, direction, bytes\n";
     for (text, said) in [
-        ("".to_owned(), "meter.transcript:1: not a transcript of rigd"),
+        (String::new(), "meter.transcript:1: not a transcript of rigd"),
         (title.to_owned(), "of the instrument , and this one is meter"),
         (format!("{title}instrument = other\n"), "of the instrument other, and this one is meter"),
         (format!("{title}instrument = meter\nline = tcp\n"), "has no `level_v`"),

@@ -81,7 +81,7 @@ pub(crate) fn replay(
         return Err(TranscriptError::OtherInstrument { found, expected });
     }
     // The caller may be in a runtime, in which another one cannot wait.
-    let replayed = thread::scope(|scope| {
+    thread::scope(|scope| {
         let replay = || -> Result<Vec<RoleProof>, TranscriptError> {
             let runtime = tokio::runtime::Builder::new_current_thread()
                 .enable_time()
@@ -93,8 +93,7 @@ pub(crate) fn replay(
         let thread = thread::Builder::new().spawn_scoped(scope, replay);
         let thread = thread.map_err(|source| TranscriptError::Thread { source })?;
         thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-    });
-    replayed
+    })
 }
 
 async fn replay_all(
