@@ -104,7 +104,7 @@ fn an_analyzer_file_is_told_all_of_its_faults_at_once() {
             "`{frequency}` is not a quantity of this message; quantities are {frequency_hz}",
             "frequency has 0 questions, and needs 1; a question ends in `?`",
             "set_averages does not hold `{averages}`",
-            "\"state\" in fields is none of",
+            "\"state\" in fields is not one of",
         ],
     );
     bridge(
@@ -117,7 +117,10 @@ fn an_analyzer_file_is_told_all_of_its_faults_at_once() {
     bridge(&[(", \"status\"]", "]")], &["[answer.status] is given, and fields has no \"status\""]);
     bridge(&[("cycles = 1", "# no cycles")], &["[integration] needs one of `cycles` and `times`"]);
     bridge(&[("mask = 16", "mask = 0")], &["mask = 0 is below the limit of 1"]);
-    bridge(&[("[answer]\n", "[answers]\n")], &["`answer` is missing", "answers"]);
+    bridge(
+        &[("[answer]\n", "[answers]\n")],
+        &["`answers` is not a key at the top of the file", "`fields` is missing in [answer]"],
+    );
 }
 
 #[test]
