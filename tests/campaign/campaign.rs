@@ -13,7 +13,7 @@ use crate::{
     bench::{BENCHES, Bench, Draw},
     counts::Table,
     faults::{self, MENU, Trouble},
-    judge::{self, Outcome, Touches},
+    judge::{self, BeyondNotice, Outcome, Touches},
     life::{self, Played},
 };
 
@@ -35,7 +35,7 @@ pub(crate) struct Campaign {
 pub(crate) struct Ended {
     pub(crate) failures: Vec<String>,
     /// Why a wrong shift was not noticed, if it is known that it cannot be.
-    unnoticed: Option<&'static str>,
+    unnoticed: Option<BeyondNotice>,
     /// Bench and faults in words.
     pub(crate) story: String,
     pub(crate) played: Option<Played>,
@@ -74,9 +74,10 @@ impl Campaign {
         for violation in &known.undisturbed.violations {
             failures.push(format!("undisturbed: {violation}"));
         }
+        failures.append(&mut judge::wrong_marks(&known.bench, &played));
         let undisturbed: &Touches = &known.undisturbed.touches;
         let mut unnoticed = judge::differences(&known.bench, &played, undisturbed);
-        let why = judge::is_beyond_notice(&played, known.bench.has_slip_check);
+        let why = judge::is_beyond_notice(&played);
         if why.is_none() {
             failures.append(&mut unnoticed);
         }
@@ -113,7 +114,11 @@ pub(crate) struct Counts {
     pub(crate) lifts: u64,
     pub(crate) refuted: u64,
     pub(crate) sunk: u64,
+    /// Runs with a shift that is wrong in a known way, and not marked.
     pub(crate) unnoticed: u64,
+    /// Runs with one that is marked as not confirmed or as not checked for slip.
+    #[serde(default)]
+    pub(crate) marked: u64,
     pub(crate) table: Table,
     /// Why touches were refused, and what failed, without the numbers.
     pub(crate) reasons: BTreeMap<String, u64>,
@@ -133,9 +138,10 @@ impl Counts {
         for failure in &ended.failures {
             *self.reasons.entry(format!("failed: {}", plain(failure))).or_default() += 1;
         }
-        if let Some(why) = ended.unnoticed {
-            self.unnoticed += 1;
-            *self.reasons.entry(format!("wrong, not noticed: {why}")).or_default() += 1;
+        if let Some(BeyondNotice { why, is_marked }) = ended.unnoticed {
+            *(if is_marked { &mut self.marked } else { &mut self.unnoticed }) += 1;
+            let how = if is_marked { "marked" } else { "not noticed" };
+            *self.reasons.entry(format!("wrong, {how}: {why}")).or_default() += 1;
         }
         let Some(played) = &ended.played else { return };
         self.touches += ended.planned as u64;
@@ -164,7 +170,8 @@ impl Counts {
     /// Adds the counts of other seeds.
     pub(crate) fn merge(&mut self, other: &Self) {
         let Self { runs, failed, touches, measured, refused, .. } = other;
-        let Self { kills, resumptions, latches, lifts, refuted, sunk, unnoticed, .. } = other;
+        let Self { kills, resumptions, latches, lifts, refuted, sunk, unnoticed, marked, .. } =
+            other;
         self.runs += runs;
         self.failed += failed;
         self.touches += touches;
@@ -177,6 +184,7 @@ impl Counts {
         self.refuted += refuted;
         self.sunk += sunk;
         self.unnoticed += unnoticed;
+        self.marked += marked;
         self.table.merge(&other.table);
         for (reason, count) in &other.reasons {
             *self.reasons.entry(reason.clone()).or_default() += count;
@@ -196,12 +204,12 @@ fn plain(message: &str) -> String {
 
 impl fmt::Display for Counts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { runs, failed, touches, measured, refused, unnoticed, .. } = self;
+        let Self { runs, failed, touches, measured, refused, unnoticed, marked, .. } = self;
         let Self { kills, resumptions, latches, lifts, .. } = self;
         write!(
             f,
             "{runs} runs with {} faults, {failed} failed; {touches} touches: {measured} measured, \
-             {refused} refused, {unnoticed} wrong in known ways; {latches} latched, {kills} killed, {resumptions} resumed, {lifts} \
+             {refused} refused, {marked} wrong and marked, {unnoticed} wrong in known ways without a mark; {latches} latched, {kills} killed, {resumptions} resumed, {lifts} \
              lifted by hand; digest \
              {:016x}",
             self.table.total(),

@@ -26,6 +26,8 @@ pub(crate) enum Outcome {
         sigma_hz: f64,
         /// Whether what was measured after it confirms it.
         is_confirmed: bool,
+        /// Whether it is not marked as one in which lost steps would not have shown.
+        is_slip_checked: bool,
     },
     Refused(String),
 }
@@ -66,7 +68,9 @@ pub(crate) fn touches(reader: &Reader, run: RunId) -> Result<Touches, StoreError
                 let by_depth_hz = touch.shift_hz * depth_mm / touch.indentation_mm;
                 let sigma_hz = touch.shift_sigma_hz.hypot(by_depth_hz);
                 let shift_hz = touch.shift_hz;
-                let measured = Outcome::Measured { shift_hz, sigma_hz, is_confirmed: true };
+                let is_slip_checked = touch.is_slip_checked != Some(false);
+                let measured =
+                    Outcome::Measured { shift_hz, sigma_hz, is_confirmed: true, is_slip_checked };
                 touches.insert(touch.touch.step, measured);
             }
             // What was measured next may contradict a touch.
@@ -134,6 +138,18 @@ pub(crate) fn differences(bench: &Bench, played: &Played, undisturbed: &Touches)
     differences
 }
 
+/// Measured touches that do not say as they should whether they were checked for slip.
+pub(crate) fn wrong_marks(bench: &Bench, played: &Played) -> Vec<String> {
+    let is_wrong = |outcome: &Outcome| match outcome {
+        Outcome::Measured { is_slip_checked, .. } => *is_slip_checked != bench.has_slip_check,
+        Outcome::Refused(_) => false,
+    };
+    let wrong = played.touches.iter().filter(|(_, outcome)| is_wrong(outcome));
+    wrong
+        .map(|(step, _)| format!("touch {step} is wrongly marked as to its check of slip"))
+        .collect()
+}
+
 /// No contact is felt, or one always.
 const CONTACT_SENSES: [&str; 2] = ["analyzer blind-contact", "analyzer stuck-contact"];
 
@@ -142,29 +158,47 @@ fn is_of_sense(fault: Fault) -> bool {
     CONTACT_SENSES.into_iter().any(|words| fault == Fault::Device(words))
 }
 
+/// Why a wrong shift is known not to be noticed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct BeyondNotice {
+    pub(crate) why: &'static str,
+    /// Whether every result says of this touch that what would show it was not measured.
+    pub(crate) is_marked: bool,
+}
+
 /// Why a wrong shift is known not to be noticed: what would show it is measured after the touch, or not at
 /// all.
-pub(crate) fn is_beyond_notice(played: &Played, has_slip_check: bool) -> Option<&'static str> {
+pub(crate) fn is_beyond_notice(played: &Played) -> Option<BeyondNotice> {
     let in_touch =
         played.begun.iter().filter(|(_, phase)| phase.is_in_touch()).map(|(row, _)| MENU[*row].1);
+    let mut touches = played.touches.values();
     let is_unconfirmed =
         |outcome: &Outcome| matches!(outcome, Outcome::Measured { is_confirmed: false, .. });
-    if played.touches.values().any(is_unconfirmed) && in_touch.clone().any(is_of_sense) {
-        return Some("a contact sense that fails in a touch, which is marked as not confirmed");
+    if touches.clone().any(is_unconfirmed) && in_touch.clone().any(is_of_sense) {
+        let why = "a contact sense that fails in a touch, which is marked as not confirmed";
+        return Some(BeyondNotice { why, is_marked: true });
     }
     // A confirmation follows the touch at once.
     let during = |words| played.begun.iter().any(|(row, _)| MENU[*row].1 == Fault::Device(words));
+    let is_unchecked =
+        touches.any(|one| matches!(one, Outcome::Measured { is_slip_checked: false, .. }));
     if in_touch.clone().any(is_of_sense) && CONTACT_SENSES.into_iter().all(during) {
-        return Some(
-            "a contact sense that fails in a touch and the other way round before it is confirmed",
-        );
+        let why = if is_unchecked {
+            "a contact sense that fails in a touch and the other way round before it is confirmed; the touch \
+             is marked as not checked for slip"
+        } else {
+            "a contact sense that fails in a touch and the other way round before it is confirmed"
+        };
+        return Some(BeyondNotice { why, is_marked: is_unchecked });
     }
     let lost_mm: Vec<f64> = in_touch.filter_map(Fault::lost_mm).collect();
-    if !has_slip_check && !lost_mm.is_empty() {
-        return Some("steps lost in a touch whose protocol has no check of slip");
+    if is_unchecked && !lost_mm.is_empty() {
+        let why = "steps lost in a touch, which is marked as not checked for slip";
+        return Some(BeyondNotice { why, is_marked: true });
     }
     let is_cancelled = lost_mm.len() > 1 && lost_mm.iter().sum::<f64>().abs() < CANCELLED_MM;
-    is_cancelled.then_some("steps lost in a touch and gained again before its check of slip")
+    let why = "steps lost in a touch and gained again before its check of slip";
+    is_cancelled.then_some(BeyondNotice { why, is_marked: false })
 }
 
 /// Whether the rig could not know that it sent the probe too deep: it stands deeper than its drive says, by steps

@@ -50,13 +50,13 @@ fn steps_that_are_lost_and_gained_again_are_beyond_notice_and_each_loss_alone_is
     for one in [&up, &down] {
         let played = life::play(&bench, std::slice::from_ref(one), false);
         assert!(matches!(outcome(&played), Outcome::Refused(_)), "{:?}", played.touches);
-        assert_eq!(judge::is_beyond_notice(&played, true), None);
+        assert_eq!(judge::is_beyond_notice(&played), None);
     }
     let both = life::play(&bench, &[up, down], true);
     assert!(matches!(outcome(&both), Outcome::Measured { .. }), "{:?}", both.touches);
     assert_eq!(judge::differences(&bench, &both, &undisturbed.touches).len(), 1);
     assert_eq!(kinds(&both), kinds(&undisturbed));
-    let why = judge::is_beyond_notice(&both, true);
+    let why = judge::is_beyond_notice(&both).map(|beyond| beyond.why);
     assert_eq!(why, Some("steps lost in a touch and gained again before its check of slip"));
 }
 
@@ -142,9 +142,8 @@ fn contact_senses_that_fail_both_ways_are_beyond_notice_and_each_alone_is_not() 
     }
     let both = life::play(&bench, &[stuck, blind], false);
     assert_eq!(judge::differences(&bench, &both, &undisturbed.touches).len(), 1);
-    assert!(
-        judge::is_beyond_notice(&both, true).is_some_and(|why| why.contains("other way round"))
-    );
+    let beyond = judge::is_beyond_notice(&both).unwrap();
+    assert!(beyond.why.contains("other way round") && beyond.is_marked, "{beyond:?}");
 }
 
 /// A stuck contact sense makes the touch one of the free probe's resonance, or of another; after the abort nothing
@@ -165,8 +164,8 @@ fn a_touch_after_which_the_run_is_aborted_is_marked_as_not_confirmed() {
         assert!(!is_confirmed(&played), "{order}");
         let played = life::play(&bench, &[stuck.clone(), end], false);
         assert!(!is_confirmed(&played), "{order}");
-        let why = judge::is_beyond_notice(&played, true);
-        assert!(why.is_some_and(|why| why.contains("not confirmed")), "{order}");
+        let beyond = judge::is_beyond_notice(&played);
+        assert!(beyond.is_some_and(|beyond| beyond.is_marked), "{order}: {beyond:?}");
     }
 }
 
@@ -293,4 +292,31 @@ fn a_position_lost_on_the_way_in_or_under_a_failed_sense_is_beyond_knowledge() {
     for some in [&[before, before][..], &[before, stuck], &[blind], &[upwards, blind], &[]] {
         assert!(!is_beyond(some), "{some:?}");
     }
+}
+
+/// A protocol without a check of slip, as a tissue that stays indented may need it: what would show the loss is
+/// not measured, and the touch says so.
+#[test]
+fn steps_lost_in_a_touch_without_a_check_of_slip_leave_a_mark() {
+    let bench = (0..64).map(Bench::new).find(|bench| !bench.has_slip_check).expect("one in four");
+    let undisturbed = life::play(&bench, &[], false);
+    let is_marked = |played: &Played| {
+        let is_marked =
+            |outcome: &Outcome| matches!(outcome, Outcome::Measured { is_slip_checked: false, .. });
+        played.touches.values().all(is_marked)
+    };
+    assert!(is_marked(&undisturbed), "{:?}", undisturbed.touches);
+    assert_eq!(judge::is_beyond_notice(&undisturbed), None);
+    let played = life::play(&bench, &[device(UPWARDS, RunPhase::Indentation, 0.0)], false);
+    assert_eq!(judge::differences(&bench, &played, &undisturbed.touches).len(), 1);
+    assert!(is_marked(&played), "{:?}", played.touches);
+    assert!(judge::is_beyond_notice(&played).is_some_and(|beyond| beyond.is_marked));
+    // A shift that is wrong without a mark is no known way.
+    let mut unmarked = played;
+    for outcome in unmarked.touches.values_mut() {
+        if let Outcome::Measured { is_slip_checked, .. } = outcome {
+            *is_slip_checked = true;
+        }
+    }
+    assert_eq!(judge::is_beyond_notice(&unmarked), None);
 }

@@ -15,7 +15,7 @@ impl Display for Page<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let counts = self.0.counts();
         let Counts { runs, failed, touches, measured, refused, unnoticed, .. } = &counts;
-        let Counts { kills, resumptions, latches, lifts, refuted, sunk, .. } = &counts;
+        let Counts { kills, resumptions, latches, lifts, refuted, sunk, marked, .. } = &counts;
         writeln!(
             f,
             "# Touches under faults\n\n\
@@ -44,11 +44,12 @@ impl Display for Page<'_> {
              | runs with sweeps during which steps were lost or the contact sense failed, or of an analyzer that stays at its frequency, refuted by the checker | {refuted} |\n\
              | runs in which lost steps took the probe deeper than the sample bears: without a command, on the way in, or with a contact sense that failed too | {sunk} |\n\
              | runs that failed | {failed} |\n\
-             | runs with a shift that is wrong in a known way | {unnoticed} |\n\
+             | runs with a shift that is wrong, and marked in every result as not confirmed or not checked for slip | {marked} |\n\
+             | runs with a shift that is wrong in a known way, without a mark | {unnoticed} |\n\
              | digest of all runs | {:016x} |\n\
              | digest of the menu | {} |\n",
             counts.table.total(),
-            measured - unnoticed,
+            measured - unnoticed - marked,
             counts.digest,
             self.0.menu,
         )?;
@@ -61,7 +62,9 @@ impl Display for Page<'_> {
              differs from that of the undisturbed run by more than six standard deviations and the \
              touch is not refused. Decision \
              [41](../decisions/0041-a-campaign-of-faults-in-one-process.md) names the known ways in \
-             which a shift can be wrong without notice.\n"
+             which a shift can be wrong without notice, and decision \
+             [112](../decisions/0112-a-touch-without-a-check-of-slip-is-marked.md) those that are marked. Programs of \
+             before 2026-11-25 marked no touch whose protocol has no check of slip.\n"
         )?;
         self.pieces(f)?;
         writeln!(f, "## Reasons\n\n| reason | number |\n| --- | ---: |")?;

@@ -23,7 +23,7 @@ LABELS = ("sample", "class")
 WHOLE = ("repeat", "no_load_sweep", "sweep", "readings", "reading", "try", "attempts", "clock")
 WORDS = ("step", "phase", "direction", "status", "reason", "started_at", "run_id", "purpose", "outcome",
          "flag", "fit_timing", "amended", "earlier", "model_verdict", *LABELS)
-FLAGS = ("is_simulated", "is_used", "is_confirmed", "fit_always_loss")
+FLAGS = ("is_simulated", "is_used", "is_confirmed", "is_slip_checked", "fit_always_loss")
 
 
 def kind(column):

@@ -173,3 +173,10 @@ pub struct Approach {
     /// 0 for no such check.
     pub slip_mm: f64,
 }
+
+impl Approach {
+    /// Whether the surface is looked for again after each sweep.
+    pub fn has_slip_check(&self) -> bool {
+        0.0 < self.slip_mm
+    }
+}

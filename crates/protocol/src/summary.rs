@@ -255,7 +255,7 @@ impl Plan {
     /// Looking for the surface again after the sweep.
     fn slip_check_s(&self, limits: &RigLimits) -> f64 {
         let Approach { coarse_step_mm, slip_mm, .. } = self.touch.approach;
-        if slip_mm == 0.0 {
+        if !self.touch.approach.has_slip_check() {
             return 0.0;
         }
         let up_s = travel_s(limits, self.touch.indentation_mm + slip_mm + coarse_step_mm);

@@ -34,6 +34,8 @@ pub(crate) struct RunData {
     pub(crate) planned: Vec<PlannedTouch>,
     /// Which measured touches are confirmed.
     pub(crate) confirmed: Confirmed,
+    /// Whether the surface was looked for again in the touch under way.
+    has_slip_check: bool,
     /// Number of answered prompts.
     pub(crate) prompts: u32,
     /// Prompts, commands, faults and refused sweeps, in order.
@@ -138,11 +140,24 @@ impl RunData {
         let end_us = own.map_or(0, |last| last.run_us);
         let mut data = Self { end_us, epochs: epochs(records), ..Self::default() };
         for stored in records {
-            let record = stored.record()?;
+            let mut record = stored.record()?;
             data.confirmed.take(&record);
+            data.mark_slip_check(&mut record);
             data.take(stored, record);
         }
         Ok(data)
+    }
+
+    /// Whether the surface was looked for again in a touch, where its result does not say it, as in older journals.
+    fn mark_slip_check(&mut self, record: &mut Record) {
+        match record {
+            Record::StepStarted(_) => self.has_slip_check = false,
+            Record::SurfaceChecked(_) => self.has_slip_check = true,
+            Record::TouchResult(touch) => {
+                touch.is_slip_checked.get_or_insert(self.has_slip_check);
+            }
+            _ => {}
+        }
     }
 
     /// Time from the first record of the run to the last, s: by the rig's clock, and by the wall

@@ -20,8 +20,8 @@ use crate::{
     results::{
         RunResults, SensitivityAt,
         cost::SweepCost,
-        status::{Tally, TouchStatus},
-        touches::sentence,
+        status::Tally,
+        touches::{TouchRow, sentence},
     },
     units::{duration, fixed, percent, percent_range, value_and_sigma, with_sigma},
 };
@@ -133,7 +133,7 @@ fn head(results: &RunResults, check: &ChainCheck, verdict: &RunVerdict, began: &
         RunStatus::Interrupted | RunStatus::Ended(_) => "failed",
     };
     let is_short = run.status != RunStatus::Running
-        && touches.iter().any(|row| row.status != TouchStatus::Measured);
+        && !touches.iter().all(TouchRow::is_measured_without_doubt);
     html! {
         header {
             p.eyebrow { "Run report" @if data.is_simulated() { " " b.simulated { "simulated" } } }

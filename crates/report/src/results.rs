@@ -135,10 +135,21 @@ impl RunResults {
     }
 
     /// The number of measured touches and the refused ones, as a sentence; `None` when every
-    /// planned touch was measured.
+    /// planned touch was measured, and none is marked.
     pub fn shortfall(&self) -> Option<String> {
-        let is_measured = |row: &TouchRow| row.status == TouchStatus::Measured;
-        (!self.touches.iter().all(is_measured)).then(|| touches::sentence(&self.touches))
+        let is_whole = self.touches.iter().all(TouchRow::is_measured_without_doubt);
+        (!is_whole).then(|| touches::sentence(&self.touches))
+    }
+
+    /// What to know of the values if touches were not checked for slip.
+    pub(crate) fn slip_note(&self) -> Option<String> {
+        let measured = self.touches.iter().filter(|row| row.status == TouchStatus::Measured);
+        let unchecked = self.touches.iter().filter(|row| row.is_slip_unchecked()).count();
+        let of = format!(
+            "none in {unchecked} of {} touches; steps lost there would not show",
+            measured.count()
+        );
+        (unchecked > 0).then_some(of)
     }
 
     /// Every planned touch with its result, in the order of the plan.

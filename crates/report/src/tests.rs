@@ -1,6 +1,7 @@
 //! The results of a complete, a refused, a faulted and an empty run.
 
 mod amended;
+mod marks;
 pub(crate) mod sample;
 
 use std::{collections::BTreeMap, sync::Arc};

@@ -63,6 +63,9 @@ fn facts(results: &RunResults) -> Vec<(String, String)> {
         let count = no_load.count;
         fact("no-load resonance", format!("{mean} Hz, {count} references within {span} Hz"));
     }
+    if let Some(note) = results.slip_note() {
+        fact("check of slip", note);
+    }
     if let Some(found) = results.stiffness.as_deref().ok().and_then(Stiffness::check) {
         fact("model", model(results, found));
     }

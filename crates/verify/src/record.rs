@@ -302,6 +302,7 @@ pub(crate) struct TouchResult {
     pub(crate) indentation_mm: f64,
     pub(crate) linear_mm: f64,
     pub(crate) rotary_deg: f64,
+    pub(crate) is_slip_checked: Option<bool>,
     pub(crate) halfway: Option<Halfway>,
 }
 

@@ -35,6 +35,10 @@ fn source(forged: &mut Forgery, path: &str, from: &str, to: &str) {
     *text = changed.into();
 }
 
+fn without_slip_check(forged: &mut Forgery) {
+    protocol(forged, "\ncontact_threshold", "\nslip_mm = 0\ncontact_threshold");
+}
+
 pub(super) const CASES: &[Case] = &[
     ("swapped samples", Check::Sample, |forged| {
         result(forged, 0)["touch"]["sample"] = "5".into();
@@ -99,6 +103,17 @@ pub(super) const CASES: &[Case] = &[
         let place = forged.nth("touch_result", 3, any);
         let twin = forged.records[place].clone();
         forged.records.insert(place, twin);
+    }),
+    ("a check of slip that is said to be left out", Check::Row, |forged| {
+        result(forged, 3)["is_slip_checked"] = false.into();
+    }),
+    ("a check of slip that the protocol leaves out", Check::Row, without_slip_check),
+    ("a check of slip that nobody asked for, and no mark", Check::Surface, |forged| {
+        without_slip_check(forged);
+        let results = forged.records.iter_mut().filter(|record| record.kind == "touch_result");
+        for touch in results {
+            touch.payload.as_object_mut().expect("an object").remove("is_slip_checked");
+        }
     }),
     ("a step twice", Check::StepOrder, |forged| {
         let place = forged.nth("step_started", 5, any);

@@ -22,7 +22,7 @@ impl TouchMachine {
     ) -> MachineStep<TouchResult> {
         let TouchSettings { approach, indentation_mm, .. } = context.plan.touch;
         let measured = self.measured(contact, loaded, context);
-        let Some(baseline) = self.baseline.filter(|_| 0.0 < approach.slip_mm) else {
+        let Some(baseline) = self.baseline.filter(|_| approach.has_slip_check()) else {
             return self.retract(measured, context);
         };
         let (mut check, step) =

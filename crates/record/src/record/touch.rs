@@ -109,6 +109,10 @@ pub struct Touch {
     pub linear_mm: f64,
     /// The tilt of the sample as read back, degrees.
     pub rotary_deg: f64,
+    /// Whether the surface was found again after the sweep, so that steps lost in the touch would have shown.
+    /// `None` in journals that do not say it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub is_slip_checked: Option<bool>,
     /// The measurement on the way to that depth, if the protocol asks for one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub halfway: Option<Halfway>,

@@ -141,7 +141,7 @@ impl TableName {
 /// The first column of a table of several runs.
 pub(super) const RUN: Column = text("run", "short name of the run");
 
-const TOUCH: [Column; 44] = [
+const TOUCH: [Column; 45] = [
     text(
         "step",
         "address of the step: `main/<sample>/<direction>/<angle>/<repeat>` or `blind/<number>`",
@@ -161,6 +161,11 @@ const TOUCH: [Column; 44] = [
         "is_confirmed",
         "for a measured touch, whether what was measured after it confirms it: `false` if the run ended \
          before that, empty while it is awaited",
+    ),
+    flag(
+        "is_slip_checked",
+        "for a measured touch, whether the surface was found again after its sweep: `false` if the protocol has \
+         `slip_mm = 0`, so that steps lost in the touch would not show",
     ),
     whole("no_load_sweep", "the sweep that gave the reference, a row of the table of sweeps"),
     number("no_load_hz", "Hz", "resonance with the probe clear"),

@@ -10,6 +10,7 @@ use super::{
     element::{dash, drawn, fault, figure_row, table, text},
     figures::HALF_PX,
     model::model,
+    tables::with_slip_note,
 };
 use crate::{
     data::RunData,
@@ -186,7 +187,7 @@ fn samples(results: &RunResults, stiffness: &Stiffness) -> Markup {
     let rows: Vec<_> = results.samples().into_iter().map(row).collect();
     let caption = "Young's modulus of the samples with its standard deviation, and the standard \
                    deviation of single ones about it.";
-    table(caption, &heads, &rows)
+    table(&with_slip_note(caption, results), &heads, &rows)
 }
 
 /// Stiffness, angle and azimuth of each site, from touches at an unknown angle.

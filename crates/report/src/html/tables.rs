@@ -42,7 +42,15 @@ pub(super) fn shifts(results: &RunResults) -> Markup {
     let caption = "Frequency shifts with the standard deviation of their fits; their mean with \
                    its standard error, the larger of that from the fits and that from the scatter \
                    between the directions; and this scatter, as a standard deviation.";
-    table(caption, &heads, &rows)
+    table(&with_slip_note(caption, results), &heads, &rows)
+}
+
+/// A caption, and that touches were not checked for slip.
+pub(super) fn with_slip_note(caption: &str, results: &RunResults) -> String {
+    match results.slip_note() {
+        Some(note) => format!("{caption} Check of slip: {note}."),
+        None => caption.to_owned(),
+    }
 }
 
 /// A value, with the count of its touches when some are missing, or the status of the touches.
@@ -100,13 +108,13 @@ pub(super) fn touches(rows: &[TouchRow]) -> Markup {
         let pair = |value: Option<f64>, sigma: Option<f64>| {
             value.zip(sigma).map_or_else(dash, |(value, sigma)| text(with_sigma(value, sigma)))
         };
-        let unconfirmed = if row.is_confirmed == Some(false) { ", not confirmed" } else { "" };
-        let status = format!("{}{unconfirmed}", row.status.describe());
+        let doubts = doubts(row);
+        let status = format!("{}{doubts}", row.status.describe());
         vec![
             text(&row.step),
             text(&row.sample),
             match (row.status, &row.amended) {
-                (TouchStatus::Measured, None) if unconfirmed.is_empty() => text(&status),
+                (TouchStatus::Measured, None) if doubts.is_empty() => text(&status),
                 (_, None) => fault(&status),
                 (_, Some(amended)) => text(format!("{status} ({amended})")),
             },
@@ -123,8 +131,17 @@ pub(super) fn touches(rows: &[TouchRow]) -> Markup {
     let rows: Vec<_> = rows.iter().map(row).collect();
     let caption = "Every planned touch, in order. The stiffness is that of the touch alone, with \
                    the uncertainty of the calibration; the class of a blind touch is the sample \
-                   that its cluster represents. A touch is not confirmed if the run ended before anything was measured after it.";
+                   that its cluster represents. A touch is not confirmed if the run ended before anything was measured after it. \
+                   Steps that the linear stage lost in a touch that was not checked for slip would not show: its \
+                   depth may be another.";
     html! { div.log.touches { (table(caption, &heads, &rows)) } }
+}
+
+/// What speaks against trusting a measured touch, after its status.
+fn doubts(row: &TouchRow) -> String {
+    let unconfirmed = if row.is_unconfirmed() { ", not confirmed" } else { "" };
+    let unchecked = if row.is_slip_unchecked() { ", slip not checked" } else { "" };
+    format!("{unconfirmed}{unchecked}")
 }
 
 /// Lines of the log. Prompts are not printed on paper: they are many, and all alike.

@@ -34,6 +34,9 @@ pub struct TouchRow {
     pub reason: Option<String>,
     /// For a measured touch, whether what was measured after it confirms it; `None` while that is awaited.
     pub is_confirmed: Option<bool>,
+    /// For a measured touch, whether the surface was found again after its sweep, so that steps lost in the touch
+    /// would have shown.
+    pub is_slip_checked: Option<bool>,
     /// Number of the sweep that gave the reference.
     pub no_load_sweep: Option<u64>,
     /// The reference, Hz.
@@ -92,7 +95,8 @@ pub struct TouchRow {
 /// Largest number of refused touches named in a sentence.
 const NAMED_MAX: usize = 5;
 
-/// `107 of 110 touches measured; 3 refused: …`, with the addresses of those, and of touches that nothing confirms.
+/// `107 of 110 touches measured; 3 refused: …`, with the addresses of those, of touches that nothing confirms, and
+/// of touches in which lost steps would not have shown.
 pub(crate) fn sentence(rows: &[TouchRow]) -> String {
     let Tally { planned, measured, refused, skipped, not_reached } =
         Tally::of(rows.iter().map(|row| row.status));
@@ -106,10 +110,13 @@ pub(crate) fn sentence(rows: &[TouchRow]) -> String {
         };
         format!("{count} {what}: {named}{more}")
     };
-    let is_unconfirmed = |row: &&TouchRow| row.is_confirmed == Some(false);
-    let unconfirmed = rows.iter().filter(is_unconfirmed).count();
+    let unconfirmed = rows.iter().filter(|row| row.is_unconfirmed()).count();
     if unconfirmed > 0 {
-        parts.push(named(unconfirmed, "of them not confirmed", is_unconfirmed));
+        parts.push(named(unconfirmed, "of them not confirmed", |row| row.is_unconfirmed()));
+    }
+    let unchecked = rows.iter().filter(|row| row.is_slip_unchecked()).count();
+    if unchecked > 0 {
+        parts.push(named(unchecked, "of them not checked for slip", |row| row.is_slip_unchecked()));
     }
     if refused > 0 {
         parts.push(named(refused, "refused", |row| row.status == TouchStatus::Refused));
@@ -175,6 +182,21 @@ pub(super) fn rows(
 }
 
 impl TouchRow {
+    /// Whether it was measured, and nothing of it is marked.
+    pub(crate) fn is_measured_without_doubt(&self) -> bool {
+        self.status == TouchStatus::Measured && !self.is_unconfirmed() && !self.is_slip_unchecked()
+    }
+
+    /// Whether the run ended before anything confirmed it.
+    pub(crate) fn is_unconfirmed(&self) -> bool {
+        self.is_confirmed == Some(false)
+    }
+
+    /// Whether steps that the linear stage lost in it would not have shown.
+    pub(crate) fn is_slip_unchecked(&self) -> bool {
+        self.is_slip_checked == Some(false)
+    }
+
     fn measured(
         &mut self,
         touch: &Touch,
@@ -196,6 +218,7 @@ impl TouchRow {
         self.indentation_mm = Some(touch.indentation_mm);
         self.linear_mm = Some(touch.linear_mm);
         self.rotary_deg = Some(touch.rotary_deg);
+        self.is_slip_checked = touch.is_slip_checked;
         match stiffness.and_then(|stiffness| stiffness.of_touch(&self.step)) {
             Some(Ok(found)) => {
                 let young = found.whole();

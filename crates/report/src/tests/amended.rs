@@ -1,8 +1,6 @@
 //! Runs that were resumed or amended.
 
-use rig_record::{
-    Action, Amended, Amendment, Record, Resumed, RunId, RunStatus, StepStarted, Touch,
-};
+use rig_record::{Action, Amended, Amendment, Record, Resumed, RunId, StepStarted, Touch};
 use uuid::Uuid;
 
 use super::{
@@ -120,28 +118,4 @@ fn a_resumed_run_counts_its_time_over_both_clocks() {
     let first = &results.touches()[0];
     assert_eq!((first.attempts, first.clock), (1, Some(1)));
     assert!(sample.html().contains("resumed by Ada at main/1/back/45/1; 103 touches left"));
-}
-
-#[test]
-fn the_last_touch_of_a_run_that_ended_early_is_not_confirmed() {
-    let complete = SampleRun::new(Story::Complete).results();
-    assert!(complete.touches().iter().all(|row| row.is_confirmed == Some(true)));
-
-    let mut sample = SampleRun::new(Story::Faulted);
-    let faulted = sample.results();
-    let measured = || faulted.touches().iter().filter(|row| row.status == TouchStatus::Measured);
-    let last = measured().next_back().unwrap();
-    assert_eq!(last.is_confirmed, Some(false));
-    assert!(
-        measured().filter(|row| row.step != last.step).all(|row| row.is_confirmed == Some(true))
-    );
-    let sentence = format!("1 of them not confirmed: {}", last.step);
-    assert!(faulted.shortfall().unwrap().contains(&sentence), "{:?}", faulted.shortfall());
-    assert!(sample.html().contains("measured, not confirmed"));
-
-    // A run that goes on may still confirm its last touch.
-    sample.run.status = RunStatus::Running;
-    sample.chain.records.retain(|stored| stored.kind != "run_finished");
-    let row = sample.results().touches().iter().find(|row| row.step == last.step).cloned();
-    assert_eq!(row.unwrap().is_confirmed, None);
 }

@@ -274,6 +274,7 @@ impl Recorder {
             indentation_mm: 0.5,
             linear_mm: 9.6,
             rotary_deg: pose.angle_deg,
+            is_slip_checked: Some(true),
             halfway: None,
         }));
     }

@@ -34,6 +34,8 @@ export interface Touch {
   sweep?: number | undefined;
   shift_hz?: number | undefined;
   sigma_hz?: number | undefined;
+  /** `false` if steps lost in it would not have shown. */
+  isSlipChecked?: boolean | undefined;
 }
 
 /** Something that happened, in plain words. */
@@ -188,7 +190,7 @@ function apply(model: Model, { run: id, record }: Event, rig_s: number): Model {
     case "touch_result":
       return withTouch(model, id, {
         ...settingsOf(record.touch), status: "measured", sweep: record.sweep,
-        shift_hz: record.shift_hz, sigma_hz: record.shift_sigma_hz,
+        shift_hz: record.shift_hz, sigma_hz: record.shift_sigma_hz, isSlipChecked: record.is_slip_checked,
       });
     case "touch_refused":
       return withTouch(model, id, { ...settingsOf(record.touch), status: "refused", reason: record.reason });
@@ -236,6 +238,7 @@ export const touchOfRow = (row: TouchRow): Touch => ({
   angle_deg: row.angle_deg, repeat: row.repeat, status: row.status,
   reason: row.reason ?? undefined, sweep: row.sweep ?? undefined,
   shift_hz: row.shift_hz ?? undefined, sigma_hz: row.shift_sigma_hz ?? undefined,
+  isSlipChecked: row.is_slip_checked ?? undefined,
 });
 
 /** A record in plain words; nothing for what a person need not read. */
@@ -248,7 +251,7 @@ function describe(record: JournalRecord): Pick<Happening, "text" | "tone"> | und
     case "refusal_asked": return { text: `asked about refused touch ${record.step}`, tone: "ask" };
     case "refusal_answered": return plain(`refused touch ${record.step}, ${record.by}: ${record.answer}`);
     case "retract_tried": return record.cause === undefined ? plain(`attempt ${record.attempt} to retract: the probe is ${record.probe}`) : { text: `attempt ${record.attempt} to retract: ${record.cause}`, tone: "bad" };
-    case "touch_result": return plain(`${nameOf(record.touch)}: shift ${fixed(record.shift_hz, 2)} Hz`);
+    case "touch_result": return plain(`${nameOf(record.touch)}: shift ${fixed(record.shift_hz, 2)} Hz${record.is_slip_checked === false ? ", slip not checked" : ""}`);
     case "touch_refused": return { text: `${nameOf(record.touch)}: refused, ${record.reason}`, tone: "bad" };
     case "sweep":
       return record.purpose !== "manual" ? undefined : record.outcome.status === "accepted"

@@ -219,7 +219,7 @@ function LatestTouches({ model }: { model: Model }) {
           <thead><tr><th scope="col">touch</th><th scope="col">sample</th><th scope="col">pose</th><th scope="col">shift, Hz</th></tr></thead>
           <tbody>{shown.map((t) => (
             <tr key={t.step}><td>{numbers.get(t.step) ?? ""}</td><td>{t.sample}</td><td>{t.direction} {degrees(t.angle_deg)}</td>
-              <td>{t.status === "refused" ? <span class="refused-word" title={t.reason}>✕ refused</span> : t.shift_hz !== undefined ? <Value value={t.shift_hz} sigma={t.sigma_hz ?? 0} unit="" /> : ""}</td></tr>
+              <td>{t.status === "refused" ? <span class="refused-word" title={t.reason}>✕ refused</span> : t.shift_hz !== undefined ? <><Value value={t.shift_hz} sigma={t.sigma_hz ?? 0} unit="" />{t.isSlipChecked === false && <small class="refused-word"> slip not checked</small>}</> : ""}</td></tr>
           ))}</tbody>
         </table>
       )}

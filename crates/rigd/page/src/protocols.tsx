@@ -140,6 +140,7 @@ function CheckedPlan({ plan, rig, good, changes, since }: { plan: Plan; rig: Rig
         {!rig.is_virtual_time && <div><dt>If started now, ends</dt><dd>{clock(rig.unix_ms + least * 1000, false)} to {clock(rig.unix_ms + most * 1000, false)}</dd></div>}
         <div><dt>Touches</dt><dd>{plan.touches}</dd><dd class="soft">of samples {plan.samples.join(", ")}; {plan.no_loads} free resonances</dd></div>
         <div><dt>Prompts</dt><dd>{plan.prompts}</dd><dd class="soft">{rig.is_simulated ? "of the simulated person, unless the rig file says otherwise" : "for you, at the bench"}</dd></div>
+        {plan.is_slip_checked === false && <div><dt>Check of slip</dt><dd class="refused-word">none</dd><dd class="soft">slip_mm = 0: steps lost in a touch will not show</dd></div>}
       </dl>
       <h3>When you are needed</h3>
       <Timeline plan={plan} touches={new Map()} now={undefined} />

@@ -168,6 +168,7 @@ export function RunPage({ id, view }: { id: string; view: View }) {
   const mainRows = results.touch_results.filter((row) => row.phase === "main");
   const blind = results.touch_results.filter((row) => row.phase === "blind");
   const refused = results.touch_results.filter((row) => row.status === "refused");
+  const unchecked = results.touch_results.filter((row) => row.is_slip_checked === false);
   const unconfirmed = results.touch_results.filter((row) => row.is_confirmed === false);
   const recognition = results.recognition[0];
   return (
@@ -181,6 +182,7 @@ export function RunPage({ id, view }: { id: string; view: View }) {
       {detail.is_resumable && <Continue detail={detail} view={view} onGivenUp={() => setGivenUp(true)} />}
       <section class="card wide" aria-label="Stiffness">
         <h2>Stiffness (Young's modulus) from shift by the model, ± σ with that of the calibration</h2>
+        {unchecked.length > 0 && results.stiffness.length > 0 && <p class="refused-word">{NOT_CHECKED}</p>}
         {results.stiffness.length === 0 ? <p class="soft">None: too few touches were measured.</p> : (
           <div class="stiffness">{results.stiffness.map((s) => {
             const value = s.stiffness_mpa != null && s.sigma_mpa != null ? stiffness(s.stiffness_mpa, s.sigma_mpa) : undefined;
@@ -201,6 +203,7 @@ export function RunPage({ id, view }: { id: string; view: View }) {
             {recognition && <p><strong>{recognition.correct} of {recognition.trials} right, {fixed(recognition.rate * 100, 0)} %</strong> <span class="soft">(95 %: {fixed(recognition.low * 100, 0)} to {fixed(recognition.high * 100, 0)})</span></p>}
             <ol class="blind-cells">{blind.map((row) => <li key={row.step}><TouchCell row={row} label={row.status === "measured" ? (row.class == null ? "·" : row.class === row.sample ? "✓" : "✗") : undefined} onOpen={openTouch} /></li>)}</ol></div>
         )}
+        {unchecked.length > 0 && <p class="refused-word">† {NOT_CHECKED}</p>}
         {refused.length > 0 && <div><h3>Refused, with reasons</h3><ul class="reasons">{refused.map((row) => <li key={row.step}><TouchLink row={row} onOpen={openTouch} /> {row.reason}</li>)}</ul></div>}
         {unconfirmed.length > 0 && <div><h3>Measured, not confirmed</h3><ul class="reasons">{unconfirmed.map((row) => <li key={row.step}><TouchLink row={row} onOpen={openTouch} /> The run ended before anything was measured after it.</li>)}</ul></div>}
       </section>
@@ -212,6 +215,8 @@ export function RunPage({ id, view }: { id: string; view: View }) {
     </main>
   );
 }
+
+const NOT_CHECKED = "Not checked for slip: steps that the linear stage lost in the touch would not have shown.";
 
 /** A touch by its name, which opens its sweep. */
 function TouchLink({ row, onOpen }: { row: TouchRow; onOpen: (row: TouchRow) => void }) {
@@ -290,10 +295,11 @@ function Matrix({ rows, samples, onOpen }: { rows: TouchRow[]; samples: string[]
 }
 
 function TouchCell({ row, label, onOpen }: { row: TouchRow; label: string | undefined; onOpen: (row: TouchRow) => void }) {
-  const text = label ?? (row.status === "measured" ? fixed(row.shift_hz ?? 0, 2) : row.status === "refused" ? "✕ refused" : row.status === "skipped" ? "skipped" : "not reached");
+  const mark = row.is_slip_checked === false ? "†" : "";
+  const text = label ?? (row.status === "measured" ? `${fixed(row.shift_hz ?? 0, 2)}${mark}` : row.status === "refused" ? "✕ refused" : row.status === "skipped" ? "skipped" : "not reached");
   const where = row.phase === "blind" ? `blind touch ${row.repeat}` : `sample ${row.sample}, ${row.direction} ${degrees(row.angle_deg)}`;
   const words = { "✓": "recognised", "✗": "taken for another sample", "·": "measured" }[text] ?? text;
-  return <button type="button" class={`touch-cell ${row.status}${text === "✗" ? " wrong" : ""}`} title={row.reason ?? where} aria-label={`${where}: ${words}`} onClick={() => onOpen(row)}>{text}</button>;
+  return <button type="button" class={`touch-cell ${row.status}${text === "✗" ? " wrong" : ""}`} title={row.reason ?? where} aria-label={`${where}: ${words}${mark && ", not checked for slip"}`} onClick={() => onOpen(row)}>{text}</button>;
 }
 
 /** The sweep behind a touch: its readings, and the circuit where one was found. */

@@ -135,7 +135,7 @@ export type JournalRecord =
   | { kind: "moved"; axis: Axis; target: number; read_back: number; is_clear?: boolean }
   | { kind: "surface_found"; step: string; position_mm: number; sigma_mm: number }
   | ({ kind: "sweep" } & Sweep)
-  | { kind: "touch_result"; touch: TouchSettings; sweep: number; shift_hz: number; shift_sigma_hz: number; resonance_hz: number; sigma_hz: number; no_load_hz: number }
+  | { kind: "touch_result"; touch: TouchSettings; sweep: number; shift_hz: number; shift_sigma_hz: number; resonance_hz: number; sigma_hz: number; no_load_hz: number; is_slip_checked?: boolean }
   | { kind: "touch_refused"; touch: TouchSettings; reason: string }
   | { kind: "operator"; action: string; who: string }
   | { kind: "fault"; step?: string; cause: string; probe: string; hint: string }
@@ -161,6 +161,7 @@ export interface Plan {
   rotary_deg: [number, number];
   indentation_mm: number;
   max_indentation_mm: number;
+  is_slip_checked?: boolean;
   target_sigma_hz: number;
   steps: PlanStep[];
   protocol_toml: string;
@@ -220,6 +221,7 @@ export interface TouchRow {
   status: TouchStatus;
   reason?: string | null;
   is_confirmed?: boolean | null;
+  is_slip_checked?: boolean | null;
   sweep?: number | null;
   resonance_hz?: number | null;
   sigma_hz?: number | null;

@@ -36,6 +36,11 @@ pub(super) struct CheckArgs {
     output: OutputArgs,
 }
 
+/// The warning of a protocol that leaves the check of slip out.
+const NO_SLIP_CHECK: &str = "warning: slip_mm = 0: steps that the linear stage loses in a touch will not show, and each \
+                             touch is marked as not checked for slip; for a tissue that stays indented, a slip_mm \
+                             larger than what stays keeps the check.";
+
 /// Steps that a warning names one by one.
 const STEPS_NAMED: usize = 5;
 
@@ -68,6 +73,8 @@ struct PlanView {
     no_loads: usize,
     prompts: usize,
     duration_s: f64,
+    /// Whether the surface is looked for again after each sweep.
+    is_slip_checked: bool,
     /// Space that the journal and the files of the run may take, bytes.
     disk_bytes: u64,
     linear_mm: [f64; 2],
@@ -189,6 +196,7 @@ impl CheckedProtocol<'_> {
             no_loads: summary.no_loads,
             prompts: summary.prompts,
             duration_s: summary.duration_s,
+            is_slip_checked: plan.touch.approach.has_slip_check(),
             disk_bytes: summary.disk_bytes,
             linear_mm: [summary.linear.min.value(), summary.linear.max.value()],
             rotary_deg: [summary.rotary.min.value(), summary.rotary.max.value()],
@@ -276,6 +284,9 @@ impl CheckedProtocol<'_> {
         ];
         if *halfway_s > 0.0 {
             lines.push(format!("{halfway} of it measure the touches halfway to their depth."));
+        }
+        if !self.protocol.plan.touch.approach.has_slip_check() {
+            lines.push(NO_SLIP_CHECK.to_owned());
         }
         lines.extend(self.by_mounting());
         lines.extend(self.not_predicted(&self.protocol.plan));

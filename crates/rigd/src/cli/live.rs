@@ -77,8 +77,10 @@ pub(super) fn say_touch(record: &Record) {
             let resonance = format!("{} Hz", with_sigma(touch.resonance_hz, touch.sigma_hz));
             let shift = with_sigma(touch.shift_hz, touch.shift_sigma_hz);
             let address = screen::plain(&touch.touch.step);
+            let unchecked =
+                if touch.is_slip_checked == Some(false) { ", slip not checked" } else { "" };
             screen::say(&format!(
-                "{} {address:<ADDRESS$}  {resonance:>RESONANCE$}  shift {shift:>14} Hz",
+                "{} {address:<ADDRESS$}  {resonance:>RESONANCE$}  shift {shift:>14} Hz{unchecked}",
                 painted("✓", Colour::Green),
             ));
         }

@@ -38,6 +38,8 @@ pub(super) struct PlanView {
     indentation_mm: f64,
     max_indentation_mm: f64,
     target_sigma_hz: f64,
+    /// Whether the surface is looked for again after each sweep, so that steps lost in a touch show.
+    is_slip_checked: bool,
     steps: Vec<StepView>,
     protocol_toml: String,
 }
@@ -203,6 +205,7 @@ impl PlanView {
             indentation_mm: plan.touch.indentation_mm,
             max_indentation_mm: limits.motion.max_indentation_mm,
             target_sigma_hz: plan.contact_sweep.target_sigma_hz,
+            is_slip_checked: plan.touch.approach.has_slip_check(),
             steps: plan.steps.iter().enumerate().zip(durations_s).map(step).collect(),
             protocol_toml: loaded.source.toml.clone(),
         }

@@ -385,6 +385,7 @@ impl Recorder {
             indentation_mm,
             linear_mm,
             rotary_deg,
+            is_slip_checked: self.plan.as_ref().map(|plan| plan.touch.approach.has_slip_check()),
             halfway: halfway.as_ref().map(|halfway| store::Halfway {
                 sweep: halfway_sweep,
                 resonance_hz: halfway.loaded.resonance_hz,

@@ -126,6 +126,7 @@ fn touch_result() -> Record {
         indentation_mm: 0.5,
         linear_mm: 9.6,
         rotary_deg: -30.0,
+        is_slip_checked: Some(true),
         halfway: None,
     })
 }

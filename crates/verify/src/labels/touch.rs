@@ -191,6 +191,12 @@ impl Labels {
         };
         self.place(seq, &indented, settings, findings);
         let asks = settings.is_some_and(|all| all.protocol.slip_mm().is_some());
+        // Older journals do not say it.
+        let is_marked = result.is_slip_checked.is_none_or(|said| said == asks);
+        if settings.is_some() && !is_marked {
+            let what = "whether the surface was looked for again after the sweep of a result";
+            findings.add(Check::Row, seq, what, asks, !asks);
+        }
         if asks && !self.again.is_some_and(|again| again.is_still_there) {
             let what = "a result without a surface that was still there after the sweep";
             let found = format!("{:?}", self.again);
