@@ -24,4 +24,4 @@ pub use record::{
     SurfaceReading, Sweep, SweepOutcome, SweepPurpose, Touch, TouchPosition, TouchSettings,
 };
 pub use run::{NotARunId, Run, RunId, RunKind, RunStatus};
-pub use seal::{ListEntry, Stretch, seal};
+pub use seal::{ListEntry, SealedRun, Stretch, seal};

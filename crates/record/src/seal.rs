@@ -82,3 +82,28 @@ pub fn seal(
     let stretches = stretches.iter().flat_map(Stretch::parts);
     Digest::of(entry.parts().into_iter().chain(stretches).chain(end))
 }
+
+/// What the seal of an ended run covers.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SealedRun {
+    /// Its entry in the list of runs.
+    pub entry: ListEntry,
+    /// Its stretches, in order.
+    pub stretches: Vec<Stretch>,
+    /// When it ended: UTC, RFC 3339 with milliseconds.
+    pub finished_at: String,
+    /// How it ended.
+    pub status: String,
+    /// Number of records.
+    pub records: u64,
+    /// Digest of the last record.
+    pub head: Digest,
+}
+
+impl SealedRun {
+    /// The seal over all of it.
+    pub fn seal(&self) -> Digest {
+        let Self { entry, stretches, finished_at, status, records, head } = self;
+        seal(entry, stretches, finished_at, status, *records, *head)
+    }
+}

@@ -11,6 +11,7 @@ mod error;
 mod hdf5;
 mod parquet;
 mod records;
+mod sealed;
 mod table;
 #[cfg(test)]
 mod tests;
@@ -26,6 +27,7 @@ pub use error::ExportError;
 pub use hdf5::Hdf5Export;
 use records::{Ends, Take};
 use rig_record::{Run, StoredRecord, Sweep};
+pub use sealed::{SealDocument, Signature, sealed};
 pub use table::TableFormat;
 use table::{Table, TableValue};
 pub use touchstone::touchstone;

@@ -4,6 +4,7 @@
 
 mod archive;
 mod args;
+mod bench_key;
 mod check;
 mod client;
 mod config;
@@ -37,6 +38,7 @@ mod screen;
 mod serve;
 mod session;
 mod settings;
+mod ship;
 mod signals;
 mod table;
 mod token;
@@ -120,11 +122,15 @@ enum CliCommand {
     Restore(runs::RestoreArgs),
     /// Move sealed runs to an archive, each checked there first
     Archive(archive::ArchiveArgs),
+    /// Put sealed runs in an object store, each as one Parquet file
+    Ship(ship::ShipArgs),
+    /// Make and show the key that signs the seals of a bench
+    BenchKey(bench_key::BenchKeyArgs),
     /// Copy what verifies of a damaged journal to a new directory
     Salvage(runs::SalvageArgs),
     /// Write the report of a run again
     Report(runs::ReportArgs),
-    /// Check the journal of a run: chain, moves, labels, results
+    /// Check the journal of a run, or objects of an object store
     Verify(verify::VerifyArgs),
     /// List the serial ports of this computer and who has them open
     Ports(ports::PortsArgs),
@@ -194,6 +200,8 @@ pub fn main() -> ExitCode {
         CliCommand::Backup(args) => runs::back_up(&args),
         CliCommand::Restore(args) => runs::restore(&args),
         CliCommand::Archive(args) => archive::archive(&args),
+        CliCommand::Ship(args) => ship::ship(&args),
+        CliCommand::BenchKey(args) => bench_key::bench_key(&args),
         CliCommand::Salvage(args) => runs::salvage(&args),
         CliCommand::Report(args) => runs::report(&args),
         CliCommand::Verify(args) => verify::verify(&args),

@@ -8,53 +8,18 @@ mod preload;
 #[expect(dead_code, reason = "other tests use more of it")]
 #[path = "support/program.rs"]
 mod program;
+#[path = "support/short_runs.rs"]
+mod short_runs;
 
 use std::{
     fs,
     os::unix::process::ExitStatusExt,
     path::{Path, PathBuf},
-    process::{Command, Output},
 };
 
 use rig_store::{ChainCheck, Reader, Record, RunId, RunKind, Store, StoreError};
 use serde_json::Value;
-use tempfile::TempDir;
-
-fn rigd(data: &Path, args: &[&str], environment: &[(&str, String)]) -> Output {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    Command::new(env!("CARGO_BIN_EXE_rigd"))
-        .args(args)
-        .args(["--data", data.to_str().unwrap()])
-        .envs(environment.iter().map(|(name, value)| (name, value)))
-        .current_dir(root)
-        .output()
-        .unwrap()
-}
-
-/// The JSON of a command that succeeds.
-#[track_caller]
-fn json(data: &Path, args: &[&str]) -> Value {
-    let output = rigd(data, &[args, &["--json"]].concat(), &[]);
-    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
-    serde_json::from_slice(&output.stdout).unwrap()
-}
-
-/// A folder with a data directory `data` with this number of runs of four touches.
-fn with_runs(count: usize) -> TempDir {
-    let folder = TempDir::new().unwrap();
-    let smoke = include_str!("../../../config/protocols/smoke.toml");
-    let short = smoke
-        .replace("directions = [\"front\", \"back\", \"left\"]", "directions = [\"left\"]")
-        .replace("angles_deg = [0, 45]", "angles_deg = [30]")
-        .replace("trials = 6", "trials = 2");
-    let protocol = folder.path().join("short.toml");
-    fs::write(&protocol, short).unwrap();
-    for _ in 0..count {
-        let run = rigd(&folder.path().join("data"), &["run", protocol.to_str().unwrap()], &[]);
-        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
-    }
-    folder
-}
+use short_runs::{json, rigd, with_runs};
 
 /// The runs of protocols, the latest first.
 fn runs(reader: &Reader) -> Vec<RunId> {

@@ -45,11 +45,12 @@ pub use rig_record::{
     Action, Amended, Amendment, Archived, Axis, BenchSettings, BlackBox, Chain, ChainCheck, Change,
     CheckedSurface, Circuit, Clearance, ClockJumped, Confirmed, Device, Digest, Direction, Ending,
     Expected, Extra, Fault, FitNoise, FitSettings, FitTiming, Flaw, Frame, GivenUp, Halfway,
-    Intent, LostSurface, Move, MoveReason, NearCircuit, Operator, Phase, PlanSize, Pose, Prompt,
-    PromptAnswered, PromptAsked, ReadingFlag, ReadingRecord, Record, RefusalAnswered, RefusalAsked,
-    RefusedTouch, Resumed, RetractTried, Run, RunFinished, RunId, RunKind, RunStarted, RunStatus,
-    Sample, Source, Stalled, StateChanged, StepStarted, StoredRecord, Surface, SurfaceReading,
-    Sweep, SweepOutcome, SweepPurpose, Touch, TouchPosition, TouchSettings,
+    Intent, ListEntry, LostSurface, Move, MoveReason, NearCircuit, Operator, Phase, PlanSize, Pose,
+    Prompt, PromptAnswered, PromptAsked, ReadingFlag, ReadingRecord, Record, RefusalAnswered,
+    RefusalAsked, RefusedTouch, Resumed, RetractTried, Run, RunFinished, RunId, RunKind,
+    RunStarted, RunStatus, Sample, SealedRun, Source, Stalled, StateChanged, StepStarted,
+    StoredRecord, Stretch, Surface, SurfaceReading, Sweep, SweepOutcome, SweepPurpose, Touch,
+    TouchPosition, TouchSettings,
 };
 pub use salvage::{SalvagedRun, salvage};
 pub use schema::FORMAT;

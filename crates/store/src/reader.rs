@@ -5,6 +5,7 @@ mod archive;
 mod ended;
 mod interruption;
 mod list;
+mod sealed;
 mod size;
 mod walk;
 

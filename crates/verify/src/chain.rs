@@ -142,7 +142,7 @@ impl Chain {
     }
 }
 
-fn parts(stretch: &Stretch) -> [Part<'_>; 3] {
+pub(crate) fn parts(stretch: &Stretch) -> [Part<'_>; 3] {
     [Part::Number(stretch.epoch), Part::Text(&stretch.started_at), Part::Number(stretch.rig_us)]
 }
 

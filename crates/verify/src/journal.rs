@@ -67,6 +67,30 @@ pub(crate) struct Journal {
     pub(crate) damage: Option<String>,
 }
 
+impl Journal {
+    /// A sealed run without the journal that it was in.
+    pub(crate) fn alone(
+        run: Listed,
+        stretches: Vec<Stretch>,
+        seal: Seal,
+        entries: Vec<Entry>,
+    ) -> Self {
+        Self {
+            run,
+            links: Ok(()),
+            stretches,
+            seal: Some(seal),
+            entries,
+            elsewhere: Vec::new(),
+            numbered: BTreeMap::new(),
+            amended: None,
+            sessions: BTreeMap::new(),
+            note: None,
+            damage: None,
+        }
+    }
+}
+
 /// An entry of the list of runs.
 #[derive(Debug, Clone)]
 pub(crate) struct Listed {
@@ -80,7 +104,7 @@ pub(crate) struct Listed {
     pub(crate) epoch: u64,
     pub(crate) started_at: String,
     pub(crate) digest: Vec<u8>,
-    link: Vec<u8>,
+    pub(crate) link: Vec<u8>,
     pub(crate) finished_at: Option<String>,
     pub(crate) status: String,
 }

@@ -12,7 +12,8 @@
 //!                                   └───▶ results: what follows from the readings ─▶ fit
 //! ```
 //!
-//! Of a run whose readings were moved to an archive, what is left is checked (`archived`).
+//! Of a run whose readings were moved to an archive, what is left is checked (`archived`). Of a sealed run in an
+//! object store, records, chain, seal and signature are checked from its file alone (`object`).
 
 mod archived;
 mod chain;
@@ -24,6 +25,7 @@ mod labels;
 mod model;
 mod motion;
 mod normal;
+mod object;
 mod plan;
 mod record;
 mod refused;
@@ -41,6 +43,7 @@ pub use finding::{ArchivedPart, Check, Finding, Verdict};
 pub use folder::{FileFinding, verify_folder};
 pub use journal::JournalError;
 pub use model::{ModelCheck, StatedModel, verify_model};
+pub use object::{ObjectError, ObjectVerdict, verify_object};
 
 /// Checks the run or session with this id in the journal of a data directory. Nothing is written.
 ///

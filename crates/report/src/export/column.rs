@@ -128,15 +128,42 @@ impl TableName {
 
     /// The table of its columns as Markdown.
     pub fn dictionary(self) -> String {
-        let mut text = "| column | type | unit | meaning |\n|---|---|---|---|\n".to_owned();
-        for Column { name, kind, unit, description } in self.columns() {
-            let unit = if unit.is_empty() { String::new() } else { format!("`{unit}`") };
-            writeln!(text, "| `{name}` | {} | {unit} | {description} |", kind.name())
-                .expect("a string takes all text");
-        }
-        text
+        dictionary(&self.columns())
     }
 }
+
+/// A table of columns as Markdown.
+pub(super) fn dictionary(columns: &[Column]) -> String {
+    let mut text = "| column | type | unit | meaning |\n|---|---|---|---|\n".to_owned();
+    for Column { name, kind, unit, description } in columns {
+        let unit = if unit.is_empty() { String::new() } else { format!("`{unit}`") };
+        writeln!(text, "| `{name}` | {} | {unit} | {description} |", kind.name())
+            .expect("a string takes all text");
+    }
+    text
+}
+
+/// The columns of a sealed run in an object store. None is named as a part of the path, `lab`, `bench` or `month`.
+pub(super) const SEALED: [Column; 10] = [
+    text("run_id", "id of the run"),
+    text("run_kind", "`run`, `session`, `amendment` or `archive`"),
+    text(
+        "run_name",
+        "name of the protocol; of an amendment or a note of an archive, the id of the run it is about",
+    ),
+    whole("seq", "number of the record in the run, from 1"),
+    whole("epoch", "number of the opening of the journal from which `rig_us` counts"),
+    column(ColumnKind::Whole, "rig_us", "us", "time of the record on the rig's clock"),
+    column(
+        ColumnKind::Time,
+        "at",
+        "",
+        "time of the record, UTC: the wall-clock start of its stretch plus the time on the rig's clock",
+    ),
+    text("kind", "kind of the record"),
+    text("payload", "the record as JSON, byte for byte as in the journal"),
+    text("digest", "digest of the record and of the ones before it, SHA-256 in hexadecimal"),
+];
 
 /// The first column of a table of several runs.
 pub(super) const RUN: Column = text("run", "short name of the run");

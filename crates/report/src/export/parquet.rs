@@ -39,10 +39,15 @@ pub(super) struct ParquetTable<W: Write + Send> {
 }
 
 impl<W: Write + Send> ParquetTable<W> {
-    pub(super) fn new(columns: &[Column], out: W) -> Result<Self, ExportError> {
+    /// `more` are entries of the metadata of the file, besides those about the columns.
+    pub(super) fn new(
+        columns: &[Column],
+        more: Vec<(&str, String)>,
+        out: W,
+    ) -> Result<Self, ExportError> {
         let fields = columns.iter().map(field).collect::<Result<_, _>>()?;
         let schema = Type::group_type_builder("schema").with_fields(fields).build()?;
-        let writer = SerializedFileWriter::new(out, Arc::new(schema), properties(columns))?;
+        let writer = SerializedFileWriter::new(out, Arc::new(schema), properties(columns, more))?;
         let columns = columns.iter().map(|column| (*column, Values::new(column.kind))).collect();
         Ok(Self { columns, rows: 0, writer })
     }
@@ -95,7 +100,7 @@ fn field(column: &Column) -> Result<TypePtr, ParquetError> {
     builder.build().map(Arc::new)
 }
 
-fn properties(columns: &[Column]) -> WriterPropertiesPtr {
+fn properties(columns: &[Column], more: Vec<(&str, String)>) -> WriterPropertiesPtr {
     let dictionary: Vec<_> = columns
         .iter()
         .map(|Column { name, kind, unit, description }| {
@@ -103,10 +108,9 @@ fn properties(columns: &[Column]) -> WriterPropertiesPtr {
         })
         .collect();
     let entry = |key: &str, value: String| KeyValue::new(key.to_owned(), value);
-    let metadata = vec![
-        entry(COLUMNS_KEY, json!(dictionary).to_string()),
-        entry(arrow::SCHEMA_KEY, arrow::schema(columns)),
-    ];
+    let own =
+        [(COLUMNS_KEY, json!(dictionary).to_string()), (arrow::SCHEMA_KEY, arrow::schema(columns))];
+    let metadata = own.into_iter().chain(more).map(|(key, value)| entry(key, value)).collect();
     let properties = WriterProperties::builder()
         .set_created_by("rigd".to_owned())
         .set_compression(Compression::SNAPPY)

@@ -158,7 +158,9 @@ impl<W: Write + Send> Table<W> {
                 writer.write_record(columns.iter().map(|column| column.name)).map_err(failed)?;
                 Sink::Csv(Box::new(writer))
             }
-            TableFormat::Parquet => Sink::Parquet(Box::new(ParquetTable::new(&columns, out)?)),
+            TableFormat::Parquet => {
+                Sink::Parquet(Box::new(ParquetTable::new(&columns, Vec::new(), out)?))
+            }
         };
         Ok(Self { columns, sink })
     }

@@ -303,6 +303,8 @@ fn the_manual_has_the_dictionary_of_every_table() {
         columns.dedup();
         assert_eq!(columns.len(), name.columns().len(), "a name is given twice");
     }
+    let dictionary = column::dictionary(&column::SEALED);
+    assert!(manual.contains(&dictionary), "write into docs/data.md:\n{dictionary}");
 }
 
 #[test]

@@ -75,6 +75,11 @@ pub(super) struct RunArg {
 }
 
 impl RunArg {
+    /// The run as it was written.
+    pub(super) fn text(&self) -> &str {
+        &self.run
+    }
+
     /// The data directory of the run; in an archive, the folder of the run.
     pub(super) fn dir(&self) -> Result<PathBuf, Failure> {
         self.data.of(&self.run)

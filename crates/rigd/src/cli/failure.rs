@@ -9,6 +9,7 @@ use std::{
 use rig_engine::{CommandRefusal, RigState};
 use rig_model::{Clearance, Mm, Position};
 use rig_report::export::ExportError;
+use rig_ship::{KeyError, ShipError, StorageError};
 use rig_store::StoreError;
 use rig_verify::JournalError;
 
@@ -53,6 +54,16 @@ pub(super) enum Failure {
     Rehearse(#[from] crate::rehearse::RehearseError),
     #[error(transparent)]
     Archive(#[from] ArchiveError),
+    #[error(transparent)]
+    Ship(#[from] ShipError),
+    #[error(transparent)]
+    Storage(#[from] StorageError),
+    #[error(transparent)]
+    Key(#[from] KeyError),
+    #[error("{store} has no objects")]
+    NoObjects { store: String },
+    #[error("--signed-by is for objects of an object store; the journal has no signatures")]
+    NotSigned,
     #[error("data directory {}", data.display())]
     Data { data: PathBuf, source: StoreError },
     #[error(transparent)]
@@ -161,6 +172,7 @@ impl Failure {
             | Self::Tokens(TokensError::Taken { .. } | TokensError::Unknown { .. })
             | Self::NoFile { .. }
             | Self::NoFolder { .. }
+            | Self::NotSigned
             | Self::Daemon(DaemonError::Token(_) | DaemonError::WrongAnswer(_)) => 2,
             Self::Refused(RequestRefusal::Resume(refusal)) => match &**refusal {
                 ResumeRefusal::Changed { .. }
@@ -178,6 +190,7 @@ impl Failure {
             Self::NoResonance { .. }
             | Self::NoResonances { .. }
             | Self::NoSweep { .. }
+            | Self::NoObjects { .. }
             | Self::Daemon(DaemonError::NoRun)
             | Self::Store(StoreError::NoSuchRun { .. } | StoreError::Ambiguous { .. })
             | Self::Archive(
@@ -198,6 +211,9 @@ impl Failure {
             | Self::Tokens(_)
             | Self::Notify(_)
             | Self::Archive(_)
+            | Self::Ship(_)
+            | Self::Storage(_)
+            | Self::Key(_)
             | Self::Daemon(_)
             | Self::Open(_)
             | Self::Data { .. }

@@ -1,7 +1,10 @@
 //! `rigd verify`: checks the journal of a run with the checker that shares no code with rigd, and the
-//! folder of the run against its manifest.
+//! folder of the run against its manifest. Objects of an object store are checked from their bytes alone.
+
+mod objects;
 
 use rig_record::{Run, RunKind};
+use rig_ship::PublicKey;
 use rig_store::Reader;
 use rig_verify::{FileFinding, ModelCheck, StatedModel, Verdict};
 use serde::Serialize;
@@ -15,6 +18,7 @@ use super::{
     table::{print, print_json},
 };
 use crate::run_files;
+use objects::Objects;
 
 /// The verdict on the journal of a run and on its folder.
 #[derive(Debug, Serialize)]
@@ -33,11 +37,20 @@ struct VerifyView {
 pub(super) struct VerifyArgs {
     #[command(flatten)]
     run: RunArg,
+    /// Objects must be signed by the bench with this public key (`rigd bench-key show`)
+    #[arg(long, value_name = "KEY")]
+    signed_by: Option<PublicKey>,
     #[command(flatten)]
     output: OutputArgs,
 }
 
 pub(super) fn verify(args: &VerifyArgs) -> Result<(), Failure> {
+    if let Some(objects) = Objects::named(args.run.text()) {
+        return objects.verify(args);
+    }
+    if args.signed_by.is_some() {
+        return Err(Failure::NotSigned);
+    }
     let (reader, run) = args.run.find()?;
     let data = &args.run.dir()?;
     let verdict = rig_verify::verify(data, &run.id.to_string())
