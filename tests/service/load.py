@@ -29,6 +29,7 @@ parser.add_argument("rigd", type=Path)
 parser.add_argument("--seconds", type=float, default=60, help="of each part")
 parser.add_argument("--export-mb", type=int, default=2000)
 parser.add_argument("--streams", type=int, default=1000)
+parser.add_argument("--nice", type=int, default=0, help="nice value of the daemon; below 0 only as root; the unit has -5")
 parser.add_argument("--connecting", type=int, default=2000, help="clients that connect when a stop is asked for")
 options = parser.parse_args()
 RIGD = options.rigd.resolve()
@@ -144,6 +145,14 @@ def memory_mb(pid, name="VmRSS"):
     return int(re.search(rf"^{name}:\s+(\d+)", Path(f"/proc/{pid}/status").read_text(), re.M)[1]) / 1024
 
 
+def turns(pid):
+    """Of the rig thread: the time that it ran, and that it waited for a processor, s, and the number of its turns."""
+    for task in Path(f"/proc/{pid}/task").iterdir():
+        if (task / "comm").read_text().strip() == "rig":
+            run_ns, waited_ns, count = map(int, (task / "schedstat").read_text().split())
+            return run_ns / 1e9, waited_ns / 1e9, count
+
+
 class Client:
     def __init__(self, work, *arguments, nice=CLIENT_NICE):
         self.ended, self.found = multiprocessing.Event(), multiprocessing.Queue()
@@ -163,12 +172,16 @@ class Client:
 
 def measured(name, port, pid, clients):
     time.sleep(2 if clients else 0)
+    before = turns(pid)
     late = sweeps(port, options.seconds)
+    run_s, waited_s, count = (now - then for now, then in zip(turns(pid), before))
     found = [client.end() for client in clients]
     middle = at(late, 0.5)
     ms = lambda part: (at(late, part) - middle) * 1e3
     print(f"{name}: of {len(late)} readings 99 % are later than the median by at most {ms(.99):.2f} ms, "
           f"99.9 % by {ms(.999):.2f} ms, all by {ms(1):.2f} ms; the daemon has {memory_mb(pid):.0f} MB")
+    print(f"  the rig thread ran for {run_s * 1e3:.0f} ms in {count} turns, and waited for a processor {waited_s / count * 1e3:.2f} ms "
+          "before each in the mean")
     if found:
         times = found[0]
         print(f"  {len(times)} requests of {POLLERS} pollers: median {at(times, .5) * 1e3:.2f} ms, "
@@ -239,7 +252,7 @@ def main():
         scenes = (ROOT / "config/scenes").as_posix()
         rig.write_text(text.replace('"../scenes/', f'"{scenes}/').replace('pace = "virtual"', 'pace = "real"'))
         with open(folder / "log", "w+") as log:
-            daemon = subprocess.Popen([RIGD, "serve", "--rig", rig, "--data", data, "--listen", "127.0.0.1:0",
+            daemon = subprocess.Popen(["nice", "-n", str(options.nice), RIGD, "serve", "--rig", rig, "--data", data, "--listen", "127.0.0.1:0",
                                        "config/protocols/smoke.toml"], cwd=ROOT, stderr=log,
                                       stdout=subprocess.DEVNULL)
         try:

@@ -4,8 +4,8 @@ status, the time from the start until ready, memory, and the processor time of a
 
     tests/speed/service.py target/release/rigd PYTHON [--port 60710]
 
-PYTHON is that of an environment with bluesky, bluesky-queueserver, bluesky-httpserver and ophyd. `redis-server` must be
-installed, because the queueserver keeps its queue in it. The environment of the queueserver is opened before its memory is
+PYTHON is that of an environment with bluesky, bluesky-queueserver, bluesky-httpserver, ophyd and pandas, which the HTTP
+server needs and does not ask for. `redis-server` must be installed, because the queueserver keeps its queue in it. The environment of the queueserver is opened before its memory is
 read, as it must be before a plan can run.
 
 A durable event is, of bluesky, a document of `count([det])` that a callback writes as JSON and gives to the disk
@@ -61,10 +61,12 @@ def get(connection, path, headers={}):
     return answer.status, answer.read()
 
 
-def until_ready(port, path, is_ready, headers={}):
+def until_ready(port, path, is_ready, headers={}, programs=()):
     """The seconds until the service says that it is ready."""
     began = time.perf_counter()
     while time.perf_counter() - began < PATIENCE_S:
+        for program in programs:
+            assert program.poll() is None, f"{program.args[0]} has ended"
         try:
             connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
             if is_ready(*get(connection, path, headers)):
@@ -174,7 +176,7 @@ def bluesky(folder):
         server = subprocess.Popen([tools / "uvicorn", "--host", "127.0.0.1", "--port", str(port),
                                    "bluesky_httpserver.server:app"], env=environment, stdout=log, stderr=log)
         try:
-            until_ready(port, "/api/status", is_idle, headers)
+            until_ready(port, "/api/status", is_idle, headers, (manager, server))
         except AssertionError:
             end(server), end(manager)
             raise
@@ -215,12 +217,15 @@ def main():
                                "print(bluesky.__version__, bluesky_queueserver.__version__, bluesky_httpserver.__version__)"],
                               capture_output=True, text=True).stdout.strip()
     print(f"bluesky, queueserver, httpserver: {versions}; {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}")
-    print(f"| | {' | '.join(found)} |\n|---|---|---|")
-    line = lambda what, word: print(f"| {what} | {' | '.join(word(one) for one in found.values())} |")
-    line("round trip of the status, median and 99 %, ms", lambda one: f"{one[1][0]:.2f}, {one[1][1]:.2f}")
-    line(f"start to ready, median of {STARTS}, s", lambda one: f"{one[0]:.3f}")
-    line("memory, MB", lambda one: f"{one[2]:.0f}")
-    line("processor time of a durable event, ms", lambda one: f"{one[3]:.2f} ({one[4]} events)")
+    print("| | rigd | bluesky | bluesky : rigd |\n|---|---|---|---|")
+    ours, theirs = found["rigd"], found["bluesky"]
 
+    def line(what, word, of):
+        print(f"| {what} | {word(ours)} | {word(theirs)} | {of(theirs) / of(ours):.0f} |")
+
+    line("round trip of the status, median and 99 %, ms", lambda one: f"{one[1][0]:.2f}, {one[1][1]:.2f}", lambda one: one[1][0])
+    line(f"start to ready, median of {STARTS}, s", lambda one: f"{one[0]:.3f}", lambda one: one[0])
+    line("memory, MB", lambda one: f"{one[2]:.0f}", lambda one: one[2])
+    line("processor time of a durable event, ms", lambda one: f"{one[3]:.2f} ({one[4]} events)", lambda one: one[3])
 
 main()
