@@ -3,6 +3,7 @@
 # Debian with mmdebstrap. A run is measured before the upgrade and must be there after the removal.
 set -euo pipefail
 old=$(realpath "$1") new=$(realpath "$2")
+releases=$(realpath "$(dirname "$0")/../../crates/rigd/tests/data/releases")
 fail() { printf 'FAILED: %s\n' "$*" >&2; exit 1; }
 root=$(mktemp -d)
 trap 'rm -rf "$root"' EXIT
@@ -37,6 +38,16 @@ install_deb /new.deb
 [ "$(inside dpkg-query -Wf '${Version}' rigd)" = "$(dpkg-deb -f "$new" Version)" ] || fail "the version after the upgrade"
 grep -q "of this bench" "$root/etc/rigd/rig.toml" || fail "the upgrade changed the rig file"
 as_rigd rigd verify latest --data /var/lib/rigd || fail "the run after the upgrade"
+# The installed program reads the data of every release.
+for release in "$releases"/*; do
+  cp -r "$release/data" "$root/var/lib/rigd-of-a-release"
+  inside chown -R rigd:rigd /var/lib/rigd-of-a-release
+  for run in release-2 latest; do
+    as_rigd rigd verify "$run" --data /var/lib/rigd-of-a-release > /dev/null ||
+      fail "$run in the data of release $(basename "$release")"
+  done
+  rm -r "$root/var/lib/rigd-of-a-release"
+done
 
 inside apt-get remove -y -qq rigd > /dev/null 2>&1 || fail "it cannot be removed"
 [ ! -e "$root/usr/bin/rigd" ] || fail "the program is still there"
