@@ -209,8 +209,10 @@ mod tests {
     async fn the_person_sees_the_sense_of_each_axis_as_it_is() {
         for is_reversed in [false, true] {
             let mut bench = Bench::new(|scene| {
-                scene.linear.assembly.is_reversed = is_reversed;
-                scene.rotary.assembly.is_reversed = is_reversed;
+                let sense = if is_reversed { -1.0 } else { 1.0 };
+                scene.linear.assembly.units_per_step = Some(sense * 0.001);
+                scene.linear.assembly.zero = Some(40.0 * (1.0 - sense));
+                scene.rotary.assembly.units_per_step = Some(sense * 0.01);
             });
             let (up, tip) = if is_reversed {
                 (ProbeWent::Down, EdgeSank::Clamp)
@@ -234,8 +236,8 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn gauges_read_the_true_way_and_the_true_tilt() {
         let mut bench = Bench::new(|scene| {
-            scene.linear.assembly.scale_rel = 0.1;
-            scene.rotary.assembly = Assembly { is_reversed: true, scale_rel: -0.5, zero: 0.8 };
+            scene.linear.assembly.units_per_step = Some(0.0011);
+            scene.rotary.assembly = Assembly { units_per_step: Some(-0.005), zero: Some(0.8) };
             scene.rotary.start = 0.8;
             scene.place.surface_mm = 12.0;
             scene.place.surface_above_pivot_mm = 7.04;

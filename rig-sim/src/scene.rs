@@ -1,8 +1,6 @@
 //! Scene files. The comments in `config/scenes/paper.toml` are the manual of their keys; those of adhesion and
 //! thickness are in `matched.toml`, those of a bench that is not as its rig file describes it in `new-bench.toml`.
 
-use std::ops::RangeInclusive;
-
 use rig_contact::{Friction, SensorDesign, Specimen};
 use rig_files::{
     Complaint, Faults,
@@ -82,14 +80,8 @@ fn scene(table: &mut Table<'_>) -> Scene {
         sensor: SensorScene { design: *sensor.design(), ..contact },
         samples,
         place: table.section("place", place).required().value,
-        linear: table
-            .section("linear", |table| mechanics(table, ["start_mm", "travel_mm", "zero_mm"]))
-            .required()
-            .value,
-        rotary: table
-            .section("rotary", |table| mechanics(table, ["start_deg", "travel_deg", "zero_deg"]))
-            .required()
-            .value,
+        linear: table.section("linear", |table| mechanics(table, &LINEAR)).required().value,
+        rotary: table.section("rotary", |table| mechanics(table, &ROTARY)).required().value,
         nuisances: table.section("nuisances", nuisances).or(Nuisances::NONE).value,
         person: table.section("person", person).or(PersonScene::RELIABLE).value,
     }
@@ -165,26 +157,38 @@ fn place(table: &mut Table<'_>) -> TrueGeometry {
     }
 }
 
-/// Reads a stage by its keys for the initial position, the limit switches and the zero.
-fn mechanics(table: &mut Table<'_>, [start, travel, zero]: [&'static str; 3]) -> Mechanics {
-    let none = Assembly::AS_DESCRIBED;
-    let assembly = Assembly {
-        is_reversed: table.flag("reversed").or(none.is_reversed).value,
-        scale_rel: table.number("scale_rel").range(SCALE_REL).or(none.scale_rel).value,
-        zero: table.number(zero).or(none.zero).value,
-    };
-    let start = table.number(start).required();
-    let travel = table.number(travel).interval().required();
+/// The keys of a stage.
+struct StageKeys {
+    start: &'static str,
+    travel: &'static str,
+    step: &'static str,
+    zero: &'static str,
+}
+
+const LINEAR: StageKeys =
+    StageKeys { start: "start_mm", travel: "travel_mm", step: "mm_per_step", zero: "zero_mm" };
+const ROTARY: StageKeys =
+    StageKeys { start: "start_deg", travel: "travel_deg", step: "deg_per_step", zero: "zero_deg" };
+
+fn mechanics(table: &mut Table<'_>, keys: &StageKeys) -> Mechanics {
+    let step = table.number(keys.step).optional();
+    let units_per_step = step.and_then(|step| {
+        if step.value == 0.0 {
+            table.refuse(&step, &NoStep { key: keys.step });
+        }
+        step.sound().copied().filter(|step| *step != 0.0)
+    });
+    let zero = table.number(keys.zero).optional().map(|zero| zero.value);
+    let start = table.number(keys.start).required();
+    let travel = table.number(keys.travel).interval().required();
     if let (Some(place), Some((min, max))) = (start.sound(), travel.sound())
         && !(min..=max).contains(&place)
     {
         table.refuse(&start, &StartBeyondTravel { start, travel });
     }
+    let assembly = Assembly { units_per_step, zero };
     Mechanics { start: start.value, travel: travel.value, assembly }
 }
-
-/// Relative difference of a step: from a twentieth of the described one to twenty times that.
-const SCALE_REL: RangeInclusive<f64> = -0.95..=19.0;
 
 fn person(table: &mut Table<'_>) -> PersonScene {
     let reliable = PersonScene::RELIABLE;
@@ -239,6 +243,15 @@ struct StartBeyondTravel {
 }
 
 impl Complaint for StartBeyondTravel {}
+
+/// A drive whose steps move nothing.
+#[derive(Debug, thiserror::Error)]
+#[error("{key} = 0 moves nothing")]
+struct NoStep {
+    key: &'static str,
+}
+
+impl Complaint for NoStep {}
 
 /// A sample so thin that its model does not hold down to the depth at which it tears.
 #[derive(Debug, thiserror::Error)]
@@ -360,8 +373,9 @@ mod tests {
         let text = include_str!("../../config/scenes/new-bench.toml");
         let scene = read("s.toml", text).unwrap();
         let described = Assembly::AS_DESCRIBED;
-        assert_eq!(scene.linear.assembly, Assembly { scale_rel: 0.02, ..described });
-        let turned = Assembly { is_reversed: true, zero: 0.8, ..described };
+        let longer = Assembly { units_per_step: Some(0.00102), zero: None };
+        assert_eq!(scene.linear.assembly, longer);
+        let turned = Assembly { units_per_step: Some(-0.01), zero: Some(0.8) };
         assert_eq!(scene.rotary.assembly, turned);
         assert_eq!(scene.person, PersonScene { wrong_answers: 0.1 });
         assert!(crate::world::World::new(scene, 1).is_ok());
@@ -376,6 +390,7 @@ mod tests {
 
     #[test]
     fn a_fault_names_its_key() {
+        check("start_mm = 40", "start_mm = 40\nmm_per_step = 0", "mm_per_step = 0 moves nothing");
         check("start_mm = 40", "start_mm = 60", "start_mm = 60 is outside travel_mm = [0, 50]");
         check("name = \"2\"", "name = \"1\"", "there are two samples named \"1\"");
         check("length_mm = 35", "length_mm = 5.9", "sensor length_mm = 5.9 is below 6.000");

@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, process::Command};
 use serde_json::Value;
 
 /// Crates without I/O, clock or runtime.
-const PURE: [&str; 12] = [
+const PURE: [&str; 13] = [
     "rig-model",
     "rig-files",
     "rig-scpi",
@@ -14,6 +14,7 @@ const PURE: [&str; 12] = [
     "rig-analysis",
     "rig-protocol",
     "rig-engine",
+    "rig-commission",
     "rig-interlock",
     "rig-record",
     "rig-chart",
@@ -31,6 +32,7 @@ const ARROWS: [(&str, &[&str]); 21] = [
     ("rig-analysis", &["rig-model", "rig-contact"]),
     ("rig-protocol", &["rig-model", "rig-files"]),
     ("rig-engine", &["rig-model", "rig-protocol", "rig-resonance"]),
+    ("rig-commission", &["rig-model", "rig-files", "rig-record"]),
     ("rig-interlock", &["rig-model"]),
     ("rig-link", &["rig-model"]),
     ("rig-analyzer", &["rig-model", "rig-files", "rig-link", "rig-scpi"]),
@@ -61,6 +63,7 @@ const ARROWS: [(&str, &[&str]); 21] = [
             "rig-files",
             "rig-protocol",
             "rig-engine",
+            "rig-commission",
             "rig-interlock",
             "rig-contact",
             "rig-resonance",

@@ -11,7 +11,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from bench import DEADLINE_S, Program, Sim, check, equal, rig_file
+from bench import DEADLINE_S, Program, Sim, check, commission, equal, rig_file
 
 LATCHED = 4
 HERE = Path(__file__).parent
@@ -39,6 +39,7 @@ def drive(program, analyzer, server, bus):
             heard = len(server.output())
             # Each in a journal of its own: what one has found out is not told to the next.
             data = tempfile.mkdtemp(dir=folder)
+            commission(rig, data)
             ended = rigd(program, "move", axis, to, "--rig", rig, "--data", data)
             return ended, server.output()[heard:].splitlines()
 

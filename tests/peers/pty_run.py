@@ -16,7 +16,7 @@ import tempfile
 import threading
 from pathlib import Path
 
-from bench import DEADLINE_S, Sim, check, equal, rig_file
+from bench import DEADLINE_S, Sim, check, commission, equal, rig_file
 
 PROTOCOL = "tests/peers/short.toml"
 # As many standard deviations may two results of one truth differ: the scene has the same seed, and
@@ -46,6 +46,7 @@ def by_ports(rigd, rig_sim, folder):
     with Sim(rig_sim, "analyzer", "bus") as sim:
         rig = rig_file(folder, sim.ports["analyzer"], sim.ports["bus"])
         data = Path(folder) / "ports"
+        commission(rig, data)
         command = [rigd, "run", PROTOCOL, "--rig", rig, "--data", data, "--json"]
         pipes = dict(stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         with subprocess.Popen(command, **pipes) as run:

@@ -169,6 +169,12 @@ pub enum Fault {
         /// Whether it was lowered or lost; otherwise the program ended on the way into service.
         was_lowered: bool,
     },
+    /// Signs, scales or geometry of the bench are not shown, so that no move is safe.
+    #[error("the rig is not commissioned: {missing}")]
+    NotCommissioned {
+        /// The steps that are missing, and why.
+        missing: String,
+    },
     /// The host was held up again and again during one measurement.
     #[error("the computer was held up during {attempts} attempts of one measurement, the last time for {:.1} s", .lasted.as_secs_f64())]
     HeldUp {

@@ -28,6 +28,24 @@ pub enum PortCommand {
         /// Speed, °/s.
         speed_deg_per_s: f64,
     },
+    /// Move the probe by a step, while the rig is commissioned.
+    JogLinear {
+        /// The read-back before it, by the rig file.
+        from: Position<Mm>,
+        /// The step, mm, upwards by the rig file.
+        by_mm: f64,
+        /// Speed, mm/s.
+        speed_mm_per_s: f64,
+    },
+    /// Tilt the table by a step, while the rig is commissioned.
+    JogRotary {
+        /// The read-back before it, by the rig file.
+        from: Position<Deg>,
+        /// The step, degrees.
+        by_deg: f64,
+        /// Speed, °/s.
+        speed_deg_per_s: f64,
+    },
     /// Measure the impedance where the axes are.
     Measure,
 }
@@ -42,18 +60,28 @@ impl PortCommand {
             Self::HomeRotary => "homing the rotary stage",
             Self::MoveLinear { .. } => "a move of the linear stage",
             Self::MoveRotary { .. } => "a move of the rotary stage",
+            Self::JogLinear { .. } => "a step of the linear stage",
+            Self::JogRotary { .. } => "a step of the rotary stage",
             Self::Measure => "a measurement",
         }
     }
 
     /// Whether it goes to the drive of the linear stage and may move it.
     pub(crate) const fn is_linear(&self) -> bool {
-        matches!(self, Self::FindLinear | Self::HomeLinear | Self::MoveLinear { .. })
+        matches!(
+            self,
+            Self::FindLinear | Self::HomeLinear | Self::MoveLinear { .. } | Self::JogLinear { .. }
+        )
+    }
+
+    /// Whether it is a step of commissioning.
+    pub(crate) const fn is_jog(&self) -> bool {
+        matches!(self, Self::JogLinear { .. } | Self::JogRotary { .. })
     }
 
     /// Whether it may turn the sample.
     pub(crate) const fn is_turn(&self) -> bool {
-        matches!(self, Self::HomeRotary | Self::MoveRotary { .. })
+        matches!(self, Self::HomeRotary | Self::MoveRotary { .. } | Self::JogRotary { .. })
     }
 }
 
@@ -64,7 +92,9 @@ pub enum Word {
     Command,
     /// The cause of the fault is understood.
     Acknowledgement,
-    /// The same, and nothing is below the probe, down to the end of its travel.
+    /// The next step of commissioning may begin: nothing is below the probe, and a hand is at the stop.
+    ThisStep,
+    /// The cause of the fault is understood, and nothing is below the probe, down to the end of its travel.
     NothingBelow,
 }
 

@@ -6,7 +6,7 @@ use rig_model::{Mm, Position, RigLimits, RigTime};
 
 use crate::{
     Outcome, PortCommand, Refusal, Word,
-    rules::{Depth, Homing, Identity, Intent, Latch, Ports, StopClock, Turn},
+    rules::{Commission, Depth, Homing, Identity, Intent, Latch, Ports, Proven, StopClock, Turn},
 };
 
 /// The interlock in front of the ports of one rig.
@@ -21,12 +21,14 @@ pub struct Interlock {
     ports: Ports,
     stop: StopClock,
     homing: Homing,
+    commission: Commission,
 }
 
 impl Interlock {
-    /// Nothing is known of the axes.
-    pub fn new(limits: RigLimits) -> Self {
+    /// Nothing is known of where the axes are. `proven` is what calibrations show of their drives.
+    pub fn new(limits: RigLimits, proven: Proven) -> Self {
         Self {
+            commission: Commission::new(&limits, proven),
             rest: limits.linear.rest_target().position(),
             turn: Turn::new(limits),
             depth: Depth::new(limits),
@@ -46,18 +48,28 @@ impl Interlock {
     pub fn admit(&mut self, now: RigTime, command: &PortCommand) -> Result<(), Refusal> {
         let is_retract = self.is_retract(command);
         self.ports.admit(command)?;
+        self.commission.admit(now, command)?;
+        if command.is_jog() {
+            self.begun(command);
+            return Ok(());
+        }
         self.latch.admit(command, is_retract)?;
         self.identity.admit(command, is_retract)?;
         self.turn.admit(now, command)?;
         self.intent.admit(command, is_retract)?;
         self.depth.admit(command)?;
         self.homing.admit(now, command)?;
+        self.begun(command);
+        Ok(())
+    }
+
+    fn begun(&mut self, command: &PortCommand) {
         self.ports.begun(*command);
         self.turn.begun(command);
         self.depth.begun(command);
         self.intent.begun(command);
         self.homing.begun(command);
-        Ok(())
+        self.commission.begun(command);
     }
 
     /// A command that was admitted has ended.
@@ -95,6 +107,11 @@ impl Interlock {
         self.latch.failed();
     }
 
+    /// Calibrations that are on the disk show this of the drives.
+    pub const fn prove(&mut self, proven: Proven) {
+        self.commission.prove(proven);
+    }
+
     /// Whether a fault is open.
     pub const fn is_latched(&self) -> bool {
         self.latch.is_latched()
@@ -111,6 +128,7 @@ impl Interlock {
         match word {
             Word::Command => {}
             Word::Acknowledgement => self.latch.acknowledged(),
+            Word::ThisStep => self.commission.stated(now),
             Word::NothingBelow => {
                 self.latch.acknowledged();
                 self.homing.stated(now);
@@ -123,6 +141,7 @@ impl Interlock {
     pub fn stop_asked(&mut self, now: RigTime) {
         self.stop.asked(now);
         self.homing.withdrawn();
+        self.commission.withdrawn();
         self.latch.stop_begun();
     }
 

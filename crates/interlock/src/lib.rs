@@ -24,3 +24,4 @@ pub mod rules;
 pub use command::{Outcome, PortCommand, Word};
 pub use interlock::Interlock;
 pub use refusal::Refusal;
+pub use rules::Proven;

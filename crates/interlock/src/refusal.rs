@@ -106,6 +106,56 @@ pub enum Refusal {
         /// The command.
         what: &'static str,
     },
+    /// Signs and scales of the drives are not shown.
+    #[error("{what}: the rig is not commissioned, so that signs and scales may be wrong")]
+    NotCommissioned {
+        /// The command.
+        what: &'static str,
+    },
+    /// Steps are for a rig that is being commissioned.
+    #[error("{what}: the rig is commissioned and in service")]
+    Commissioned {
+        /// The command.
+        what: &'static str,
+    },
+    /// Each step of commissioning needs the word of a person.
+    #[error("{what}: nobody has just confirmed it, and that nothing is below the probe")]
+    StepUnconfirmed {
+        /// The command.
+        what: &'static str,
+    },
+    /// A step that is too long for what is shown.
+    #[error("{what}: {asked:.3} is more than the {limit:.3} that are allowed before more is shown")]
+    JogTooLong {
+        /// The command, whose unit is that of its axis.
+        what: &'static str,
+        /// Length of the step.
+        asked: f64,
+        /// Longest step.
+        limit: f64,
+    },
+    /// A step that is too fast.
+    #[error("{what}: speed {asked:.3} per second is above {limit:.3}")]
+    JogTooFast {
+        /// The command, whose unit is that of its axis.
+        what: &'static str,
+        /// Requested speed.
+        asked: f64,
+        /// Highest speed.
+        limit: f64,
+    },
+    /// A step that leads out of the travel.
+    #[error("{what}: it would lead to {to:.3}, outside the travel from {min:.3} to {max:.3}")]
+    BeyondTravel {
+        /// The command, whose unit is that of its axis.
+        what: &'static str,
+        /// End of the step.
+        to: f64,
+        /// Lower end of the travel.
+        min: f64,
+        /// Upper end.
+        max: f64,
+    },
     /// A command without an operator.
     #[error("a command without the name of an operator")]
     Anonymous,

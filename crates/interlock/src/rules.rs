@@ -2,6 +2,7 @@
 //!
 //! A rule refuses in `admit`, which changes nothing, and learns in the methods after it.
 
+mod commission;
 mod depth;
 mod fault;
 mod homing;
@@ -10,6 +11,7 @@ mod position;
 mod stop;
 mod turn;
 
+pub use commission::{Commission, Proven};
 pub use depth::Depth;
 pub use fault::Latch;
 pub use homing::Homing;

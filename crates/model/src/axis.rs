@@ -221,6 +221,18 @@ impl<U: Unit> Axis<U> {
         }
     }
 
+    /// A step from where the axis stands, for commissioning. The soft limits do not hold for it, because they
+    /// are in units that are not shown yet; what admits the step bounds its length.
+    ///
+    /// # Errors
+    /// [`AxisError::NotPositive`] if its length is not a number.
+    pub fn step(&self, from: Position<U>, by: f64) -> Result<Target<U>, AxisError<U>> {
+        if by.is_finite() {
+            return Ok(Target(from.offset(by)));
+        }
+        Err(AxisError::NotPositive { axis: self.name, what: "the length of a step", found: by })
+    }
+
     /// The place to wait. Infallible by the invariant of the type.
     pub const fn rest_target(&self) -> Target<U> {
         Target(self.limits.rest)

@@ -7,6 +7,7 @@ mod args;
 mod bench_key;
 mod check;
 mod client;
+mod commission;
 mod config;
 mod daemon;
 mod doctor;
@@ -140,6 +141,8 @@ enum CliCommand {
     Instrument(instrument::InstrumentArgs),
     /// Check a rig and advise on each problem
     Doctor(doctor::DoctorArgs),
+    /// Show a new bench to be as its rig file says, step by step
+    Commission(commission::CommissionArgs),
     /// Home each lost axis, retract the probe, level the sample
     Home(moves::HomeArgs),
     /// Retract the probe without the rest of the rig, as a stop hook
@@ -172,7 +175,34 @@ pub fn main() -> ExitCode {
         CliCommand::Rehearse(_) => LevelFilter::OFF,
         _ => LevelFilter::WARN,
     });
-    let result = match cli.command {
+    let result = carry_out(cli.command);
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        // A reader that closes its pipe is not a failure.
+        Err(Failure::System { source, .. } | Failure::Export(ExportError::Io(source)))
+            if source.kind() == io::ErrorKind::BrokenPipe =>
+        {
+            ExitCode::SUCCESS
+        }
+        Err(failure) => {
+            match &failure {
+                // Each fault begins with its place, so that an editor can jump there.
+                Failure::BadFile(FileError::Faults(faults)) => table::note(&faults.to_string()),
+                // What was found has been listed.
+                Failure::TouchesRefused | Failure::NotSound => {}
+                failure => table::note(&format!("rigd: {}", with_causes(failure))),
+            }
+            if let Some(advice) = failure.advice() {
+                table::note(&format!("→ {advice}"));
+            }
+            ExitCode::from(failure.exit_code())
+        }
+    }
+}
+
+/// Carries out a command.
+fn carry_out(command: CliCommand) -> Result<(), Failure> {
+    match command {
         CliCommand::Run(args) => run::run(&args),
         CliCommand::Redo(args) => run::redo(&args),
         CliCommand::Skip(args) => runs::skip(&args),
@@ -209,6 +239,7 @@ pub fn main() -> ExitCode {
         CliCommand::Identify(args) => identify::identify(&args),
         CliCommand::Instrument(args) => instrument::instrument(&args),
         CliCommand::Doctor(args) => doctor::doctor(&args),
+        CliCommand::Commission(args) => commission::commission(&args),
         CliCommand::Home(args) => moves::home(&args),
         CliCommand::Safe(args) => safe::safe(&args),
         CliCommand::Move(args) => moves::to(&args),
@@ -219,32 +250,5 @@ pub fn main() -> ExitCode {
         CliCommand::Fit(args) => fit::fit_file(&args),
         CliCommand::Completions(args) => manual::completions(&args),
         CliCommand::Man(args) => manual::man(&args),
-    };
-    end(result)
-}
-
-/// Says why a command failed, and what to do.
-fn end(result: Result<(), Failure>) -> ExitCode {
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        // A reader that closes its pipe is not a failure.
-        Err(Failure::System { source, .. } | Failure::Export(ExportError::Io(source)))
-            if source.kind() == io::ErrorKind::BrokenPipe =>
-        {
-            ExitCode::SUCCESS
-        }
-        Err(failure) => {
-            match &failure {
-                // Each fault begins with its place, so that an editor can jump there.
-                Failure::BadFile(FileError::Faults(faults)) => table::note(&faults.to_string()),
-                // What was found has been listed.
-                Failure::TouchesRefused | Failure::NotSound => {}
-                failure => table::note(&format!("rigd: {}", with_causes(failure))),
-            }
-            if let Some(advice) = failure.advice() {
-                table::note(&format!("→ {advice}"));
-            }
-            ExitCode::from(failure.exit_code())
-        }
     }
 }

@@ -39,6 +39,8 @@ enum NextAction {
     Prepare,
     /// A person states that nothing is below the probe, and the linear stage is homed.
     Home,
+    /// The bench is commissioned, step by step.
+    Commission,
     /// This program is started again.
     Restart,
 }
@@ -52,6 +54,9 @@ impl Hint {
             NextAction::Home => {
                 "POST /api/v1/home with {\"nothing_below_probe\": true}, which homes the linear stage in \
                  the direction that is set in its drive"
+            }
+            NextAction::Commission => {
+                "end this daemon, and `rigd commission` asks for one step after the other"
             }
             NextAction::Restart => "start rigd again",
         };
@@ -74,6 +79,9 @@ impl Hint {
                     self.text
                 )
             }
+            NextAction::Commission => {
+                format!("{}; `rigd commission` asks for one step after the other", self.text)
+            }
             NextAction::Prepare | NextAction::Restart => self.text.to_owned(),
         }
     }
@@ -90,6 +98,10 @@ pub(crate) const LOST: &str = "move nothing, not even with the tool of the drive
 const UNHOMED: &str = "homing this stage may lead downwards: lift the probe by hand if it touches, take \
                        the sample away, and see with your own eyes that nothing is below the probe, down \
                        to the end of its travel";
+
+/// Advice for a bench that nobody has commissioned.
+const UNCOMMISSIONED: &str =
+    "nothing moves until signs, scales and geometry of the bench are shown";
 
 /// Advice after a mistake of the program itself.
 const MAINTAINER: &str = "keep the journal of this run for the maintainer of rigd";
@@ -148,6 +160,9 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
     if is_unhomed(fault) {
         return Hint { text: UNHOMED, then: NextAction::Home };
     }
+    if matches!(fault, Fault::NotCommissioned { .. }) {
+        return Hint { text: UNCOMMISSIONED, then: NextAction::Commission };
+    }
     let is_lost = matches!(device, Some((_, FailureKind::Lost)));
     if is_lost || matches!(fault, Fault::PositionJumped { .. }) {
         return Hint { text: LOST, then: NextAction::Restart };
@@ -199,6 +214,7 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
         | Fault::MissingReadings { .. }
         | Fault::Overdue { .. }
         | Fault::Interrupted { .. }
+        | Fault::NotCommissioned { .. }
         | Fault::NotProvenClear => MAINTAINER,
     };
     Hint { text, then: NextAction::Prepare }

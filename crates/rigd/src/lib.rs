@@ -2,6 +2,7 @@
 //! out and reports back.
 
 mod archive;
+pub mod calibrations;
 pub mod cli;
 mod describe;
 mod doctor;

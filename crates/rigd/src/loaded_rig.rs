@@ -99,6 +99,12 @@ impl LoadedRig {
         self.scene.is_some()
     }
 
+    /// Whether the rig is simulated, on a bench whose drives move it as the rig file says. Its person sees that, and
+    /// it needs no calibration.
+    pub fn is_put_together_as_described(&self) -> bool {
+        self.scene.as_ref().is_some_and(|scene| scene.is_described_by(&self.file))
+    }
+
     /// Whether time passes as fast as the simulation computes.
     pub const fn is_virtual_time(&self) -> bool {
         matches!(&self.file.connection, Connection::Simulated(Simulation { pace, .. }) if matches!(pace, Pace::Virtual))

@@ -23,6 +23,7 @@ mod meters;
 mod open;
 mod owners;
 mod pace;
+mod proof;
 mod pulse;
 mod record;
 mod resume;
@@ -32,6 +33,7 @@ mod slot;
 mod space;
 mod spans;
 mod status;
+mod step;
 mod thread;
 mod view;
 mod way_out;
@@ -41,6 +43,7 @@ use std::{
     sync::{Arc, Weak},
 };
 
+use rig_commission::{Answer, Asked, Jog, Jogged};
 use rig_engine::{Command, CommandRefusal};
 use rig_link::Clock;
 use rig_model::{RigTime, SweepRequest, with_causes};
@@ -71,6 +74,7 @@ pub use status::{DeviceIdentity, RunView, Status};
 pub(crate) use status::{PortFrames, Setting};
 pub use way_out::{WayOut, make_safe};
 
+use self::proof::Purpose;
 use crate::{loaded_rig::LoadedRig, protocol_file::LoadedProtocol, simulation::SimHandle};
 
 /// Commands wait here while the rig thread is busy for a moment. One person and one program
@@ -134,6 +138,18 @@ pub enum RequestRefusal {
         /// The step named.
         step: String,
     },
+    /// Signs, scales or geometry of the bench are not shown.
+    #[error("the rig is not commissioned: {missing}")]
+    NotCommissioned {
+        /// The steps that are missing, and why.
+        missing: Arc<str>,
+    },
+    /// Steps of commissioning are not for a rig in service.
+    #[error("the rig is commissioned and in service")]
+    InService,
+    /// One step at a time.
+    #[error("a step of an axis is under way")]
+    StepUnderWay,
     /// The devices are being identified already.
     #[error("the devices are being identified")]
     Identifying,
@@ -197,6 +213,19 @@ enum Request {
         by: String,
         reply: oneshot::Sender<Result<identify::Answers, RequestRefusal>>,
     },
+    Jog {
+        jog: Jog,
+        by: String,
+        reply: oneshot::Sender<Result<oneshot::Receiver<Result<Jogged, String>>, RequestRefusal>>,
+    },
+    AskSimulated {
+        asked: Asked,
+        reply: oneshot::Sender<Option<Answer>>,
+    },
+    ReadCalibrations {
+        by: String,
+        reply: oneshot::Sender<Option<Arc<str>>>,
+    },
     Note {
         action: String,
         by: String,
@@ -221,11 +250,31 @@ enum Request {
 /// # Errors
 /// [`OpenError`] names the device or the directory, the attempt, and the advice.
 pub fn open(rig: LoadedRig, data: PathBuf) -> Result<(RigHandle, RigThread), OpenError> {
+    open_for(rig, data, Purpose::Service)
+}
+
+/// Opens a rig to commission it: no device is given a setting, the rig is not brought into service, and it moves
+/// only by steps.
+///
+/// # Errors
+/// As for [`open`].
+pub fn open_to_commission(
+    rig: LoadedRig,
+    data: PathBuf,
+) -> Result<(RigHandle, RigThread), OpenError> {
+    open_for(rig, data, Purpose::Commissioning)
+}
+
+fn open_for(
+    rig: LoadedRig,
+    data: PathBuf,
+    purpose: Purpose,
+) -> Result<(RigHandle, RigThread), OpenError> {
     let (requests, inbox) = mpsc::channel(REQUESTS_MAX);
     let (opened, is_open) = std::sync::mpsc::sync_channel(1);
     let thread = std::thread::Builder::new()
         .name("rig".to_owned())
-        .spawn(move || thread::run(rig, data, inbox, &opened))
+        .spawn(move || thread::run(rig, data, purpose, inbox, &opened))
         .map_err(|source| OpenError::Thread { source })?;
     match is_open.recv() {
         Ok(Ok((status, simulation, pulse))) => {
@@ -396,6 +445,36 @@ impl RigHandle {
             all.extend(answer.await.map_err(|_| RequestRefusal::Closed)?);
         }
         Ok(all)
+    }
+
+    /// Moves one axis of a rig that is not in service by a step, and waits for its end. A person has confirmed the
+    /// step, and that nothing is below the probe. The drive says why it did not make it.
+    ///
+    /// # Errors
+    /// [`RequestRefusal`]; nothing has moved then.
+    pub async fn jog(&self, jog: Jog, by: &str) -> Result<Result<Jogged, String>, RequestRefusal> {
+        let (reply, answer) = oneshot::channel();
+        let ended = self.ask(Request::Jog { jog, by: by.to_owned(), reply }, answer).await??;
+        ended.await.map_err(|_| RequestRefusal::Closed)
+    }
+
+    /// The answer of the simulated person; `None` where a real person answers.
+    ///
+    /// # Errors
+    /// [`RequestRefusal`].
+    pub async fn ask_simulated(&self, asked: Asked) -> Result<Option<Answer>, RequestRefusal> {
+        let (reply, answer) = oneshot::channel();
+        self.ask(Request::AskSimulated { asked, reply }, answer).await
+    }
+
+    /// Has the rig read its calibrations again, and returns what is still missing. A rig that was opened for
+    /// service goes into service when nothing is.
+    ///
+    /// # Errors
+    /// [`RequestRefusal`].
+    pub async fn read_calibrations(&self, by: &str) -> Result<Option<Arc<str>>, RequestRefusal> {
+        let (reply, answer) = oneshot::channel();
+        self.ask(Request::ReadCalibrations { by: by.to_owned(), reply }, answer).await
     }
 
     /// Records what a person did that is no command to the rig, such as taking over the lease.

@@ -7,10 +7,10 @@ mod absent;
 mod bench;
 
 #[cfg(not(feature = "simulator"))]
-pub(crate) use absent::Simulation;
+pub(crate) use absent::{BenchPerson, Simulation};
 #[cfg(not(feature = "simulator"))]
 pub use absent::{LoadedScene, SceneError, SimHandle};
 #[cfg(feature = "simulator")]
-pub(crate) use bench::Simulation;
+pub(crate) use bench::{BenchPerson, Simulation};
 #[cfg(feature = "simulator")]
 pub use bench::{LoadedScene, SceneError, SimHandle};

@@ -3,7 +3,7 @@
 use std::{fmt, sync::Arc};
 
 use rig_link::{Holder, LineError, OpenError};
-use rig_model::{Position, Span, Unit};
+use rig_model::{AxisError, Position, Span, Unit};
 
 use crate::{Alarm, Request, Symptom};
 
@@ -175,6 +175,9 @@ pub enum StageError<U: Unit> {
     /// The bus failed or the drive refused.
     #[error(transparent)]
     Bus(#[from] BusError),
+    /// A step of no length.
+    #[error(transparent)]
+    Step(#[from] AxisError<U>),
     /// Moved before [`Stage::identify`](crate::Stage::identify).
     #[error("not identified yet")]
     NotIdentified,

@@ -229,6 +229,32 @@ impl<U: Unit> Stage<U> {
         self.follow(target, &order, from, stop).await
     }
 
+    /// Moves by a step from where the axis stands, and returns where it is, measured. For a drive whose sign and
+    /// scale nobody has shown: it gets no settings, its position need not be plausible, and a drive that is not
+    /// homed may move.
+    ///
+    /// # Errors
+    /// As [`move_to`](Self::move_to) without those of the position, and [`StageError::Alarmed`] before anything
+    /// moves.
+    pub async fn jog(
+        &mut self,
+        by: f64,
+        speed_per_s: f64,
+        stop: &StopSignal,
+    ) -> Result<Position<U>, StageError<U>> {
+        let seen = self.read_drive().await?;
+        let at = self.scale.position(seen.position.into());
+        self.refuse_alarm(&seen, at).await?;
+        let target = self.axis.step(at, by)?;
+        let order = Order::to(target.position(), speed_per_s, self.map, &self.scale, &self.axis)?;
+        if stop.is_raised() {
+            return Err(self.stopped_at(seen.position));
+        }
+        self.command(self.map.prepare).await?;
+        self.take_all(self.map.start, &order).await?;
+        self.follow(target, &order, seen.position, stop).await
+    }
+
     /// Waits for the end of a move, with as few readings as its computed duration allows.
     async fn follow(
         &mut self,

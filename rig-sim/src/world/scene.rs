@@ -40,33 +40,36 @@ pub struct Mechanics {
     pub start: f64,
     /// Positions of its limit switches: the lower and the upper one.
     pub travel: (f64, f64),
-    /// In what it differs from the rig file.
+    /// What is true of its drive.
     pub assembly: Assembly,
 }
 
-/// How a stage and its drive differ from what the rig file says of them.
+/// What is true of a stage and its drive, where that is not what the rig file says.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Assembly {
-    /// The motor turns the other way.
-    pub is_reversed: bool,
-    /// Relative difference of the way for one step of the drive.
-    pub scale_rel: f64,
-    /// Position of the stage where the drive and the rig file say zero, in the unit of its axis.
-    pub zero: f64,
+    /// Way of the stage for one step of its drive, in the unit of its axis; negative if the motor turns the other
+    /// way.
+    pub units_per_step: Option<f64>,
+    /// Position of the stage where its drive counts zero, in the unit of its axis.
+    pub zero: Option<f64>,
 }
 
 impl Assembly {
     /// As the rig file says.
-    pub const AS_DESCRIBED: Self = Self { is_reversed: false, scale_rel: 0.0, zero: 0.0 };
+    pub const AS_DESCRIBED: Self = Self { units_per_step: None, zero: None };
 
     /// The wiring of a drive in truth, where `described` is that of the rig file.
     pub(crate) fn of(self, described: AxisWiring) -> AxisWiring {
-        let sense = if self.is_reversed { -1.0 } else { 1.0 };
         AxisWiring {
-            units_per_step: sense * (1.0 + self.scale_rel) * described.units_per_step,
-            zero: described.zero + self.zero,
+            units_per_step: self.units_per_step.unwrap_or(described.units_per_step),
+            zero: self.zero.unwrap_or(described.zero),
             ..described
         }
+    }
+
+    /// Whether a rig file describes what is true.
+    pub fn is_described_by(self, described: AxisWiring) -> bool {
+        self.of(described) == described
     }
 }
 

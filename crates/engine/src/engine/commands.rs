@@ -201,6 +201,18 @@ impl Engine {
         self.settle(effects);
     }
 
+    /// Latches before the rig is first prepared, because its drives are not shown to move as the rig file says.
+    /// [`Command::Acknowledge`] prepares it; the caller gives that command when they are. Does nothing later.
+    pub fn latch_uncommissioned(&mut self, missing: String, effects: &mut Vec<Effect>) {
+        if matches!(self.activity, Activity::Unprepared) {
+            let (fault, clearance) =
+                (Fault::NotCommissioned { missing }, self.interlock.clearance());
+            self.notes.push(Event::Faulted { fault: fault.clone(), clearance });
+            self.activity = Activity::Latched(fault);
+            self.settle(effects);
+        }
+    }
+
     /// Latches an idle rig whose records cannot be kept any more. Does nothing in another state: there
     /// the next operation brings the failure.
     pub fn latch_unrecorded(&mut self, failure: Failure, effects: &mut Vec<Effect>) {

@@ -42,6 +42,8 @@ impl Identity {
             }
             PortCommand::MoveLinear { .. } => self.is_linear_known &= !is_failed,
             PortCommand::MoveRotary { .. } => self.is_rotary_known &= !is_failed,
+            PortCommand::JogLinear { .. } => self.is_linear_known = false,
+            PortCommand::JogRotary { .. } => self.is_rotary_known = false,
             PortCommand::Stop | PortCommand::Measure => {}
         }
     }

@@ -1,6 +1,6 @@
 //! An interlock of the ideal bench, in service.
 
-use rig_interlock::{Interlock, Outcome, PortCommand};
+use rig_interlock::{Interlock, Outcome, PortCommand, Proven};
 use rig_model::{Position, RigTime};
 
 #[path = "../../../model/tests/support/limits.rs"]
@@ -13,6 +13,11 @@ pub(crate) const FLOOR_MM: f64 = SURFACE_MM - TOLERANCE_MM - DEEPEST_MM;
 
 pub(crate) fn lower(mm: f64) -> PortCommand {
     PortCommand::MoveLinear { to: Position::new(mm), speed_mm_per_s: 1.0 }
+}
+
+/// A rig that is commissioned, and of whose axes nothing is known.
+pub(crate) fn fresh() -> Interlock {
+    Interlock::new(limits(), Proven::Bench)
 }
 
 pub(crate) fn lift() -> PortCommand {
@@ -33,7 +38,7 @@ pub(crate) fn rotary_at(degrees: f64) -> Outcome {
 
 /// An interlock of a rig in service: both axes identified, the probe clear, the sample level.
 pub(crate) fn prepared(now: RigTime) -> Interlock {
-    let mut interlock = Interlock::new(limits());
+    let mut interlock = fresh();
     for (command, outcome) in [
         (PortCommand::FindLinear, linear_at(49.0)),
         (lift(), linear_at(REST_MM)),

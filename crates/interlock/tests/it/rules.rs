@@ -5,7 +5,7 @@ use std::time::Duration;
 use rig_interlock::{Interlock, Outcome, PortCommand, Refusal, Word};
 use rig_model::{Position, RigTime};
 
-use crate::bench::{FLOOR_MM, REST_MM, lift, limits, linear_at, lower, prepared, rotary_at, turn};
+use crate::bench::{FLOOR_MM, REST_MM, fresh, lift, linear_at, lower, prepared, rotary_at, turn};
 
 const NOW: RigTime = RigTime::from_micros(1_000_000);
 
@@ -149,7 +149,7 @@ fn the_probe_goes_down_only_as_far_as_a_durable_intent() {
 
 #[test]
 fn an_axis_moves_only_after_it_was_identified() {
-    let mut interlock = Interlock::new(limits());
+    let mut interlock = fresh();
     interlock.intent_is_durable(Position::new(9.5));
     for command in [lift(), lower(20.0), turn(30.0)] {
         assert!(matches!(refused(&mut interlock, command), Refusal::NotIdentified { .. }));
@@ -238,7 +238,7 @@ fn a_port_has_one_command_at_a_time_and_a_measurement_has_axes_that_stand_still(
 #[test]
 fn the_linear_stage_is_homed_only_after_a_person_has_stated_that_nothing_is_below_the_probe() {
     let home = PortCommand::HomeLinear;
-    for mut interlock in [Interlock::new(limits()), prepared(NOW)] {
+    for mut interlock in [fresh(), prepared(NOW)] {
         // Neither a new program nor a clear probe proves it.
         assert_eq!(refused(&mut interlock, home), Refusal::HomingUnproven);
         interlock.operator(NOW, "somebody", Word::Acknowledgement).unwrap();

@@ -7,7 +7,7 @@ use proptest::{prelude::*, strategy::ValueTree};
 use rig_interlock::{Interlock, Outcome, PortCommand, Word};
 use rig_model::{Position, RigTime};
 
-use crate::bench::{DEEPEST_MM, REST_MM, SURFACE_MM, TOLERANCE_MM, limits, prepared};
+use crate::bench::{DEEPEST_MM, REST_MM, SURFACE_MM, TOLERANCE_MM, fresh, limits, prepared};
 
 /// One event of a stream.
 #[derive(Debug, Clone)]
@@ -204,6 +204,9 @@ impl Truth {
                 self.intent_mm = f64::INFINITY;
                 Outcome::RotaryAt(Position::new(self.rotary_deg))
             }
+            PortCommand::JogLinear { .. } | PortCommand::JogRotary { .. } => {
+                unreachable!("no stream commissions a rig")
+            }
             PortCommand::Stop | PortCommand::Measure => Outcome::Done,
         };
         self.is_latched |= is_failed;
@@ -213,7 +216,7 @@ impl Truth {
 
 fn play(is_prepared: bool, steps: &[Step]) -> [u32; 4] {
     let mut now = RigTime::ZERO;
-    let mut interlock = if is_prepared { prepared(now) } else { Interlock::new(limits()) };
+    let mut interlock = if is_prepared { prepared(now) } else { fresh() };
     let (linear_mm, rotary_deg) = if is_prepared { (REST_MM, 0.0) } else { (7.0, 12.0) };
     let mut truth = Truth {
         linear_mm,

@@ -13,7 +13,7 @@ use rig_ship::{KeyError, ShipError, StorageError};
 use rig_store::StoreError;
 use rig_verify::JournalError;
 
-use super::client::DaemonError;
+use super::{client::DaemonError, commission::CommissionFailure};
 use crate::{
     archive::ArchiveError,
     doctor::advice,
@@ -52,6 +52,8 @@ pub(super) enum Failure {
     #[error(transparent)]
     #[cfg(feature = "simulator")]
     Rehearse(#[from] crate::rehearse::RehearseError),
+    #[error(transparent)]
+    Commission(#[from] CommissionFailure),
     #[error(transparent)]
     Archive(#[from] ArchiveError),
     #[error(transparent)]
@@ -204,6 +206,7 @@ impl Failure {
             Self::Aborted => 5,
             Self::TouchesRefused => 6,
             Self::NotSound => 7,
+            Self::Commission(failure) => failure.exit_code(),
             Self::Interrupted => 130,
             #[cfg(feature = "simulator")]
             Self::Rehearse(_) => 1,
@@ -294,6 +297,7 @@ impl Failure {
                 "`rigd serve --data DIR` starts one; `rigd runs --data DIR` lists the runs without one",
             ),
             Self::Open(error) => advice::on_rig(error),
+            Self::Commission(failure) => failure.advice(),
             Self::BadFile(FileError::Missing { path, .. }) if path == Path::new(SHIPPED_RIG) => {
                 Some(
                     "give a rig file with --rig; without --rig, rigd looks in /etc/rigd, in \

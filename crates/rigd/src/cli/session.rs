@@ -79,8 +79,18 @@ pub(super) async fn open(
     signals: &mut Signals,
 ) -> Result<(RigHandle, RigThread), Failure> {
     say_what_was_left(&data, &rig.file.name);
+    open_by(rig::open, rig, data, signals).await
+}
+
+/// Opens a rig in one of the ways in which it can be opened.
+pub(super) async fn open_by(
+    how: fn(LoadedRig, PathBuf) -> Result<(RigHandle, RigThread), OpenError>,
+    rig: LoadedRig,
+    data: PathBuf,
+    signals: &mut Signals,
+) -> Result<(RigHandle, RigThread), Failure> {
     let way_out = WayOut { rig: rig.path.clone(), data: data.clone() };
-    let mut opening = tokio::task::spawn_blocking(move || rig::open(rig, data));
+    let mut opening = tokio::task::spawn_blocking(move || how(rig, data));
     loop {
         tokio::select! {
             opened = &mut opening => {

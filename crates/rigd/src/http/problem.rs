@@ -217,6 +217,31 @@ impl Problem {
         Self { header, ..Self::of(StatusCode::REQUEST_TIMEOUT, detail) }
     }
 
+    /// A run cannot be resumed or amended.
+    fn of_resume(refusal: &ResumeRefusal, detail: String) -> Self {
+        match refusal {
+            ResumeRefusal::Store(StoreError::NoSuchRun { .. })
+            | ResumeRefusal::NoSuchTouch { .. } => Self::not_found(detail),
+            ResumeRefusal::Store(
+                StoreError::Sealed { .. }
+                | StoreError::UnderWay { .. }
+                | StoreError::Archived { .. },
+            )
+            | ResumeRefusal::Sealed { .. }
+            | ResumeRefusal::UnderWay { .. } => {
+                Self::new(StatusCode::CONFLICT, "not in this state", detail)
+            }
+            ResumeRefusal::Changed { .. } => Self {
+                hint: Some("send {\"accept_changes\": true} to confirm the change"),
+                ..Self::new(StatusCode::CONFLICT, "changed", detail)
+            },
+            ResumeRefusal::Protocol(faults) => Self::protocol(faults),
+            ResumeRefusal::OtherKind { .. } => Self::unprocessable(detail),
+            ResumeRefusal::Store(error) => Self::internal(&with_causes(error)),
+            ResumeRefusal::NoBeginning { .. } => Self::internal(&detail),
+        }
+    }
+
     /// The request is well formed, but it cannot be carried out.
     pub(super) fn unprocessable(detail: String) -> Self {
         Self::of(StatusCode::UNPROCESSABLE_ENTITY, detail)
@@ -267,31 +292,19 @@ impl From<RequestRefusal> for Problem {
                 hint: Some("move old runs elsewhere, or start the daemon with another --data"),
                 ..Self::new(StatusCode::INSUFFICIENT_STORAGE, "no space", detail)
             },
-            RequestRefusal::Resume(refusal) => match &*refusal {
-                ResumeRefusal::Store(StoreError::NoSuchRun { .. })
-                | ResumeRefusal::NoSuchTouch { .. } => Self::not_found(detail),
-                ResumeRefusal::Store(
-                    StoreError::Sealed { .. }
-                    | StoreError::UnderWay { .. }
-                    | StoreError::Archived { .. },
-                )
-                | ResumeRefusal::Sealed { .. }
-                | ResumeRefusal::UnderWay { .. } => {
-                    Self::new(StatusCode::CONFLICT, "not in this state", detail)
-                }
-                ResumeRefusal::Changed { .. } => Self {
-                    hint: Some("send {\"accept_changes\": true} to confirm the change"),
-                    ..Self::new(StatusCode::CONFLICT, "changed", detail)
-                },
-                ResumeRefusal::Protocol(faults) => Self::protocol(faults),
-                ResumeRefusal::OtherKind { .. } => Self::unprocessable(detail),
-                ResumeRefusal::Store(error) => Self::internal(&with_causes(error)),
-                ResumeRefusal::NoBeginning { .. } => Self::internal(&detail),
-            },
+            RequestRefusal::Resume(refusal) => Self::of_resume(&refusal, detail),
             RequestRefusal::Interlock(_) => {
                 Self::new(StatusCode::CONFLICT, "refused by the interlock", detail)
             }
-            RequestRefusal::Identifying => {
+            RequestRefusal::NotCommissioned { .. } => Self {
+                hint: Some(
+                    "end this daemon, and `rigd commission` asks for one step after the other",
+                ),
+                ..Self::new(StatusCode::CONFLICT, "not commissioned", detail)
+            },
+            RequestRefusal::InService
+            | RequestRefusal::StepUnderWay
+            | RequestRefusal::Identifying => {
                 Self::new(StatusCode::CONFLICT, "not in this state", detail)
             }
             RequestRefusal::NotAsked { .. } => Self {

@@ -114,6 +114,16 @@ pub(super) fn view(shared: &Shared, status: &Status) -> RigView {
     RigView { lease: shared.lease(), ..view_of(&shared.inner.facts, status) }
 }
 
+/// The kind of a fault that asks for something of its own.
+fn kind(fault: &Fault) -> &'static str {
+    match fault {
+        Fault::Interrupted { .. } => "interrupted",
+        Fault::NotCommissioned { .. } => "not_commissioned",
+        fault if hint::is_unhomed(fault) => "not_homed",
+        _ => "fault",
+    }
+}
+
 fn view_of(facts: &RigFacts, status: &Status) -> RigView {
     let (snapshot, now) = (&status.snapshot, status.present(facts.is_virtual_time));
     let run = match (&snapshot.progress, &status.run) {
@@ -132,12 +142,7 @@ fn view_of(facts: &RigFacts, status: &Status) -> RigView {
     };
     let prompt = snapshot.prompt.zip(status.run.as_ref()).map(|(prompt, run)| run.ask(&prompt));
     let fault = snapshot.fault.as_ref().map(|fault| FaultView {
-        kind: match fault {
-            Fault::Interrupted { .. } => "interrupted",
-            fault if hint::is_unhomed(fault) => "not_homed",
-            _ => "fault",
-        }
-        .to_owned(),
+        kind: kind(fault).to_owned(),
         cause: fault.to_string(),
         hint: if snapshot.state == RigState::Retracting {
             hint::during_retract(fault)

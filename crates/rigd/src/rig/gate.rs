@@ -4,7 +4,7 @@
 use std::{cell::RefCell, rc::Rc};
 
 use rig_engine::{Device, Failure, FailureKind, Operation, Report};
-use rig_interlock::{Interlock, Outcome, PortCommand, Refusal, Word};
+use rig_interlock::{Interlock, Outcome, PortCommand, Proven, Refusal, Word};
 use rig_link::Clock;
 use rig_model::{Mm, Position, RigLimits};
 
@@ -18,8 +18,24 @@ pub(super) struct Gate {
 }
 
 impl Gate {
-    pub(super) fn new(limits: RigLimits, clock: Clock) -> Self {
-        Self { interlock: Rc::new(RefCell::new(Interlock::new(limits))), clock }
+    /// `proven` is what calibrations show of the drives.
+    pub(super) fn new(limits: RigLimits, proven: Proven, clock: Clock) -> Self {
+        Self { interlock: Rc::new(RefCell::new(Interlock::new(limits, proven))), clock }
+    }
+
+    /// Calibrations on the disk show this of the drives.
+    pub(super) fn prove(&self, proven: Proven) {
+        self.interlock.borrow_mut().prove(proven);
+    }
+
+    /// Admits a step of commissioning. After this it must be brought to its [`end`](Self::step_ended).
+    pub(super) fn admit_step(&self, step: &PortCommand) -> Result<(), Refusal> {
+        self.interlock.borrow_mut().admit(self.clock.now(), step)
+    }
+
+    /// An admitted step has ended.
+    pub(super) fn step_ended(&self, step: &PortCommand, outcome: &Outcome) {
+        self.interlock.borrow_mut().ended(self.clock.now(), step, outcome);
     }
 
     /// Whether the linear stage must be read back before the operation.
@@ -112,7 +128,7 @@ mod tests {
 
     #[tokio::test]
     async fn a_refused_operation_is_a_failure_of_the_interlock_with_its_reason() {
-        let gate = Gate::new(limits(), Clock::start());
+        let gate = Gate::new(limits(), Proven::Bench, Clock::start());
         let turn = Operation::MoveRotary {
             target: limits().rotary.target(Position::new(30.0)).unwrap(),
             speed_deg_per_s: 10.0,

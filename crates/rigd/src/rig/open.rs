@@ -4,6 +4,7 @@ use std::{path::PathBuf, sync::Arc, time::Duration};
 
 use rig_analyzer::{Analyzer, AnalyzerError, Dialect, TransportSettings};
 use rig_files::rig_file::{AnalyzerFile, AxisFile, Connection, PortFile, RigFile};
+use rig_interlock::Proven;
 use rig_link::{Clock, Endpoint, Port, Transcript};
 use rig_model::{Deg, Mm, Unit};
 use rig_stage::{BusHandle, BusSettings, HaltFrames, RegisterMap, Stage, StageError};
@@ -122,11 +123,12 @@ impl Halt {
 }
 
 /// Opens the ports of a rig, simulated or real, and has every device identify itself.
-/// A simulated one is at `bench`, or at a new one.
+/// A simulated one is at `bench`, or at a new one. Drives of which calibrations show too little are only looked at.
 pub(super) async fn open_rig(
     rig: LoadedRig,
     bench: Option<SimHandle>,
     clock: Clock,
+    proven: Proven,
 ) -> Result<Opened, OpenError> {
     let known_samples = rig.known_samples();
     let LoadedRig { file, instruments, source, scene, .. } = rig;
@@ -142,8 +144,8 @@ pub(super) async fn open_rig(
     let mut linear = stage(&bus, &file.linear, instruments.linear, file.limits.linear);
     let mut rotary = stage(&bus, &file.rotary, instruments.rotary, file.limits.rotary);
     let identity = analyzer.identify().await.map_err(device("analyzer", &file.analyzer.port))?;
-    look_at(&mut linear).await.map_err(device("linear stage", &file.bus))?;
-    look_at(&mut rotary).await.map_err(device("rotary stage", &file.bus))?;
+    find(&mut linear, proven).await.map_err(device("linear stage", &file.bus))?;
+    find(&mut rotary, proven).await.map_err(device("rotary stage", &file.bus))?;
     let device_of = |role, identity, health| DeviceIdentity { role, identity, health };
     let devices = Arc::new([
         device_of("analyzer", identity.to_string(), analyzer.health()),
@@ -159,7 +161,7 @@ pub(super) async fn open_rig(
     };
     let is_homing_up = file.linear.is_homing_up;
     let patience = Duration::from_secs_f64(file.recovery_patience_s);
-    let gate = Gate::new(file.limits, clock);
+    let gate = Gate::new(file.limits, proven, clock);
     let axes = Axes { linear, rotary, is_homing_up, gate: gate.clone() };
     let analyzer = GatedAnalyzer { analyzer, gate: gate.clone() };
     let frames = axes.halt_frames().map_err(device("bus", &file.bus))?;
@@ -178,8 +180,12 @@ pub(super) async fn open_rig(
 }
 
 /// Finds a drive. One that says that it is where it cannot be must be understood by a person before
-/// anything moves, this axis or the other.
-async fn look_at<U: Unit>(stage: &mut Stage<U>) -> Result<(), StageError<U>> {
+/// anything moves, this axis or the other. Nothing is written into a drive whose sign and scale may be wrong, and
+/// its position says nothing.
+async fn find<U: Unit>(stage: &mut Stage<U>, proven: Proven) -> Result<(), StageError<U>> {
+    if proven != Proven::Bench {
+        return stage.look().await.map(drop);
+    }
     if stage.identify().await?.is_homed {
         stage.believe_position()?;
     }

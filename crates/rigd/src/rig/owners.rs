@@ -1,6 +1,8 @@
 //! The two owners of devices, each with its operation under way, and the stop that waits for neither.
 
+use rig_commission::{Jog, Jogged};
 use rig_engine::{Failure, Operation, OperationId};
+use tokio::sync::oneshot;
 
 use super::{
     DeviceIdentity,
@@ -8,6 +10,7 @@ use super::{
     identify::{self, Answers},
     open::Halt,
     slot::{Ended, Slot},
+    step,
 };
 
 /// The owners of the drives and of the analyzer.
@@ -58,9 +61,14 @@ impl Owners {
     pub(super) fn identify(&mut self, known: &[DeviceIdentity; 3]) -> Answers {
         let [analyzer, linear, rotary] = known.clone();
         [
-            self.analyzer.attend(async move |gated| identify::analyzer(analyzer, gated).await),
-            self.axes.attend(async move |axes| identify::axes([linear, rotary], axes).await),
+            self.analyzer.attend(async move |gated, _| identify::analyzer(analyzer, gated).await),
+            self.axes.attend(async move |axes, _| identify::axes([linear, rotary], axes).await),
         ]
+    }
+
+    /// Has an axis, while the devices are idle, make a step of commissioning.
+    pub(super) fn jog(&mut self, jog: Jog) -> oneshot::Receiver<Result<Jogged, String>> {
+        self.axes.attend(async move |axes, stop| step::make(axes, jog, stop).await)
     }
 
     /// Waits until devices are free, and returns the end of the operation if it was one. May be dropped at

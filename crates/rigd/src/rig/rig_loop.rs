@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use rig_store::{MemoryDisk, Store};
 use tokio::sync::{mpsc, watch};
 
-use super::{OpenError, Request, Status, shell::Shell};
+use super::{OpenError, Request, Status, proof::Purpose, shell::Shell};
 use crate::{
     loaded_rig::LoadedRig,
     simulation::{SimHandle, Simulation},
@@ -32,7 +32,7 @@ impl RigLoop {
     ) -> Result<(Self, watch::Receiver<Status>, Option<SimHandle>), OpenError> {
         let data_error = |source| OpenError::Data { data: PathBuf::from("memory"), source };
         let store = Store::open_in_memory(disk).map_err(data_error)?;
-        let (shell, status) = Shell::open(rig, store, bench).await?;
+        let (shell, status) = Shell::open(rig, store, bench, Purpose::Service).await?;
         let simulation = shell.simulation().map(Simulation::handle);
         Ok((Self { shell, inbox }, status, simulation))
     }

@@ -1,6 +1,7 @@
 //! The loop of the rig thread. Each event becomes an input of the engine, and the loop carries out
 //! the effects that the engine returns.
 
+mod commissioning;
 mod requests;
 mod runs;
 
@@ -14,6 +15,7 @@ use rig_engine::{
     Admitted, Command, Effect, Engine, Event, Fault, Input, Operation, OperationId, RefusalAnswer,
     RigState,
 };
+use rig_interlock::Proven;
 use rig_link::{Clock, Transcript};
 use rig_model::{Mm, Position, RigTime};
 use rig_store::{ClockJumped, Record, Store};
@@ -27,6 +29,7 @@ use super::{
     log::{Log, unwritable},
     open::{Opened, open_rig},
     owners::Owners,
+    proof::{Proof, Purpose, Uncommissioned},
     pulse::{Doing, Pulse},
     record,
     spans::Spans,
@@ -36,7 +39,7 @@ use super::{
 use crate::{
     interruption::{InterruptedRig, LeftProbe},
     loaded_rig::LoadedRig,
-    simulation::{SimHandle, Simulation},
+    simulation::{BenchPerson, SimHandle, Simulation},
 };
 
 /// In virtual time, where an operation takes microseconds, events reach watchers and the disk this
@@ -74,6 +77,10 @@ pub(super) struct Shell {
     gate: Gate,
     /// The intent that is noted and not yet durable.
     intent: Option<Position<Mm>>,
+    /// `None` for a rig that is commissioned.
+    uncommissioned: Option<Uncommissioned>,
+    /// The simulated person, while the rig is commissioned.
+    person: Option<BenchPerson>,
     simulation: Option<Simulation>,
     black_boxes: [(Arc<str>, Transcript); 2],
     known_samples: Vec<(String, f64)>,
@@ -99,6 +106,7 @@ impl Shell {
         rig: LoadedRig,
         store: Store,
         bench: Option<SimHandle>,
+        purpose: Purpose,
     ) -> Result<(Self, watch::Receiver<Status>), OpenError> {
         let is_virtual_time = rig.is_virtual_time();
         let data = store.directory().map_or_else(|| PathBuf::from("memory"), PathBuf::from);
@@ -106,7 +114,13 @@ impl Shell {
         let name = rig.file.name.clone();
         let left = InterruptedRig::left(&store.reader().map_err(data_error)?, &name);
         let clock = Clock::start();
-        let opened = open_rig(rig, bench, clock).await?;
+        let proof = Proof::of(&rig, store.directory());
+        let uncommissioned = Uncommissioned::new(&rig.file, store.directory(), purpose, &proof);
+        let proven = match purpose {
+            Purpose::Service => proof.proven,
+            Purpose::Commissioning => proof.proven.min(Proven::Signs),
+        };
+        let opened = open_rig(rig, bench, clock, proven).await?;
         let Opened { setting, analyzer, axes, gate, halt, .. } = opened;
         let Opened { simulation, black_boxes, known_samples, patience, .. } = opened;
         let pulse = Arc::new(Pulse::default());
@@ -121,6 +135,11 @@ impl Shell {
             owners: Owners::new(axes, analyzer, halt),
             gate,
             intent: None,
+            person: uncommissioned
+                .as_ref()
+                .zip(simulation.as_ref())
+                .and_then(|(rig, simulation)| simulation.person(rig.attempts())),
+            uncommissioned,
             simulation,
             black_boxes,
             known_samples,
@@ -136,6 +155,7 @@ impl Shell {
             panic_at: 0,
             pulse,
         };
+        shell.latch_uncommissioned();
         if let Some(left) = left.filter(|left| left.is_latched) {
             let mut effects = Vec::new();
             let probe = (left.probe != LeftProbe::Clear, left.probe == LeftProbe::Lowered);
@@ -241,6 +261,9 @@ impl Shell {
     }
 
     fn begin_to_close(&mut self, reply: Option<oneshot::Sender<()>>) -> Closing {
+        if self.uncommissioned.is_some() {
+            self.stop_step();
+        }
         // It is refused if nothing is in progress, which has no consequence.
         _ = self.command(Command::Abort, "rigd");
         Closing { reply }
@@ -253,7 +276,8 @@ impl Shell {
     /// No further event is expected. A latched rig may have an operation in progress that never
     /// answers.
     fn is_at_rest(&self) -> bool {
-        self.engine.snapshot().state == RigState::Latched || self.is_idle()
+        let has_step = self.uncommissioned.is_some() && self.owners.are_busy();
+        (self.engine.snapshot().state == RigState::Latched && !has_step) || self.is_idle()
     }
 
     fn is_retracting(&self) -> bool {

@@ -57,18 +57,19 @@ impl<D: Perform> Slot<D> {
         }));
     }
 
-    /// Has idle devices do something that is no operation of the engine.
+    /// Has idle devices do something that is no operation of the engine. The signal ends it early.
     pub(super) fn attend<T: 'static>(
         &mut self,
-        work: impl AsyncFnOnce(&mut D) -> T + 'static,
+        work: impl AsyncFnOnce(&mut D, &StopSignal) -> T + 'static,
     ) -> oneshot::Receiver<T> {
         let (tell, told) = oneshot::channel();
         if let Some(mut devices) = self.devices.take() {
             self.stop.lower();
             self.is_attending = true;
+            let stop = self.stop.clone();
             self.in_flight = Some(Box::pin(async move {
                 // The caller may have gone away.
-                _ = tell.send(work(&mut devices).await);
+                _ = tell.send(work(&mut devices, &stop).await);
                 (devices, None)
             }));
         }
@@ -129,7 +130,7 @@ mod tests {
     async fn an_operation_begun_while_the_devices_are_asked_something_else_always_ends() {
         for is_interrupted in [false, true] {
             let mut slot = Slot::new(Devices);
-            let told = slot.attend(async |_| 7);
+            let told = slot.attend(async |_, _| 7);
             assert!(slot.is_busy());
             slot.start(OperationId(1), Operation::StopMotion);
             if is_interrupted {

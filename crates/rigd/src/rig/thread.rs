@@ -14,6 +14,7 @@ use tokio::sync::{mpsc, watch};
 
 use super::{
     OpenError, Request, Status,
+    proof::Purpose,
     pulse::{self, Pulse},
     shell::Shell,
     view::publish_way_out,
@@ -31,6 +32,7 @@ type Opening = Result<Opened, OpenError>;
 pub(super) fn run(
     rig: LoadedRig,
     data: PathBuf,
+    purpose: Purpose,
     mut inbox: mpsc::Receiver<Request>,
     opened: &SyncSender<Opening>,
 ) {
@@ -49,7 +51,7 @@ pub(super) fn run(
     runtime.block_on(async {
         let (file, instruments) = (rig.file.clone(), rig.instruments);
         let shell = match Store::open(&data) {
-            Ok(store) => Shell::open(rig, store, None).await,
+            Ok(store) => Shell::open(rig, store, None, purpose).await,
             Err(source) => Err(OpenError::Data { data: data.clone(), source }),
         };
         match shell {

@@ -14,23 +14,27 @@ use std::{
     time::{Duration, Instant},
 };
 
-use rig_engine::{Effect, Engine, Event, Fault, Input, Operation, Report, RigState};
+use rig_engine::{Device, Effect, Engine, Event, Fault, Input, Operation, Report, RigState};
 use rig_files::rig_file::{Connection, RigFile};
+use rig_interlock::Proven;
 use rig_link::{Clock, Port};
 use rig_model::{Clearance, Mm, Position, with_causes};
-use rig_stage::BusHandle;
+use rig_stage::{BusHandle, HaltFrames};
 use rig_store::{Ending, Journal, Record, RunFinished, RunId, RunKind, Store, StoreError};
 
 use super::{
     OpenError,
-    devices::Axes,
+    devices::{Axes, stage_failure},
     gate::Gate,
     open::{HALT_WITHIN, Ports, bus_settings, device, open_port, stage},
+    proof::Proof,
     record::Recorder,
     slot::Slot,
     until,
 };
-use crate::{instruments::Instruments, loaded_rig::LoadedRig, simulation::Simulation};
+use crate::{
+    instruments::Instruments, loaded_rig::LoadedRig, place::Place, simulation::Simulation,
+};
 
 /// Longest wait for a port that another program holds: one that is ending releases it at once.
 const HELD_FOR: Duration = Duration::from_secs(2);
@@ -73,6 +77,8 @@ pub fn make_safe(rig: LoadedRig, data: Option<&Path>, by: &str) -> Result<WayOut
         .build()
         .map_err(|source| OpenError::Thread { source })?;
     let log = Log::open(data, &rig.file.name)?;
+    let default = Place::found().data;
+    let proof = Proof::for_way_out(&rig, data.unwrap_or(&default));
     runtime.block_on(async {
         let clock = Clock::start();
         let LoadedRig { file, instruments, scene, .. } = rig;
@@ -86,6 +92,9 @@ pub fn make_safe(rig: LoadedRig, data: Option<&Path>, by: &str) -> Result<WayOut
             }
         };
         let port = port.map_err(|source| OpenError::Port { role: "bus", source })?;
+        if let Some(missing) = proof.missing {
+            return halt(&file, &instruments, port, clock, &missing, log).await;
+        }
         retract(&file, &instruments, port, clock, Fault::Stopped { by: by.to_owned() }, log).await
     })
 }
@@ -182,6 +191,43 @@ async fn wait_for_port(file: &RigFile, clock: Clock) -> Result<Port, rig_link::O
     }
 }
 
+/// Stops both axes of a rig that is not commissioned: it has not lowered its probe, and may not know where up is.
+async fn halt(
+    file: &RigFile,
+    instruments: &Instruments,
+    port: Port,
+    clock: Clock,
+    missing: &str,
+    mut log: Log,
+) -> Result<WayOut, OpenError> {
+    let began = clock.now();
+    let bus = BusHandle::open(port, bus_settings(&file.bus));
+    let mut linear = stage(&bus, &file.linear, instruments.linear, file.limits.linear);
+    let mut rotary = stage(&bus, &file.rotary, instruments.rotary, file.limits.rotary);
+    let frames = HaltFrames::of([
+        linear.halt_frames().map_err(device("bus", &file.bus))?,
+        rotary.halt_frames().map_err(device("bus", &file.bus))?,
+    ]);
+    // A line that takes longer gets them when it can.
+    _ = tokio::time::timeout(HALT_WITHIN, bus.halt(frames)).await;
+    let mut faults = Vec::new();
+    if let Err(error) = linear.stop().await {
+        faults.push(Fault::Device(stage_failure(Device::LinearStage, &error)));
+    }
+    if let Err(error) = rotary.stop().await {
+        faults.push(Fault::Device(stage_failure(Device::RotaryStage, &error)));
+    }
+    faults.push(Fault::NotCommissioned { missing: missing.to_owned() });
+    for fault in &faults {
+        let clearance = Clearance::Unknown;
+        log.note(clock, &Event::Faulted { fault: fault.clone(), clearance });
+    }
+    log.append(clock, &Record::RunFinished(RunFinished { status: Ending::Completed }));
+    let took = clock.now().since(began);
+    let clearance = Clearance::Unknown;
+    Ok(WayOut { clearance, from: None, linear: None, faults, took, recorded: log.recorded })
+}
+
 async fn retract(
     file: &RigFile,
     instruments: &Instruments,
@@ -196,7 +242,7 @@ async fn retract(
         linear: stage(&bus, &file.linear, instruments.linear, file.limits.linear),
         rotary: stage(&bus, &file.rotary, instruments.rotary, file.limits.rotary),
         is_homing_up: file.linear.is_homing_up,
-        gate: Gate::new(file.limits, clock),
+        gate: Gate::new(file.limits, Proven::Bench, clock),
     };
     let frames = axes.halt_frames().map_err(device("bus", &file.bus))?;
     // A line that takes longer gets them when it can.

@@ -2,6 +2,7 @@
 
 use std::{convert::Infallible, path::Path};
 
+use rig_commission::{Answer, Asked};
 use rig_engine::Event;
 use rig_files::rig_file::RigFile;
 use rig_link::Endpoint;
@@ -35,7 +36,25 @@ impl LoadedScene {
         match *self {}
     }
 
+    pub(crate) const fn is_described_by(&self, _: &RigFile) -> bool {
+        match *self {}
+    }
+
     pub(crate) const fn known_samples(&self) -> Vec<(String, f64)> {
+        match *self {}
+    }
+}
+
+/// Nobody is at the bench.
+#[derive(Debug)]
+pub(crate) enum BenchPerson {}
+
+impl BenchPerson {
+    pub(crate) const fn look(&mut self) {
+        match *self {}
+    }
+
+    pub(crate) const fn answer(&mut self, _: Asked) -> Answer {
         match *self {}
     }
 }
@@ -68,6 +87,10 @@ impl Simulation {
     }
 
     pub(crate) const fn sees_nothing_below(&self) -> bool {
+        match *self {}
+    }
+
+    pub(crate) const fn person(&self, _: u64) -> Option<BenchPerson> {
         match *self {}
     }
 

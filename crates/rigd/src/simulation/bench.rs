@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use rig_commission::{Answer, Asked, Choice};
 use rig_engine::Event;
 use rig_files::{
     FileKind,
@@ -10,7 +11,11 @@ use rig_files::{
 use rig_link::{Endpoint, Transport};
 use rig_model::{DriveMake, Unit};
 use rig_protocol::Prompt;
-use rig_sim::{AxisWiring, LineTransport, PortId, SimRig, Wiring, world::Scene};
+use rig_sim::{
+    AxisWiring, LineTransport, PortId, SimRig, Wiring,
+    person::{EdgeSank, Person, ProbeWent},
+    world::Scene,
+};
 pub use rig_sim::{SimHandle, world::SceneError};
 use rig_store::Source;
 
@@ -46,10 +51,56 @@ impl LoadedScene {
         &self.source
     }
 
+    /// Whether a rig file describes how the bench is put together.
+    pub(crate) fn is_described_by(&self, file: &RigFile) -> bool {
+        let Scene { linear, rotary, .. } = &self.scene;
+        linear.assembly.is_described_by(axis_wiring(&file.linear))
+            && rotary.assembly.is_described_by(axis_wiring(&file.rotary))
+    }
+
     /// Names and stiffness, MPa, of its samples.
     pub(crate) fn known_samples(&self) -> Vec<(String, f64)> {
         let samples = self.scene.samples.iter();
         samples.map(|sample| (sample.name.clone(), sample.stiffness_mpa)).collect()
+    }
+}
+
+/// The simulated person at a bench that is commissioned.
+#[derive(Debug)]
+pub(crate) struct BenchPerson(Person);
+
+impl BenchPerson {
+    /// Looks at the bench; the next answers are about the motion since then.
+    pub(crate) fn look(&mut self) {
+        self.0.look();
+    }
+
+    /// Does or sees what is asked.
+    pub(crate) fn answer(&mut self, asked: Asked) -> Answer {
+        let person = &mut self.0;
+        let choice = match asked {
+            Asked::NoSample => Choice::Yes,
+            Asked::PressStop | Asked::ReleaseStop => {
+                person.press_stop(asked == Asked::PressStop);
+                Choice::Yes
+            }
+            Asked::ProbeWent => match person.probe_went() {
+                ProbeWent::Up => Choice::Up,
+                ProbeWent::Down => Choice::Down,
+                ProbeWent::Nowhere => Choice::Nowhere,
+            },
+            Asked::EdgeSank => match person.edge_sank() {
+                EdgeSank::Tip => Choice::Tip,
+                EdgeSank::Clamp => Choice::Clamp,
+                EdgeSank::Neither => Choice::Neither,
+            },
+            Asked::Dial => return Answer::Reading(person.dial_mm()),
+            Asked::Gauge => return Answer::Reading(person.gauge_deg()),
+            Asked::Gap => return Answer::Reading(person.gap_mm()),
+            Asked::AbovePivot => return Answer::Reading(person.surface_above_pivot_mm()),
+            Asked::BesidePivot => return Answer::Reading(person.probe_beside_pivot_mm()),
+        };
+        Answer::Choice(choice)
     }
 }
 
@@ -105,6 +156,13 @@ impl Simulation {
     /// Whether the simulated person is asked what is below the probe, and sees nothing there.
     pub(crate) fn sees_nothing_below(&self) -> bool {
         self.is_answering && self.rig.with(|now, rig| rig.world().truth(now).sample.is_none())
+    }
+
+    /// The simulated person, who says what is to be seen; `None` if a user answers. `attempt` counts the steps
+    /// before: who begins again does not err in the same places.
+    pub(crate) fn person(&self, attempt: u64) -> Option<BenchPerson> {
+        let seed = self.rig.with(|_, rig| rig.world().scene().seed);
+        self.is_answering.then(|| BenchPerson(self.rig.person(seed.wrapping_add(attempt))))
     }
 
     /// Whether the simulated person answers what an event asks.

@@ -45,6 +45,11 @@ impl Shell {
                 _ = reply.send(self.answer(run, step, &by));
             }
             Request::Identify { by, reply } => _ = reply.send(self.identify(by)),
+            Request::Jog { jog, by, reply } => _ = reply.send(self.jog(jog, by)),
+            Request::AskSimulated { asked, reply } => _ = reply.send(self.ask_simulated(asked)),
+            Request::ReadCalibrations { by, reply } => {
+                _ = reply.send(self.read_calibrations(&by));
+            }
             Request::Note { action, by, reply } => _ = reply.send(self.put_on_record(action, by)),
             Request::Close { reply } => _ = reply.send(()),
             #[cfg(test)]
@@ -64,6 +69,10 @@ impl Shell {
         else {
             return;
         };
+        if self.uncommissioned.is_some() {
+            drop(self.owners.halt());
+            return;
+        }
         // A stop would lead to the retract that is in progress.
         if run.is_some_and(|run| self.under_way(run).is_err())
             || self.is_retracting()
@@ -79,6 +88,11 @@ impl Shell {
     }
 
     pub(super) fn command(&mut self, command: Command, by: &str) -> Result<(), RequestRefusal> {
+        if self.uncommissioned.is_some() && matches!(command, Command::Stop | Command::Abort) {
+            self.stop_step();
+            return Ok(());
+        }
+        self.is_commissioned()?;
         let is_sweep = matches!(command, Command::Sweep(_));
         let word = match command {
             Command::Acknowledge => Word::Acknowledgement,
@@ -109,7 +123,11 @@ impl Shell {
     }
 
     /// Records what a person did that is no command to the rig.
-    fn put_on_record(&mut self, action: String, by: String) -> Result<(), RequestRefusal> {
+    pub(super) fn put_on_record(
+        &mut self,
+        action: String,
+        by: String,
+    ) -> Result<(), RequestRefusal> {
         self.log.append(&Record::Operator(Operator { action, who: by }));
         self.log.commit();
         match self.log.error() {

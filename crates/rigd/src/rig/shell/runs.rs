@@ -24,6 +24,7 @@ impl Shell {
         by: &str,
         key: Option<String>,
     ) -> Result<RunId, RequestRefusal> {
+        self.is_commissioned()?;
         let command = Command::Run(Box::new(protocol.plan.clone()));
         let admitted = self.engine.admit(command)?;
         self.journal_is_fine()?;
@@ -84,6 +85,7 @@ impl Shell {
         is_confirmed: bool,
         by: &str,
     ) -> Result<(), RequestRefusal> {
+        self.is_commissioned()?;
         let reader = self.log.store().reader()?;
         resumable(&reader.run(id).map_err(ResumeRefusal::from)?)?;
         let known = Known::read(&reader, id, &self.setting, &self.known_samples)?;
@@ -118,6 +120,7 @@ impl Shell {
         is_confirmed: bool,
         by: &str,
     ) -> Result<RunId, RequestRefusal> {
+        self.is_commissioned()?;
         let known = Known::read(
             &self.log.store().reader()?,
             order.run,

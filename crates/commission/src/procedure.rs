@@ -1,0 +1,98 @@
+//! The steps themselves. Each is a short conversation with the bench; none writes or remembers anything.
+
+mod geometry;
+mod scale;
+mod signs;
+mod stop;
+
+use rig_files::rig_file::RigFile;
+
+use crate::{
+    Answer, Asked, Bench, Choice, Finding, Jog, JogAxis, Jogged, Step,
+    agreement::{Agreement, Progress},
+};
+
+/// The end of a step without a result, passed up with `?`.
+enum Early<T> {
+    /// The bench is gone.
+    Trouble(T),
+    /// The step has failed.
+    Failed(String),
+}
+
+impl<T> From<T> for Early<T> {
+    fn from(trouble: T) -> Self {
+        Self::Trouble(trouble)
+    }
+}
+
+/// Carries out a step of commissioning.
+///
+/// # Errors
+/// The trouble of the bench. A step that fails is a finding.
+pub async fn carry_out<B: Bench>(
+    step: Step,
+    rig: &RigFile,
+    bench: &mut B,
+) -> Result<Finding, B::Trouble> {
+    let found = match step {
+        Step::Stop => stop::carry_out(bench).await,
+        Step::Signs => signs::carry_out(rig, bench).await,
+        Step::Scale => scale::carry_out(rig, bench).await,
+        Step::Geometry => geometry::carry_out(rig, bench).await,
+    };
+    match found {
+        Ok(finding) => Ok(finding),
+        Err(Early::Failed(why)) => Ok(Finding::failed(why)),
+        Err(Early::Trouble(trouble)) => Err(trouble),
+    }
+}
+
+/// Asks for a word or a deed, without which the step fails.
+async fn confirm<B: Bench>(bench: &mut B, asked: Asked) -> Result<(), Early<B::Trouble>> {
+    match bench.ask(asked).await? {
+        Answer::Choice(Choice::Yes) => Ok(()),
+        _ => Err(Early::Failed(format!("not confirmed: {}", asked.text()))),
+    }
+}
+
+/// Makes a step of an axis. One that the drive does not make ends the step of commissioning.
+async fn jog<B: Bench>(bench: &mut B, axis: JogAxis, by: f64) -> Result<Jogged, Early<B::Trouble>> {
+    let jogged = bench.jog(Jog { axis, by }).await?;
+    jogged.map_err(|trouble| Early::Failed(format!("{}: {trouble}", axis.name())))
+}
+
+/// Asks for a reading until enough agree.
+async fn agreed<B: Bench>(
+    bench: &mut B,
+    asked: Asked,
+    mut agreement: Agreement,
+) -> Result<f64, Early<B::Trouble>> {
+    loop {
+        let reading = reading(bench, asked).await?;
+        match agreement.add(reading) {
+            Progress::Settled(mean) => return Ok(mean.value),
+            Progress::More { contradicts } => doubt(bench, contradicts),
+            Progress::Failed => return Err(contradictory(asked)),
+        }
+    }
+}
+
+/// Asks for one reading.
+async fn reading<B: Bench>(bench: &mut B, asked: Asked) -> Result<f64, Early<B::Trouble>> {
+    match bench.ask(asked).await? {
+        Answer::Reading(reading) => Ok(reading),
+        Answer::Choice(choice) => Ok(choice.sense()),
+    }
+}
+
+/// Says that a reading contradicts the others.
+fn doubt<B: Bench>(bench: &mut B, contradicts: bool) {
+    if contradicts {
+        bench.remark("That contradicts the answers before it. Look again.");
+    }
+}
+
+fn contradictory<T>(asked: Asked) -> Early<T> {
+    Early::Failed(format!("the answers contradict each other: {}", asked.text()))
+}

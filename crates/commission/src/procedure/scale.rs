@@ -1,0 +1,193 @@
+//! How far each axis goes: a dial gauge for the probe, an angle gauge for the table. The way grows only while
+//! what is seen agrees with what was asked: a scale that is ten times too large is found by the shortest step.
+
+use rig_files::rig_file::RigFile;
+use rig_model::{Scale, Unit};
+
+use super::{Early, agreed, confirm, contradictory, doubt, jog, reading};
+use crate::{
+    Asked, Bench, Change, Finding, JogAxis, Value,
+    agreement::{Agreement, Mean, Progress},
+    finding::rounded,
+};
+
+/// Ways of the linear stage before the whole one, mm.
+const COARSE_WAYS_MM: [f64; 2] = [0.2, 1.0];
+/// The whole way, which is made in several windows, and the distance between their beginnings, mm.
+const WAY_MM: f64 = 10.0;
+const WINDOWS: usize = 4;
+const WINDOW_MM: f64 = 0.7;
+/// Windows agree within this, mm: the errors of a rolled screw at both ends, and of two readings.
+const SCATTER_MM: f64 = 0.12;
+/// Standard deviation of the difference of a rolled screw at two places, mm.
+const SCREW_MM: f64 = 0.02;
+/// Turns before the tilts that count, degrees.
+const TURNS_DEG: [f64; 2] = [1.0, 5.0];
+/// Tilts at which the gauge is read, degrees.
+const TILTS_DEG: [f64; 4] = [0.0, 30.0, 0.0, -30.0];
+
+/// A dial gauge: its division, and what it may be wrong by over 10 mm, mm.
+const DIAL_STEP_MM: f64 = 0.01;
+const DIAL_LIMIT_MM: f64 = 0.015;
+/// An angle gauge: its division, and what it may be wrong by, degrees.
+const GAUGE_STEP_DEG: f64 = 0.1;
+const GAUGE_LIMIT_DEG: f64 = 0.1;
+
+/// A way agrees with what was asked within this share and two divisions: enough to go on with a longer one.
+const COARSE_REL: f64 = 0.15;
+
+/// Limits of acceptance.
+const SCALE_REL: f64 = 0.003;
+const TILT_DEG: f64 = 0.3;
+
+/// Readings of one way that must agree.
+const READINGS: usize = 3;
+
+pub(super) async fn carry_out<B: Bench>(
+    rig: &RigFile,
+    bench: &mut B,
+) -> Result<Finding, Early<B::Trouble>> {
+    confirm(bench, Asked::NoSample).await?;
+    let (mut values, mut changes) = linear(rig, bench).await?;
+    let (of_rotary, changes_of_rotary) = rotary(rig, bench).await?;
+    values.extend(of_rotary);
+    changes.extend(changes_of_rotary);
+    Ok(Finding::of(values, changes))
+}
+
+type Found = (Vec<Value>, Vec<Change>);
+
+async fn linear<B: Bench>(rig: &RigFile, bench: &mut B) -> Result<Found, Early<B::Trouble>> {
+    let travel = rig.limits.linear.travel();
+    let at = jog(bench, JogAxis::Linear, 0.0).await?.at;
+    let inwards = if at > 0.5 * (travel.min.value() + travel.max.value()) { -1.0 } else { 1.0 };
+    let found = |value: f64, sigma: f64, digits| {
+        let keys = ["linear.mm_per_step", "linear.zero_mm"];
+        let changes = stretched(&rig.linear.scale, at, (value, digits), keys);
+        let name = "linear.scale";
+        (Value { name, value, standard_uncertainty: sigma, unit: "1" }, changes)
+    };
+    for way in COARSE_WAYS_MM {
+        let there = jog(bench, JogAxis::Linear, inwards * way).await?.way();
+        let agreement = Agreement::new(READINGS, 2.0 * DIAL_STEP_MM);
+        let scale = agreed(bench, Asked::Dial, agreement).await? / there;
+        jog(bench, JogAxis::Linear, -inwards * way).await?;
+        if (scale - 1.0).abs() > COARSE_REL + 2.0 * DIAL_STEP_MM / way {
+            let (value, changes) = found(scale, DIAL_STEP_MM / way, 2);
+            return Ok((vec![value], changes.into()));
+        }
+    }
+    let excess = excess(bench, inwards).await?;
+    let gauge = DIAL_LIMIT_MM.hypot(DIAL_STEP_MM / 2.0) / 3.0_f64.sqrt();
+    // A few windows may agree by chance.
+    let screw = excess.sigma.max(SCREW_MM / (WINDOWS as f64).sqrt());
+    let (value, changes) =
+        found(1.0 + excess.value / (inwards * WAY_MM), gauge.hypot(screw) / WAY_MM, 5);
+    let is_wrong = (value.value - 1.0).abs() > SCALE_REL;
+    Ok((vec![value], if is_wrong { changes.into() } else { Vec::new() }))
+}
+
+/// How much further than the drive says the probe goes over the whole way, mm, in windows that begin at several
+/// places: an error of the screw at one end is not that at another.
+async fn excess<B: Bench>(bench: &mut B, inwards: f64) -> Result<Mean, Early<B::Trouble>> {
+    let mut agreement = Agreement::new(WINDOWS, SCATTER_MM);
+    loop {
+        let there = jog(bench, JogAxis::Linear, inwards * WAY_MM).await?.way();
+        let read = reading(bench, Asked::Dial).await?;
+        jog(bench, JogAxis::Linear, inwards * (WINDOW_MM - WAY_MM)).await?;
+        match agreement.add(read - there) {
+            Progress::Settled(mean) => return Ok(mean),
+            Progress::More { contradicts } => doubt(bench, contradicts),
+            Progress::Failed => return Err(contradictory(Asked::Dial)),
+        }
+    }
+}
+
+async fn rotary<B: Bench>(rig: &RigFile, bench: &mut B) -> Result<Found, Early<B::Trouble>> {
+    let keys = ["rotary.deg_per_step", "rotary.zero_deg"];
+    let scale = &rig.rotary.scale;
+    let begin = read_tilt(bench, 0.0).await?;
+    for way in TURNS_DEG {
+        let there = read_tilt(bench, way).await?;
+        jog(bench, JogAxis::Rotary, -way).await?;
+        let ratio = (there.1 - begin.1) / (there.0 - begin.0);
+        if (ratio - 1.0).abs() > COARSE_REL + 2.0 * GAUGE_STEP_DEG / way {
+            let value = Value {
+                name: "rotary.scale",
+                value: ratio,
+                standard_uncertainty: GAUGE_STEP_DEG / way,
+                unit: "1",
+            };
+            return Ok((vec![value], stretched(scale, begin.0, (ratio, 2), keys).into()));
+        }
+    }
+    let mut points = vec![begin];
+    for tilt in TILTS_DEG {
+        let at = points[points.len() - 1].0;
+        points.push(read_tilt(bench, tilt - at).await?);
+    }
+    let at = points[points.len() - 1].0;
+    jog(bench, JogAxis::Rotary, -at).await?;
+    let (slope, offset) = line(&points);
+    let n = points.len() as f64;
+    let sigma = GAUGE_LIMIT_DEG.hypot(GAUGE_STEP_DEG / 2.0) / 3.0_f64.sqrt();
+    let values = vec![
+        Value { name: "rotary.scale", value: slope, standard_uncertainty: sigma / 30.0, unit: "1" },
+        Value {
+            name: "rotary.zero",
+            value: offset,
+            standard_uncertainty: sigma.max(GAUGE_LIMIT_DEG / n.sqrt()),
+            unit: "°",
+        },
+    ];
+    let zero = scale.zero.value();
+    let mut changes = Vec::new();
+    let is_stretched = (slope - 1.0).abs() * TILTS_DEG[1] > TILT_DEG;
+    if is_stretched {
+        let to = rounded(scale.per_count * slope, 4);
+        changes.push(Change { key: keys[0], from: scale.per_count, to });
+    }
+    // The gauge reads offset + slope · (zero + counts · step).
+    if is_stretched || offset.abs() > TILT_DEG {
+        let to = rounded(offset + if is_stretched { slope * zero } else { zero }, 3);
+        changes.push(Change { key: keys[1], from: zero, to });
+    }
+    Ok((values, changes))
+}
+
+/// The step of a drive whose axis goes `ratio` times as far as it says, with the zero that leaves the axis where it
+/// is.
+fn stretched<U: Unit>(
+    scale: &Scale<U>,
+    at: f64,
+    (ratio, digits): (f64, i32),
+    keys: [&'static str; 2],
+) -> [Change; 2] {
+    let (per_count, zero) = (scale.per_count, scale.zero.value());
+    let new = rounded(per_count * ratio, digits);
+    let new_zero = at - (at - zero) * new / per_count;
+    [
+        Change { key: keys[0], from: per_count, to: new },
+        Change { key: keys[1], from: zero, to: rounded(new_zero, 6) },
+    ]
+}
+
+/// Turns by so much, and gives where the drive says that the table is and what the gauge says.
+async fn read_tilt<B: Bench>(bench: &mut B, by: f64) -> Result<(f64, f64), Early<B::Trouble>> {
+    let at = jog(bench, JogAxis::Rotary, by).await?.at;
+    let agreement = Agreement::new(READINGS, 2.0 * GAUGE_STEP_DEG);
+    Ok((at, agreed(bench, Asked::Gauge, agreement).await?))
+}
+
+/// Slope, and value at zero, of the line through points.
+fn line(points: &[(f64, f64)]) -> (f64, f64) {
+    let n = points.len() as f64;
+    let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / n;
+    let (x, y) = (mean(|point| point.0), mean(|point| point.1));
+    let sums = points.iter().fold((0.0, 0.0), |(xx, xy), point| {
+        let dx = point.0 - x;
+        (xx + dx * dx, xy + dx * (point.1 - y))
+    });
+    let slope = sums.1 / sums.0;
+    (slope, y - slope * x)
+}

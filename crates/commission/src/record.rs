@@ -1,0 +1,245 @@
+//! The record of a calibration: a TOML file, written once and never changed.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{Basis, Change, Finding, Step, Value, Verdict};
+
+/// The version of the file.
+const FORMAT: u32 = 1;
+
+/// How long a calibration holds, s: a year. What changes on the bench ends it earlier.
+const HOLDS_S: i64 = 365 * 86_400;
+
+/// When, where and by whom a calibration was made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Circumstances {
+    /// Time of its end, s since 1970.
+    pub unix_s: i64,
+    /// The same for a person, UTC.
+    pub made: String,
+    /// Name of the person who saw it.
+    pub person: String,
+    /// Name and version of the program.
+    pub software: String,
+    /// The session of the journal with the steps of the axes.
+    pub session: String,
+    /// Temperature at the bench, °C, if it was told.
+    pub temperature_c: Option<f64>,
+}
+
+/// A calibration as its file has it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Calibration {
+    format: u32,
+    /// The step that made it.
+    pub step: Step,
+    /// `accepted`, `rig file` if that must be changed, or `failed`.
+    pub verdict: String,
+    /// Why it failed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
+    made: String,
+    made_unix_s: i64,
+    expires_unix_s: i64,
+    person: String,
+    software: String,
+    session: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    temperature_c: Option<f64>,
+    drives: [String; 2],
+    /// SHA-256 of the keys of the rig file on which it rests.
+    keys_sha256: String,
+    /// What was found.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub values: Vec<ValueFile>,
+    /// What the rig file must say instead.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub changes: Vec<ChangeFile>,
+}
+
+/// A quantity in a file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ValueFile {
+    /// Its name.
+    pub name: String,
+    /// The value.
+    pub value: f64,
+    /// Its standard uncertainty.
+    pub standard_uncertainty: f64,
+    /// The unit; 1 for a ratio.
+    pub unit: String,
+}
+
+/// A change of the rig file in a file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ChangeFile {
+    /// Section and key.
+    pub key: String,
+    /// The value that it had.
+    pub from: f64,
+    /// The value to put there.
+    pub to: f64,
+}
+
+/// A file that is no calibration.
+#[derive(Debug, thiserror::Error)]
+pub enum UnreadableCalibration {
+    /// It is not TOML, or has other keys.
+    #[error(transparent)]
+    Toml(#[from] toml::de::Error),
+    /// Another version of this program wrote it.
+    #[error("it has the format {found}, and this program reads {FORMAT}")]
+    Format {
+        /// Its format.
+        found: u32,
+    },
+}
+
+/// A number that TOML does not have.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+pub struct Unwritable(#[from] toml::ser::Error);
+
+impl Calibration {
+    /// The record of a finding.
+    pub fn new(step: Step, finding: Finding, basis: &Basis, around: Circumstances) -> Self {
+        let Finding { verdict, values } = finding;
+        let (verdict, reason, changes) = match verdict {
+            Verdict::Accepted => ("accepted", None, Vec::new()),
+            Verdict::RigFile(changes) => ("rig file", None, changes),
+            Verdict::Failed(why) => ("failed", Some(why), Vec::new()),
+        };
+        Self {
+            format: FORMAT,
+            step,
+            verdict: verdict.to_owned(),
+            reason,
+            made: around.made,
+            made_unix_s: around.unix_s,
+            expires_unix_s: around.unix_s + HOLDS_S,
+            person: around.person,
+            software: around.software,
+            session: around.session,
+            temperature_c: around.temperature_c,
+            drives: basis.drives().clone(),
+            keys_sha256: basis.sha256(step),
+            values: values.into_iter().map(ValueFile::from).collect(),
+            changes: changes.into_iter().map(ChangeFile::from).collect(),
+        }
+    }
+
+    /// Reads the text of a file.
+    ///
+    /// # Errors
+    /// [`UnreadableCalibration`].
+    pub fn read(text: &str) -> Result<Self, UnreadableCalibration> {
+        let calibration: Self = toml::from_str(text)?;
+        match calibration.format {
+            FORMAT => Ok(calibration),
+            found => Err(UnreadableCalibration::Format { found }),
+        }
+    }
+
+    /// The text of its file.
+    ///
+    /// # Errors
+    /// [`Unwritable`].
+    pub fn to_toml(&self) -> Result<String, Unwritable> {
+        let text = toml::to_string(self)?;
+        Ok(format!("# A calibration of a bench, written by rigd. It is never changed.\n{text}"))
+    }
+
+    /// Whether the bench was found as the rig file says.
+    pub fn is_accepted(&self) -> bool {
+        self.verdict == "accepted"
+    }
+
+    /// Whether it was made with these keys.
+    pub(crate) fn has_keys_of(&self, basis: &Basis) -> bool {
+        self.keys_sha256 == basis.sha256(self.step)
+    }
+
+    /// Whether it was made with these drives.
+    pub(crate) fn has_drives_of(&self, basis: &Basis) -> bool {
+        self.drives == *basis.drives()
+    }
+
+    /// Whether it has expired.
+    pub(crate) const fn is_expired(&self, unix_s: i64) -> bool {
+        self.expires_unix_s <= unix_s
+    }
+
+    /// Time at which it was made, UTC, for a person.
+    pub fn made(&self) -> &str {
+        &self.made
+    }
+
+    /// Name of the person who saw it.
+    pub fn person(&self) -> &str {
+        &self.person
+    }
+
+    pub(crate) const fn made_unix_s(&self) -> i64 {
+        self.made_unix_s
+    }
+}
+
+/// The name of the file of a calibration made at this time, UTC, such as `scale-20261125T153000Z.toml`. The names
+/// of a step sort by time.
+pub fn file_name(step: Step, compact_utc: &str) -> String {
+    format!("{}-{compact_utc}.toml", step.name())
+}
+
+impl From<Value> for ValueFile {
+    fn from(value: Value) -> Self {
+        let Value { name, value, standard_uncertainty, unit } = value;
+        Self { name: name.to_owned(), value, standard_uncertainty, unit: unit.to_owned() }
+    }
+}
+
+impl From<Change> for ChangeFile {
+    fn from(Change { key, from, to }: Change) -> Self {
+        Self { key: key.to_owned(), from, to }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rig_files::rig_file::RigFile;
+
+    use super::*;
+
+    #[test]
+    fn a_calibration_reads_back_as_it_was_written_and_nothing_else_is_one() {
+        let text = include_str!("../../../config/rigs/simulated.toml");
+        let basis = Basis::of(&RigFile::read("rig.toml", text).unwrap());
+        let values = vec![Value {
+            name: "linear.scale",
+            value: 1.02,
+            standard_uncertainty: 0.001,
+            unit: "1",
+        }];
+        let change = Change { key: "linear.mm_per_step", from: 0.001, to: 0.00102 };
+        let around = Circumstances {
+            unix_s: 1_795_000_000,
+            made: "2026-11-18T09:06:40Z".to_owned(),
+            person: "ada".to_owned(),
+            software: "rigd 0".to_owned(),
+            session: "019".to_owned(),
+            temperature_c: Some(21.5),
+        };
+        let calibration =
+            Calibration::new(Step::Scale, Finding::of(values, vec![change]), &basis, around);
+        let written = calibration.to_toml().unwrap();
+        assert_eq!(Calibration::read(&written).unwrap(), calibration);
+        assert!(!calibration.is_accepted());
+        for (from, to) in
+            [("format = 1", "format = 2"), ("person", "persons"), ("step = ", "step ")]
+        {
+            assert!(Calibration::read(&written.replacen(from, to, 1)).is_err(), "{to}");
+        }
+    }
+}

@@ -1,0 +1,111 @@
+//! A rig that is not commissioned moves by short steps that a person has confirmed, and not otherwise.
+
+use rig_interlock::{Interlock, Outcome, PortCommand, Proven, Refusal, Word};
+use rig_model::{Position, RigTime};
+
+use crate::bench::{lift, limits, turn};
+
+const NOW: RigTime = RigTime::from_micros(1_000_000);
+
+fn up(by_mm: f64, speed_mm_per_s: f64) -> PortCommand {
+    PortCommand::JogLinear { from: Position::new(20.0), by_mm, speed_mm_per_s }
+}
+
+fn tilt(by_deg: f64, speed_deg_per_s: f64) -> PortCommand {
+    PortCommand::JogRotary { from: Position::new(0.0), by_deg, speed_deg_per_s }
+}
+
+/// The first refusal of a step that a person has confirmed.
+fn confirmed(proven: Proven, step: PortCommand) -> Result<(), Refusal> {
+    let mut interlock = Interlock::new(limits(), proven);
+    interlock.operator(NOW, "ada", Word::ThisStep).unwrap();
+    interlock.admit(NOW, &step)
+}
+
+#[test]
+fn nothing_but_stops_and_short_steps_is_admitted_before_signs_and_scales_are_shown() {
+    for proven in [Proven::Nothing, Proven::Signs] {
+        let mut interlock = Interlock::new(limits(), proven);
+        for word in [Word::Command, Word::Acknowledgement, Word::NothingBelow, Word::ThisStep] {
+            interlock.operator(NOW, "ada", word).unwrap();
+            for command in [
+                PortCommand::FindLinear,
+                PortCommand::HomeLinear,
+                PortCommand::HomeRotary,
+                lift(),
+                turn(1.0),
+            ] {
+                let refusal = interlock.admit(NOW, &command).unwrap_err();
+                assert!(matches!(refusal, Refusal::NotCommissioned { .. }), "{refusal}");
+            }
+        }
+        for command in [PortCommand::Stop, PortCommand::Measure] {
+            interlock.admit(NOW, &command).unwrap();
+            interlock.ended(NOW, &command, &Outcome::Done);
+        }
+    }
+}
+
+#[test]
+fn a_step_is_as_long_and_as_fast_as_what_is_shown_allows() {
+    let check = |proven, step, is_admitted: bool| {
+        let found = confirmed(proven, step);
+        assert_eq!(found.is_ok(), is_admitted, "{proven:?} {step:?}: {found:?}");
+    };
+    for sign in [1.0, -1.0] {
+        check(Proven::Nothing, up(sign * 0.2, 1.0), true);
+        check(Proven::Nothing, up(sign * 0.201, 1.0), false);
+        check(Proven::Nothing, tilt(sign, 5.0), true);
+        check(Proven::Nothing, tilt(sign * 1.01, 5.0), false);
+        check(Proven::Signs, up(sign * 10.0, 1.0), true);
+        check(Proven::Signs, up(sign * 10.1, 1.0), false);
+        check(Proven::Signs, tilt(sign * 30.0, 5.0), true);
+    }
+    for speed in [1.01, 0.0, -1.0, f64::NAN] {
+        check(Proven::Nothing, up(0.2, speed), false);
+    }
+    check(Proven::Nothing, up(f64::NAN, 1.0), false);
+    check(Proven::Nothing, up(f64::INFINITY, 1.0), false);
+    // A position that is known does not lead out of the travel; an unknown one says nothing.
+    let below =
+        |by_mm| PortCommand::JogLinear { from: Position::new(-40.0), by_mm, speed_mm_per_s: 1.0 };
+    check(Proven::Nothing, below(0.2), true);
+    check(Proven::Signs, below(0.2), false);
+    // A rig in service is moved otherwise.
+    check(Proven::Bench, up(0.1, 1.0), false);
+}
+
+#[test]
+fn each_step_needs_a_word_of_its_own_which_grows_old_and_ends_with_a_stop() {
+    let mut interlock = Interlock::new(limits(), Proven::Nothing);
+    let refused = |interlock: &mut Interlock, at: RigTime| {
+        let refusal = interlock.admit(at, &up(0.1, 1.0)).unwrap_err();
+        assert!(matches!(refusal, Refusal::StepUnconfirmed { .. }), "{refusal}");
+    };
+    refused(&mut interlock, NOW);
+    interlock.operator(NOW, "ada", Word::ThisStep).unwrap();
+    interlock.admit(NOW, &up(0.1, 1.0)).unwrap();
+    // One step at a time.
+    let busy = interlock.admit(NOW, &tilt(0.1, 1.0)).unwrap_err();
+    assert!(matches!(busy, Refusal::PortBusy { .. }), "{busy}");
+    interlock.ended(NOW, &up(0.1, 1.0), &Outcome::Done);
+    refused(&mut interlock, NOW);
+    interlock.operator(NOW, "ada", Word::ThisStep).unwrap();
+    refused(&mut interlock, RigTime::from_micros(62_000_000));
+    interlock.stop_asked(NOW);
+    refused(&mut interlock, NOW);
+    assert!(interlock.operator(NOW, " ", Word::ThisStep).is_err());
+    // A step that failed does not keep a person from the next one.
+    interlock.operator(NOW, "ada", Word::ThisStep).unwrap();
+    interlock.admit(NOW, &up(0.1, 1.0)).unwrap();
+    interlock.ended(NOW, &up(0.1, 1.0), &Outcome::Failed);
+    interlock.operator(NOW, "ada", Word::ThisStep).unwrap();
+    interlock.admit(NOW, &up(-0.1, 1.0)).unwrap();
+}
+
+#[test]
+fn a_rig_that_is_shown_to_be_as_described_moves_as_any_other() {
+    let mut interlock = Interlock::new(limits(), Proven::Nothing);
+    interlock.prove(Proven::Bench);
+    interlock.admit(NOW, &PortCommand::FindLinear).unwrap();
+}

@@ -1,0 +1,126 @@
+//! The calibrations of a data directory: a file each, written once.
+
+use std::{
+    fs::{self, File},
+    io::{self, Write},
+    path::{Path, PathBuf},
+};
+
+use jiff::Timestamp;
+use rig_commission::{
+    Basis, Calibration, Circumstances, Finding, Standing, Step, UnreadableCalibration, file_name,
+};
+use rig_files::rig_file::RigFile;
+
+use crate::rig::SOFTWARE;
+
+/// Their folder in a data directory.
+const FOLDER: &str = "calibrations";
+
+/// Why calibrations cannot be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum CalibrationsError {
+    /// The folder or a file.
+    #[error("{}", path.display())]
+    File {
+        /// Its path.
+        path: PathBuf,
+        /// The error of the system.
+        source: io::Error,
+    },
+    /// A file that is no calibration.
+    #[error("{} is no calibration that this rigd reads", path.display())]
+    Unreadable {
+        /// Its path.
+        path: PathBuf,
+        /// Why not.
+        source: UnreadableCalibration,
+    },
+    /// A number that TOML does not have.
+    #[error("the calibration cannot be written as TOML")]
+    Unwritable(#[from] rig_commission::Unwritable),
+}
+
+/// What the calibrations of a data directory show of a rig.
+///
+/// # Errors
+/// [`CalibrationsError`]. A folder that is not there has none.
+pub fn standing(rig: &RigFile, data: &Path) -> Result<Standing, CalibrationsError> {
+    Ok(Standing::of(&read(data)?, &Basis::of(rig), Timestamp::now().as_second()))
+}
+
+/// All calibrations of a data directory, in the order of their names.
+///
+/// # Errors
+/// [`CalibrationsError`]. A folder that is not there has none.
+pub fn read(data: &Path) -> Result<Vec<Calibration>, CalibrationsError> {
+    let folder = data.join(FOLDER);
+    let failed = |path: &Path| {
+        let path = path.to_owned();
+        |source| CalibrationsError::File { path, source }
+    };
+    let entries = match fs::read_dir(&folder) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+        entries => entries.map_err(failed(&folder))?,
+    };
+    let paths = entries.map(|entry| Ok(entry?.path())).collect::<Result<Vec<_>, io::Error>>();
+    let mut paths = paths.map_err(failed(&folder))?;
+    paths.retain(|path| path.extension().is_some_and(|extension| extension == "toml"));
+    paths.sort();
+    let read = |path: PathBuf| {
+        let text = fs::read_to_string(&path).map_err(failed(&path))?;
+        Calibration::read(&text).map_err(|source| CalibrationsError::Unreadable { path, source })
+    };
+    paths.into_iter().map(read).collect()
+}
+
+/// Who saw a step, in which session of the journal, and at which temperature.
+#[derive(Debug, Clone)]
+pub struct Witness {
+    /// Name of the person.
+    pub person: String,
+    /// The session with the steps of the axes.
+    pub session: String,
+    /// °C, if it was told.
+    pub temperature_c: Option<f64>,
+}
+
+/// Writes the calibration of a step that has just ended, waits for the disk, and returns it with its path.
+///
+/// # Errors
+/// [`CalibrationsError`]. There is then no new file.
+pub fn write(
+    rig: &RigFile,
+    data: &Path,
+    (step, finding): (Step, Finding),
+    witness: Witness,
+) -> Result<(Calibration, PathBuf), CalibrationsError> {
+    let now = Timestamp::now();
+    let around = Circumstances {
+        unix_s: now.as_second(),
+        made: now.strftime("%Y-%m-%dT%H:%M:%SZ").to_string(),
+        person: witness.person,
+        software: SOFTWARE.to_owned(),
+        session: witness.session,
+        temperature_c: witness.temperature_c,
+    };
+    let calibration = Calibration::new(step, finding, &Basis::of(rig), around);
+    let folder = data.join(FOLDER);
+    // Names of one step sort by time, also within a second.
+    let path = folder.join(file_name(step, &now.strftime("%Y%m%dT%H%M%S.%6fZ").to_string()));
+    let text = calibration.to_toml()?;
+    let failed = |source| CalibrationsError::File { path: path.clone(), source };
+    store(&folder, &path, &text).map_err(failed)?;
+    Ok((calibration, path))
+}
+
+/// A file that is there is whole.
+fn store(folder: &Path, path: &Path, text: &str) -> io::Result<()> {
+    fs::create_dir_all(folder)?;
+    let beside = path.with_extension("new");
+    let mut file = File::create(&beside)?;
+    file.write_all(text.as_bytes())?;
+    file.sync_all()?;
+    fs::rename(&beside, path)?;
+    File::open(folder)?.sync_all()
+}

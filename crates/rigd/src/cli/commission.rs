@@ -1,0 +1,317 @@
+//! `rigd commission`: shows a new bench to be as its rig file says, one step at a time.
+
+mod guide;
+
+use std::path::Path;
+
+use clap::{Args, Subcommand, ValueEnum};
+use rig_commission::{Jog, JogAxis, Standing, Step, Verdict, procedure};
+use serde::Serialize;
+
+use self::guide::Guide;
+use super::{
+    Failure,
+    args::{BenchArgs, DataArgs, OutputArgs, RigArgs},
+    screen::{say, say_clearly},
+    session::open_by,
+    signals::Signals,
+    table::{facts, print, print_json},
+};
+use crate::{
+    calibrations::{self, CalibrationsError, Witness},
+    loaded_rig::LoadedRig,
+    operator::Operator,
+    rig,
+};
+
+/// Shows, step by step, that a bench is as its rig file says: the emergency stop, the sign and the scale of each
+/// axis, and the geometry. Each step has a picture, the limit of acceptance and what to do when it fails; its record
+/// is a file in the data directory. The command begins at the first step that is missing, also after an
+/// interruption. A wrong value ends with the key of the rig file to change, which rigd never writes.
+#[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true)]
+pub(super) struct CommissionArgs {
+    #[command(subcommand)]
+    command: Option<CommissionCommand>,
+    #[command(flatten)]
+    walk: WalkArgs,
+}
+
+#[derive(Debug, Subcommand)]
+enum CommissionCommand {
+    /// Make one step again, although its record still fits
+    Again(AgainArgs),
+    /// Move one axis by one short step, without a sample
+    Jog(JogArgs),
+    /// Say which steps the rig has behind it, and which are missing
+    Show(ShowArgs),
+}
+
+#[derive(Debug, Args)]
+struct WalkArgs {
+    #[command(flatten)]
+    bench: BenchArgs,
+    /// Answer to the next question, in their order; repeat it. The terminal is asked for the others
+    #[arg(long, value_name = "ANSWER", allow_hyphen_values = true)]
+    answer: Vec<String>,
+    /// Make each step of an axis without asking for Enter
+    #[arg(long)]
+    yes: bool,
+    /// Temperature at the bench, for the records
+    #[arg(long, value_name = "°C", allow_negative_numbers = true)]
+    temperature: Option<f64>,
+}
+
+#[derive(Debug, Args)]
+struct AgainArgs {
+    /// Step to make
+    #[arg(value_enum)]
+    step: StepName,
+    #[command(flatten)]
+    walk: WalkArgs,
+}
+
+#[derive(Debug, Args)]
+struct JogArgs {
+    /// Axis to move
+    #[arg(value_enum)]
+    axis: AxisName,
+    /// Step from where it stands, mm or degrees: at most 0.2 mm or 1°, and more once the signs are shown
+    #[arg(value_name = "MM|DEG", allow_negative_numbers = true)]
+    by: f64,
+    /// States that sample and dish are away and a hand is at the stop, without asking for Enter
+    #[arg(long)]
+    yes: bool,
+    #[command(flatten)]
+    bench: BenchArgs,
+}
+
+#[derive(Debug, Args)]
+struct ShowArgs {
+    #[command(flatten)]
+    rig: RigArgs,
+    #[command(flatten)]
+    data: DataArgs,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum StepName {
+    Stop,
+    Signs,
+    Geometry,
+    Scale,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum AxisName {
+    /// The vertical stage that carries the probe
+    Linear,
+    /// The stage that tilts the sample
+    Rotary,
+}
+
+/// Why a bench is not commissioned.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum CommissionFailure {
+    #[error(transparent)]
+    Calibrations(#[from] CalibrationsError),
+    #[error(transparent)]
+    NotAnAnswer(#[from] rig_commission::NotAnAnswer),
+    #[error("the input ended before this was answered: {question}")]
+    Unanswered { question: &'static str },
+    #[error("step {} failed: {why}", step.name())]
+    Failed { step: Step, why: String },
+    #[error("the bench is not as the rig file says: {changes}")]
+    RigFile { changes: String },
+    #[error("{axis}: {trouble}")]
+    NoStep { axis: &'static str, trouble: String },
+}
+
+impl CommissionFailure {
+    pub(super) const fn exit_code(&self) -> u8 {
+        match self {
+            Self::RigFile { .. } | Self::NotAnAnswer(_) => 2,
+            _ => 1,
+        }
+    }
+
+    pub(super) const fn advice(&self) -> Option<&'static str> {
+        match self {
+            Self::Failed { step, .. } => Some(step.remedy()),
+            Self::RigFile { .. } => Some(
+                "change the rig file, and begin `rigd commission` again: the steps that it changes are made anew",
+            ),
+            _ => None,
+        }
+    }
+}
+
+pub(super) fn commission(args: &CommissionArgs) -> Result<(), Failure> {
+    match &args.command {
+        None => walk(&args.walk, None),
+        Some(CommissionCommand::Again(again)) => walk(&again.walk, Some(again.step.into())),
+        Some(CommissionCommand::Jog(args)) => jog(args),
+        Some(CommissionCommand::Show(args)) => show(args),
+    }
+}
+
+/// Makes the steps that are missing, or one step again.
+fn walk(args: &WalkArgs, again: Option<Step>) -> Result<(), Failure> {
+    let (data, operator) = (args.bench.data.dir(), args.bench.operator.name());
+    let rig = args.bench.rig.load()?;
+    let file = rig.file.clone();
+    with_bench(rig, &data, &operator, args.yes, &args.answer, async |guide| {
+        if let Some(step) = again {
+            return guide.step(step, &file, &data, args.temperature).await;
+        }
+        loop {
+            let standing = calibrations::standing(&file, &data).map_err(CommissionFailure::from)?;
+            let Some((step, why)) = standing.missing().next() else {
+                say("The rig is commissioned.");
+                return Ok(());
+            };
+            say_clearly(&format!("Missing: {} ({}).", step.name(), why.text()));
+            guide.step(step, &file, &data, args.temperature).await?;
+        }
+    })
+}
+
+fn jog(args: &JogArgs) -> Result<(), Failure> {
+    let (data, operator) = (args.bench.data.dir(), args.bench.operator.name());
+    let axis = match args.axis {
+        AxisName::Linear => JogAxis::Linear,
+        AxisName::Rotary => JogAxis::Rotary,
+    };
+    let rig = args.bench.rig.load()?;
+    with_bench(rig, &data, &operator, args.yes, &[], async |guide| {
+        guide.single(Jog { axis, by: args.by }).await
+    })
+}
+
+/// Opens a bench without bringing it into service, does `work` with it, and closes it.
+fn with_bench(
+    rig: LoadedRig,
+    data: &Path,
+    operator: &Operator,
+    is_confirmed: bool,
+    given: &[String],
+    work: impl AsyncFnOnce(&mut Guide) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(|source| Failure::System { what: "runtime", source })?;
+    let outcome = runtime.block_on(async {
+        let mut signals = Signals::new()?;
+        let data = data.to_owned();
+        let (handle, thread) = open_by(rig::open_to_commission, rig, data, &mut signals).await?;
+        let mut guide = Guide::new(handle, operator.clone(), signals, is_confirmed, given)?;
+        let outcome = work(&mut guide).await;
+        guide.close().await;
+        thread.join();
+        outcome
+    });
+    // Reading the terminal cannot be interrupted; the program does not wait for it.
+    runtime.shutdown_background();
+    outcome
+}
+
+/// A step, for a program.
+#[derive(Debug, Serialize)]
+struct StepView {
+    step: &'static str,
+    is_held: bool,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    why: Option<&'static str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    made: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    person: Option<String>,
+}
+
+fn show(args: &ShowArgs) -> Result<(), Failure> {
+    let rig = args.rig.load()?;
+    let standing =
+        calibrations::standing(&rig.file, &args.data.dir()).map_err(CommissionFailure::from)?;
+    if args.output.json {
+        return print_json(&views(&standing));
+    }
+    let text = |view: &StepView| match (&view.made, &view.person, view.why) {
+        (Some(made), Some(person), _) => format!("{made}, {person}"),
+        (_, _, why) => format!("missing: {}", why.unwrap_or_default()),
+    };
+    let views = views(&standing);
+    print(&facts(&views.iter().map(|view| (view.step, text(view))).collect::<Vec<_>>()))?;
+    if rig.is_put_together_as_described() {
+        say("The simulated bench is put together as the rig file says: it needs no calibration.");
+    }
+    Ok(())
+}
+
+fn views(standing: &Standing) -> Vec<StepView> {
+    let view = |(step, found): &(Step, Result<rig_commission::Calibration, _>)| {
+        let why = found.as_ref().err().map(|why: &rig_commission::Why| why.text());
+        let record = found.as_ref().ok();
+        StepView {
+            step: step.name(),
+            is_held: record.is_some(),
+            why,
+            made: record.map(|record| record.made().to_owned()),
+            person: record.map(|record| record.person().to_owned()),
+        }
+    };
+    standing.steps.iter().map(view).collect()
+}
+
+impl From<StepName> for Step {
+    fn from(name: StepName) -> Self {
+        match name {
+            StepName::Stop => Self::Stop,
+            StepName::Signs => Self::Signs,
+            StepName::Scale => Self::Scale,
+            StepName::Geometry => Self::Geometry,
+        }
+    }
+}
+
+/// The result of a step for a person, or the failure that ends the command.
+fn judged(step: Step, verdict: Verdict) -> Result<(), Failure> {
+    match verdict {
+        Verdict::Accepted => Ok(()),
+        Verdict::Failed(why) => Err(CommissionFailure::Failed { step, why }.into()),
+        Verdict::RigFile(changes) => {
+            let changes: Vec<_> = changes.iter().map(ToString::to_string).collect();
+            Err(CommissionFailure::RigFile { changes: changes.join("; ") }.into())
+        }
+    }
+}
+
+impl Guide {
+    /// Makes a step and writes its record, also that of a step that failed.
+    async fn step(
+        &mut self,
+        step: Step,
+        file: &rig_files::rig_file::RigFile,
+        data: &Path,
+        temperature_c: Option<f64>,
+    ) -> Result<(), Failure> {
+        let (name, shows) = (step.name(), step.shows());
+        say_clearly(&format!("\nStep {name}: {shows}. Accepted when {}.", step.limit()));
+        say(step.picture());
+        let finding = procedure::carry_out(step, file, self).await?;
+        let verdict = finding.verdict.clone();
+        for value in &finding.values {
+            let unit = if value.unit == "1" { "" } else { value.unit };
+            let (name, value, sigma) = (value.name, value.value, value.standard_uncertainty);
+            say(&format!("{name} = {value:.4} ± {sigma:.4} {unit}"));
+        }
+        let witness = Witness { person: self.person(), session: self.session(), temperature_c };
+        let (_, path) = calibrations::write(file, data, (step, finding), witness)
+            .map_err(CommissionFailure::from)?;
+        say(&format!("Record: {}", path.display()));
+        self.read_calibrations().await?;
+        judged(step, verdict)
+    }
+}

@@ -1,0 +1,153 @@
+//! The bench as `rigd commission` sees it: the person at the terminal, or the simulated one, and the rig.
+
+use std::collections::VecDeque;
+
+use rig_commission::{Answer, Asked, Bench, Jog, Jogged};
+use rig_engine::Command;
+
+use super::CommissionFailure;
+use crate::{
+    cli::{
+        Failure,
+        prompt::Terminal,
+        screen::{say, say_clearly},
+        signals::Signals,
+    },
+    operator::Operator,
+    rig::{RequestRefusal, RigHandle},
+};
+
+/// The name in the record of a step that the simulated person has answered.
+const SIMULATED_PERSON: &str = "simulated person";
+
+/// A bench in the middle of a step.
+pub(super) struct Guide {
+    handle: RigHandle,
+    operator: Operator,
+    signals: Signals,
+    terminal: Terminal,
+    /// Answers from the command line, in their order.
+    given: VecDeque<String>,
+    /// Steps of the axes need no Enter.
+    is_confirmed: bool,
+    /// The simulated person has answered.
+    is_simulated: bool,
+}
+
+impl Guide {
+    pub(super) fn new(
+        handle: RigHandle,
+        operator: Operator,
+        signals: Signals,
+        is_confirmed: bool,
+        given: &[String],
+    ) -> Result<Self, Failure> {
+        let terminal =
+            Terminal::open().map_err(|source| Failure::System { what: "terminal", source })?;
+        let given = given.iter().cloned().collect();
+        Ok(Self { handle, operator, signals, terminal, given, is_confirmed, is_simulated: false })
+    }
+
+    /// One step of one axis.
+    pub(super) async fn single(&mut self, jog: Jog) -> Result<(), Failure> {
+        // A simulated person sees that nothing is below the probe.
+        self.is_simulated = self.handle.ask_simulated(Asked::NoSample).await?.is_some();
+        let axis = jog.axis.name();
+        self.jog(jog).await?.map_err(|trouble| CommissionFailure::NoStep { axis, trouble })?;
+        Ok(())
+    }
+
+    /// Who answered.
+    pub(super) fn person(&self) -> String {
+        let person = if self.is_simulated { SIMULATED_PERSON } else { self.operator.as_str() };
+        person.to_owned()
+    }
+
+    /// The session of the journal.
+    pub(super) fn session(&self) -> String {
+        self.handle.status().borrow().session.to_string()
+    }
+
+    /// Has the rig see what has been shown.
+    pub(super) async fn read_calibrations(&self) -> Result<(), RequestRefusal> {
+        self.handle.read_calibrations(self.operator.as_str()).await.map(drop)
+    }
+
+    pub(super) async fn close(&self) {
+        self.handle.close().await;
+    }
+
+    /// Reads a line at the terminal.
+    async fn line(&mut self, question: &'static str, prompt: String) -> Result<String, Failure> {
+        self.terminal.show(Some(prompt));
+        let line = tokio::select! {
+            line = self.terminal.answer() => {
+                line.ok_or(CommissionFailure::Unanswered { question }.into())
+            }
+            () = self.signals.next() => Err(Failure::Interrupted),
+        };
+        self.terminal.show(None);
+        line
+    }
+}
+
+impl Bench for Guide {
+    type Trouble = Failure;
+
+    async fn ask(&mut self, asked: Asked) -> Result<Answer, Failure> {
+        let text = asked.text();
+        if let Some(answer) = self.handle.ask_simulated(asked).await? {
+            self.is_simulated = true;
+            say(&format!("{text} {SIMULATED_PERSON}: {answer}"));
+            return Ok(answer);
+        }
+        if let Some(given) = self.given.pop_front() {
+            let answer = asked.read(&given).map_err(CommissionFailure::from)?;
+            say(&format!("{text} {answer}"));
+            return Ok(answer);
+        }
+        loop {
+            let line = self.line(text, format!("{text} [{}]", asked.expected())).await?;
+            match asked.read(&line) {
+                Ok(answer) => return Ok(answer),
+                Err(error) => say_clearly(&error.to_string()),
+            }
+        }
+    }
+
+    async fn jog(&mut self, jog: Jog) -> Result<Result<Jogged, String>, Failure> {
+        let (axis, unit) = (jog.axis.name(), jog.axis.unit());
+        if jog.by != 0.0 && !self.is_confirmed && !self.is_simulated {
+            let prompt = format!(
+                "Press Enter: the {axis} moves by {:+.3} {unit} at {:.0} {unit}/s. Nothing is below the probe, \
+                 and a hand is at the stop.",
+                jog.by,
+                jog.speed_per_s()
+            );
+            self.line("whether the axis may move", prompt).await?;
+        }
+        let (handle, operator) = (self.handle.clone(), self.operator.clone());
+        let step = handle.jog(jog, operator.as_str());
+        tokio::pin!(step);
+        let jogged = tokio::select! {
+            ended = &mut step => ended?,
+            () = self.signals.next() => {
+                handle.command(Command::Stop, None, operator.as_str()).await?;
+                _ = step.await;
+                return Err(Failure::Interrupted);
+            }
+        };
+        match &jogged {
+            Ok(Jogged { from, at }) if from != at => {
+                say(&format!("{axis}: {from:.3} {unit} → {at:.3} {unit}"));
+            }
+            Ok(_) => {}
+            Err(trouble) => say_clearly(&format!("{axis}: {trouble}")),
+        }
+        Ok(jogged)
+    }
+
+    fn remark(&mut self, text: &str) {
+        say_clearly(text);
+    }
+}

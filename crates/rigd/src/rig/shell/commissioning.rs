@@ -1,0 +1,86 @@
+//! A rig that is not commissioned: it refuses everything but stops and the steps of commissioning.
+
+use rig_commission::{Answer, Asked, Jog, Jogged};
+use rig_engine::Command;
+use rig_interlock::{Proven, Word};
+use rig_store::{Operator, Record};
+use tokio::sync::oneshot;
+
+use super::Shell;
+use crate::rig::{RequestRefusal, proof::Purpose};
+
+impl Shell {
+    /// Refuses what needs a rig in service.
+    pub(super) fn is_commissioned(&self) -> Result<(), RequestRefusal> {
+        match &self.uncommissioned {
+            Some(rig) => Err(RequestRefusal::NotCommissioned { missing: rig.missing.clone() }),
+            None => Ok(()),
+        }
+    }
+
+    /// Latches a rig that is not commissioned.
+    pub(super) fn latch_uncommissioned(&mut self) {
+        let Some(rig) = &self.uncommissioned else { return };
+        let mut effects = Vec::new();
+        self.engine.latch_uncommissioned(rig.missing.to_string(), &mut effects);
+        self.carry_out(effects);
+    }
+
+    /// Begins a step of an axis. It ends when the receiver has its end.
+    pub(super) fn jog(
+        &mut self,
+        jog: Jog,
+        by: String,
+    ) -> Result<oneshot::Receiver<Result<Jogged, String>>, RequestRefusal> {
+        if self.uncommissioned.is_none() {
+            return Err(RequestRefusal::InService);
+        }
+        if self.owners.are_busy() {
+            return Err(RequestRefusal::StepUnderWay);
+        }
+        self.gate.operator(&by, Word::ThisStep)?;
+        let (axis, unit) = (jog.axis.name(), jog.axis.unit());
+        let action = format!("step the {axis} by {:+.3} {unit}", jog.by);
+        self.put_on_record(action, by)?;
+        if let Some(person) = &mut self.person {
+            person.look();
+        }
+        Ok(self.owners.jog(jog))
+    }
+
+    /// Asks the simulated person, if there is one who answers.
+    pub(super) fn ask_simulated(&mut self, asked: Asked) -> Option<Answer> {
+        self.person.as_mut().map(|person| person.answer(asked))
+    }
+
+    /// Reads the calibrations again: the interlock opens as far as they show, and a rig that has all of them goes
+    /// into service. Returns what is missing.
+    pub(super) fn read_calibrations(&mut self, by: &str) -> Option<std::sync::Arc<str>> {
+        let rig = self.uncommissioned.as_mut()?;
+        let proof = rig.read_again();
+        let is_for_service = rig.purpose == Purpose::Service;
+        if let Some(missing) = &proof.missing {
+            rig.missing = missing.clone();
+        }
+        if proof.proven == Proven::Bench && !is_for_service {
+            self.gate.prove(Proven::Signs);
+            return None;
+        }
+        self.gate.prove(proof.proven);
+        if proof.missing.is_none() {
+            self.uncommissioned = None;
+            self.log.append(&Record::Operator(Operator {
+                action: "bring the commissioned rig into service".to_owned(),
+                who: by.to_owned(),
+            }));
+            // The engine was latched for nothing else.
+            _ = self.command(Command::Acknowledge, by);
+        }
+        proof.missing
+    }
+
+    /// A stop ends a step. There is nothing to retract from.
+    pub(super) fn stop_step(&mut self) {
+        self.owners.interrupt();
+    }
+}

@@ -1,0 +1,223 @@
+//! `rigd commission` on simulated benches that are not put together as their rig file says.
+
+#![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
+
+use std::{
+    fs,
+    path::PathBuf,
+    process::{Command, Output},
+};
+
+use rig_files::rig_file::RigFile;
+use rig_model::random::Stream;
+use tempfile::TempDir;
+
+/// What a bench is in truth.
+#[derive(Debug, Clone, Copy)]
+struct Truth {
+    mm_per_step: f64,
+    zero_mm: f64,
+    deg_per_step: f64,
+    zero_deg: f64,
+}
+
+/// A bench with a rig file of its own, which a person changes as `rigd commission` says.
+struct Bench {
+    folder: TempDir,
+}
+
+fn config(path: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../config").join(path)
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+impl Bench {
+    fn new(truth: Truth, seed: u64, wrong_answers: f64) -> Self {
+        let folder = TempDir::new().unwrap();
+        let mut scene = fs::read_to_string(config("scenes/new-bench.toml")).unwrap();
+        for (old, new) in [
+            ("seed = 2020", format!("seed = {seed}")),
+            ("mm_per_step = 0.00102", format!("mm_per_step = {:?}", truth.mm_per_step)),
+            ("# zero_mm = 0", format!("zero_mm = {:?}", truth.zero_mm)),
+            ("deg_per_step = -0.01", format!("deg_per_step = {:?}", truth.deg_per_step)),
+            ("zero_deg = 0.8", format!("zero_deg = {:?}", truth.zero_deg)),
+            ("wrong_answers = 0.1", format!("wrong_answers = {wrong_answers:?}")),
+        ] {
+            assert!(scene.contains(old), "{old}");
+            scene = scene.replacen(old, &new, 1);
+        }
+        fs::write(folder.path().join("scene.toml"), scene).unwrap();
+        let rig = fs::read_to_string(config("rigs/simulated.toml")).unwrap();
+        let rig = rig.replacen("../scenes/paper.toml", "scene.toml", 1);
+        fs::write(folder.path().join("rig.toml"), rig).unwrap();
+        Self { folder }
+    }
+
+    fn rigd(&self, args: &[&str]) -> Output {
+        let path = |name| self.folder.path().join(name);
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rigd"));
+        command.args(args).arg("--rig").arg(path("rig.toml")).arg("--data").arg(path("data"));
+        command.output().unwrap()
+    }
+
+    fn rig(&self) -> RigFile {
+        let text = fs::read_to_string(self.folder.path().join("rig.toml")).unwrap();
+        RigFile::read("rig.toml", &text).unwrap()
+    }
+
+    /// Puts the values into the rig file that `rigd commission` names.
+    fn change_rig_file(&self, said: &str) {
+        let path = self.folder.path().join("rig.toml");
+        let mut text = fs::read_to_string(&path).unwrap();
+        let (_, changes) = said.split_once("as the rig file says: ").unwrap();
+        for change in changes.lines().next().unwrap().split("; ") {
+            let (key, rest) = change.split_once(" = ").unwrap();
+            let (_, value) = rest.split_once(" must be changed to ").unwrap();
+            let (section, key) = key.split_once('.').unwrap();
+            let begin = text.find(&format!("\n[{section}]\n")).unwrap() + 1;
+            let end = text[begin..].find("\n[").map_or(text.len(), |length| begin + length);
+            let body = &text[begin..end];
+            let is_key = |line: &&str| line.starts_with(&format!("{key} = "));
+            let new = match body.lines().find(is_key) {
+                Some(line) => body.replacen(line, &format!("{key} = {value}"), 1),
+                None => format!("{body}\n{key} = {value}\n"),
+            };
+            text.replace_range(begin..end, &new);
+        }
+        fs::write(path, text).unwrap();
+    }
+
+    /// Commissions the bench as a person does: changes the rig file as told, and begins again after a step that
+    /// failed. Gives the number of times that the command was called, and the failures among them.
+    fn commission(&self) -> (usize, usize) {
+        let mut failures = 0;
+        for round in 1..=20 {
+            let output = self.rigd(&["commission"]);
+            match output.status.code() {
+                Some(0) => return (round, failures),
+                Some(2) => self.change_rig_file(&stderr(&output)),
+                Some(1) if stderr(&output).contains("rigd: step ") => failures += 1,
+                code => panic!("{code:?}: {}", stderr(&output)),
+            }
+        }
+        panic!("not commissioned after 20 times");
+    }
+
+    fn records(&self) -> usize {
+        fs::read_dir(self.folder.path().join("data/calibrations")).map_or(0, Iterator::count)
+    }
+}
+
+/// A bench with an error of each kind.
+const WRONG: Truth =
+    Truth { mm_per_step: 0.00102, zero_mm: 0.0, deg_per_step: -0.01, zero_deg: 0.8 };
+
+#[test]
+fn nothing_moves_on_a_bench_that_nobody_has_commissioned() {
+    let bench = Bench::new(WRONG, 1, 0.0);
+    for args in [
+        &["home"][..],
+        &["home", "--nothing-below-probe"],
+        &["move", "linear", "30"],
+        &["move", "rotary", "10"],
+        &["measure", "--min-hz", "125", "--max-hz", "160"],
+        &["run", config("protocols/smoke.toml").to_str().unwrap()],
+    ] {
+        let output = bench.rigd(args);
+        assert_eq!(output.status.code(), Some(4), "{args:?}: {}", stderr(&output));
+        let said = stderr(&output);
+        let missing =
+            "not commissioned: stop (never made), signs (never made), geometry (never made)";
+        assert!(said.contains(missing) && said.contains("`rigd commission`"), "{said}");
+    }
+    // The way out of contact stops both axes, and does not lift in a direction that nobody knows.
+    let safe = bench.rigd(&["safe"]);
+    assert_eq!(safe.status.code(), Some(4));
+    assert!(stderr(&safe).contains("not commissioned"), "{}", stderr(&safe));
+    // A short step is made, a long one is not.
+    let jog = |by| bench.rigd(&["commission", "jog", "linear", by, "--yes"]);
+    let made = jog("0.2");
+    assert!(made.status.success(), "{}", stderr(&made));
+    let long = jog("0.3");
+    assert_eq!(long.status.code(), Some(1));
+    assert!(stderr(&long).contains("0.300 is more than the 0.200"), "{}", stderr(&long));
+}
+
+#[test]
+fn benches_of_any_sign_scale_and_zero_are_found_out_also_with_a_person_who_errs() {
+    let mut chance = Stream::new(18, 0);
+    let mut any_failed = false;
+    for seed in 0..12 {
+        let sense = |chance: &mut Stream| if chance.uniform() < 0.5 { -1.0 } else { 1.0 };
+        // From a third of the described step to three times it, and some close to it.
+        let stretch = |chance: &mut Stream| {
+            let wide = if chance.uniform() < 0.5 { 1.1 } else { 0.02 };
+            (wide * (2.0 * chance.uniform() - 1.0)).exp()
+        };
+        let truth = Truth {
+            mm_per_step: 0.001 * sense(&mut chance) * stretch(&mut chance),
+            zero_mm: 60.0 * chance.uniform() - 10.0,
+            deg_per_step: 0.01 * sense(&mut chance) * stretch(&mut chance),
+            zero_deg: 6.0 * chance.uniform() - 3.0,
+        };
+        let bench = Bench::new(truth, seed, 0.05);
+        let (rounds, failures) = bench.commission();
+        any_failed |= failures > 0;
+        let (linear, rotary) = (bench.rig().linear.scale, bench.rig().rotary.scale);
+        let of = format!("seed {seed}, {rounds} rounds: {truth:?}, {linear:?}, {rotary:?}");
+        // The limit of acceptance, and three standard deviations.
+        assert!((linear.per_count / truth.mm_per_step - 1.0).abs() < 0.003 + 0.004, "{of}");
+        assert!((rotary.per_count / truth.deg_per_step - 1.0).abs() < 0.01 + 0.01, "{of}");
+        assert!((rotary.zero.value() - truth.zero_deg).abs() < 0.3 + 0.3, "{of}");
+        let home = bench.rigd(&["home"]);
+        assert!(home.status.success(), "{of}: {}", stderr(&home));
+    }
+    // With one answer in twenty wrong, a step fails now and then, and is made again.
+    println!("a step failed: {any_failed}");
+}
+
+#[test]
+fn a_change_of_the_rig_file_asks_for_the_steps_that_rest_on_it_and_an_interruption_for_the_rest() {
+    let bench = Bench::new(
+        Truth { mm_per_step: 0.001, zero_mm: 0.0, deg_per_step: 0.01, zero_deg: 0.05 },
+        3,
+        0.0,
+    );
+    // The answers of a person who leaves after the first step.
+    let path = bench.folder.path().join("rig.toml");
+    let text = fs::read_to_string(&path).unwrap();
+    fs::write(&path, text.replacen("person = \"answers\"", "person = \"waits\"", 1)).unwrap();
+    let left = bench.rigd(&["commission", "--yes", "--answer", "yes", "--answer", "no"]);
+    assert_eq!(left.status.code(), Some(1), "{}", stderr(&left));
+    assert_eq!(bench.records(), 1);
+    let nonsense = bench.rigd(&["commission", "--answer", "perhaps"]);
+    assert_eq!(nonsense.status.code(), Some(2), "{}", stderr(&nonsense));
+    fs::write(&path, &text).unwrap();
+    assert_eq!(bench.commission(), (1, 0));
+    let held = |expected: [bool; 4]| {
+        let shown = bench.rigd(&["commission", "show", "--json"]);
+        let steps: Vec<serde_json::Value> = serde_json::from_slice(&shown.stdout).unwrap();
+        let held: Vec<_> = steps.iter().map(|step| step["is_held"] == true).collect();
+        assert_eq!(held, expected, "{steps:?}");
+    };
+    held([true; 4]);
+    // What no step rests on may change.
+    let faster = text.replacen("max_speed_mm_per_s = 20", "max_speed_mm_per_s = 15", 1);
+    let faster = faster.replacen("travel_speed_mm_per_s = 20", "travel_speed_mm_per_s = 15", 1);
+    fs::write(&path, format!("# Another comment.\n{faster}")).unwrap();
+    held([true; 4]);
+    fs::write(&path, text.replacen("surface_above_pivot_mm = 4", "surface_above_pivot_mm = 5", 1))
+        .unwrap();
+    held([true, true, false, true]);
+    let moved = bench.rigd(&["move", "linear", "30"]);
+    let why = "not commissioned: geometry (made with other values in the rig file)";
+    assert!(stderr(&moved).contains(why), "{}", stderr(&moved));
+    fs::write(&path, text.replacen("unit_id = 2", "unit_id = 3", 1)).unwrap();
+    held([false; 4]);
+    // The records themselves were left as they were.
+    fs::write(&path, &text).unwrap();
+    held([true; 4]);
+}
