@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use proptest::{prelude::*, strategy::ValueTree};
-use rig_interlock::{Interlock, Outcome, PortCommand, Word};
+use rig_interlock::{Outcome, PortCommand, Word};
 use rig_model::{Position, RigTime};
 
 use crate::bench::{DEEPEST_MM, REST_MM, SURFACE_MM, TOLERANCE_MM, fresh, limits, prepared};
