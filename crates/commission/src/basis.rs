@@ -1,6 +1,9 @@
 //! What a calibration rests on: the keys of the rig file that it was made with, and the drives.
 
-use rig_files::rig_file::{AxisFile, Connection, PortFile, RigFile};
+use rig_files::{
+    instrument::Named,
+    rig_file::{AxisFile, Connection, PortFile, RigFile},
+};
 use rig_model::{Axis, Unit};
 use rig_record::{Digest, DigestPart};
 
@@ -74,6 +77,10 @@ fn axis<U: Unit>(
 }
 
 fn drive<U>(file: &AxisFile<U>, rig: &RigFile) -> String {
+    let instrument = match &file.instrument {
+        Named::Shipped(make) => make.to_string(),
+        Named::File { path, .. } => path.display().to_string(),
+    };
     let place = match (&rig.connection, &rig.bus) {
         (Connection::Simulated(simulation), _) => {
             format!("simulated, {}", simulation.scene.display())
@@ -81,5 +88,5 @@ fn drive<U>(file: &AxisFile<U>, rig: &RigFile) -> String {
         (Connection::Ports, PortFile::Serial { path, .. }) => path.clone(),
         (Connection::Ports, PortFile::Tcp { address }) => address.clone(),
     };
-    format!("{} at unit {}, {place}", file.make, file.unit_id)
+    format!("{instrument} at unit {}, {place}", file.unit_id)
 }

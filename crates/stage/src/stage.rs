@@ -250,8 +250,8 @@ impl<U: Unit> Stage<U> {
         if stop.is_raised() {
             return Err(self.stopped_at(seen.position));
         }
-        self.command(self.map.prepare).await?;
-        self.take_all(self.map.start, &order).await?;
+        self.command(&self.map.prepare).await?;
+        self.take_all(&self.map.start, &order).await?;
         self.follow(target, &order, seen.position, stop).await
     }
 

@@ -67,9 +67,10 @@ impl Assembly {
         }
     }
 
-    /// Whether a rig file describes what is true.
-    pub fn is_described_by(self, described: AxisWiring) -> bool {
-        self.of(described) == described
+    /// Whether a rig file with this step and this zero describes what is true.
+    pub fn is_described_by(self, units_per_step: f64, zero: f64) -> bool {
+        self.units_per_step.is_none_or(|step| step == units_per_step)
+            && self.zero.is_none_or(|true_zero| true_zero == zero)
     }
 }
 

@@ -54,8 +54,9 @@ impl LoadedScene {
     /// Whether a rig file describes how the bench is put together.
     pub(crate) fn is_described_by(&self, file: &RigFile) -> bool {
         let Scene { linear, rotary, .. } = &self.scene;
-        linear.assembly.is_described_by(axis_wiring(&file.linear))
-            && rotary.assembly.is_described_by(axis_wiring(&file.rotary))
+        let (by_linear, by_rotary) = (&file.linear.scale, &file.rotary.scale);
+        linear.assembly.is_described_by(by_linear.per_count, by_linear.zero.value())
+            && rotary.assembly.is_described_by(by_rotary.per_count, by_rotary.zero.value())
     }
 
     /// Names and stiffness, MPa, of its samples.
