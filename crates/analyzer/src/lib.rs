@@ -6,6 +6,7 @@
 
 mod analyzer;
 mod answer;
+mod correct;
 mod error;
 mod instrument_port;
 mod message;

@@ -8,6 +8,7 @@ mod bench_key;
 mod check;
 mod client;
 mod commission;
+mod compensate;
 mod config;
 mod daemon;
 mod doctor;
@@ -36,6 +37,7 @@ mod runs;
 mod safe;
 mod schema;
 mod screen;
+mod selftest;
 mod serve;
 mod session;
 mod settings;
@@ -139,6 +141,10 @@ enum CliCommand {
     Identify(identify::IdentifyArgs),
     /// Write, record and check the files of instruments
     Instrument(instrument::InstrumentArgs),
+    /// Correct the analyzer for cable and fixture, or list its corrections
+    Compensate(compensate::CompensateArgs),
+    /// Test a bench in levels, each check with its limit; nothing moves
+    Selftest(selftest::SelftestArgs),
     /// Check a rig and advise on each problem
     Doctor(doctor::DoctorArgs),
     /// Show a new bench to be as its rig file says, step by step
@@ -238,6 +244,8 @@ fn carry_out(command: CliCommand) -> Result<(), Failure> {
         CliCommand::Ports(args) => ports::ports(&args),
         CliCommand::Identify(args) => identify::identify(&args),
         CliCommand::Instrument(args) => instrument::instrument(&args),
+        CliCommand::Compensate(args) => compensate::compensate(&args),
+        CliCommand::Selftest(args) => selftest::run(&args),
         CliCommand::Doctor(args) => doctor::doctor(&args),
         CliCommand::Commission(args) => commission::commission(&args),
         CliCommand::Home(args) => moves::home(&args),

@@ -6,12 +6,14 @@ pub(crate) mod advice;
 mod data;
 mod device;
 mod growth;
+pub(crate) mod host;
 mod port;
 #[cfg(test)]
 mod tests;
 
 use std::path::Path;
 
+use self::host::HostFacts;
 use crate::rig::Inspection;
 
 /// The severity of a finding.
@@ -84,10 +86,16 @@ impl Findings {
     }
 }
 
-/// The findings about the data directory, the last session with this rig, the ports, and the
-/// devices.
-pub(crate) fn findings(data: &Path, rig: &str, inspection: &Inspection) -> Vec<Finding> {
+/// The findings about the data directory, the last session with this rig, the computer, the ports, and
+/// the devices.
+pub(crate) fn findings(
+    data: &Path,
+    rig: &str,
+    host: Option<&HostFacts>,
+    inspection: &Inspection,
+) -> Vec<Finding> {
     let mut all = data::findings(data, rig);
+    all.extend(host.map(host::findings).unwrap_or_default());
     all.extend(inspection.ports.iter().flat_map(port::findings));
     all.extend(inspection.devices.iter().flat_map(device::findings));
     all

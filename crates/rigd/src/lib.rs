@@ -27,6 +27,7 @@ pub mod rehearse;
 pub mod rig;
 mod rig_view;
 pub mod run_files;
+mod selftest;
 pub mod simulation;
 mod sweep_form;
 mod sweeps;

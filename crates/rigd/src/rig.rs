@@ -11,12 +11,14 @@
 //! not affect the rig.
 
 mod amend;
+mod analyzer_alone;
 mod devices;
 mod gate;
 mod heartbeat;
 mod history;
 mod identify;
 mod inspect;
+mod ladder;
 mod live;
 mod log;
 mod meters;
@@ -51,6 +53,7 @@ use rig_store::{MemoryDisk, RunId, StoreError};
 use tokio::sync::{mpsc, oneshot, watch};
 
 pub use amend::{TouchOrder, skip};
+pub(crate) use analyzer_alone::analyzer_alone;
 pub(crate) use devices::{analyzer_failure, stage_failure};
 pub use history::History;
 pub use identify::Identified;
@@ -58,6 +61,7 @@ pub use inspect::{
     AxisFacts, AxisPosition, AxisState, DeviceFacts, DeviceSeen, Inspection, PortFacts, PortSeen,
     RoundTrips, inspect,
 };
+pub use ladder::{LadderError, Rung, climb};
 pub use live::{LiveEstimate, LiveSweep};
 pub(crate) use log::unwritable;
 pub(crate) use meters::Meters;

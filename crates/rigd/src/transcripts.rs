@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use rig_files::{instrument::Named, rig_file::RigFile};
 
 pub(crate) use file::{TranscriptError, TranscriptFile};
-pub(crate) use record::{Recorded, record};
+pub(crate) use record::{Recorded, keep_frames, record, record_analyzer, record_axis};
 pub(crate) use replay::{Device, RoleProof, Verdict, replay};
 pub use roles::Role;
 

@@ -174,3 +174,80 @@ fn a_transcript_that_is_damaged_or_of_another_instrument_is_refused() {
     }
     assert_eq!(bench.unproven()[0].roles.len(), 3);
 }
+
+#[test]
+fn a_correction_is_kept_with_its_cable_and_its_date() {
+    let bench = Bench::new();
+    let (rig, data) = (bench.path("rig.toml"), bench.path("data"));
+    let common = ["--rig", &rig, "--data", &data];
+    let compensate = |args: &[&str]| {
+        let output = rigd(&[&["compensate"], args, &common].concat());
+        let text = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+        (output.status.success(), text)
+    };
+    let (is_done, text) = compensate(&["open", "--cable", "RG174, blue", "--length-m", "1"]);
+    assert!(is_done && text.contains("open: measured, and on, for RG174, blue"), "{text}");
+    // A simulated analyzer is switched on anew for each command.
+    let (is_done, text) = compensate(&[]);
+    assert!(
+        is_done && text.contains("open   off  made 2") && text.contains("for RG174, blue"),
+        "{text}"
+    );
+    assert!(text.contains("short  off  never made with this data directory"), "{text}");
+    let (is_done, text) = compensate(&["short", "--cable", "x", "--length-m", "3"]);
+    assert!(
+        !is_done
+            && text
+                .contains("--length-m 3 is no length that the analyzer corrects for: 0, 1, 2, 4 m"),
+        "{text}"
+    );
+    let (is_done, text) = compensate(&["load", "--cable", "x"]);
+    assert!(
+        !is_done && text.contains("the file of meter has no commands for this: load"),
+        "{text}"
+    );
+    bench.change("rig.toml", "dialect = \"meter.toml\"", "dialect = \"hioki-im3536\"");
+    let (is_done, text) = compensate(&["open", "--cable", "x"]);
+    assert!(!is_done && text.contains("correct it at its panel"), "{text}");
+}
+
+/// The archive of a bench that nobody here has seen becomes a test: its transcripts replay.
+#[test]
+fn a_selftest_has_a_line_for_each_check_and_an_archive_whose_transcripts_replay() {
+    let bench = Bench::new();
+    let (rig, archive) = (bench.path("rig.toml"), bench.path("selftest.json"));
+    let text = done(&["selftest", "--rig", &rig, "--archive", &archive]);
+    for said in [
+        "ok       computer, ports: the rig has no serial port of this computer",
+        "ok       analyzer, late, corrupt or repeated: 0 answers, limit 0 answers",
+        "ok       analyzer, noise at 150 Hz: 0.",
+        "ok       analyzer, impedance at 0.5 V against 1 V: ",
+        "ok       linear stage, median of a reading: ",
+        "ok       rotary stage, longest reading: ",
+    ] {
+        assert!(text.contains(said), "{text}\ndoes not say: {said}");
+    }
+    let text = fs::read_to_string(&archive).unwrap();
+    assert!(text.len() < 5_000_000);
+    let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let transcripts = value["transcripts"].as_array().unwrap();
+    assert_eq!(transcripts.len(), 3);
+    for transcript in transcripts {
+        let path = bench.path("sent.transcript");
+        fs::write(&path, transcript["text"].as_str().unwrap()).unwrap();
+        let instrument = match transcript["instrument"].as_str().unwrap() {
+            own @ ("meter" | "drive") => bench.path(&format!("{own}.toml")),
+            shipped => shipped.to_owned(),
+        };
+        let text = done(&["instrument", "check", &instrument, "--transcript", &path]);
+        assert!(!text.contains("unproven") && text.contains("proven"), "{text}");
+        // The serial number of the simulated meter.
+        assert!(!transcript["text"].as_str().unwrap().contains("MY46"), "{transcript}");
+    }
+    assert!(
+        !rigd(&["selftest", "--rig", &rig, "--archive", &archive]).status.success(),
+        "replaced"
+    );
+    let text = done(&["selftest", "--rig", &rig, "--level", "host"]);
+    assert!(!text.contains("analyzer"), "{text}");
+}

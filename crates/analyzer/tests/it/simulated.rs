@@ -224,3 +224,29 @@ async fn every_frequency_of_a_range_is_set_as_the_driver_expects_it() {
         }
     }
 }
+
+#[tokio::test(start_paused = true)]
+async fn corrections_are_measured_switched_on_and_read_back() {
+    for make in [AnalyzerMake::KeysightE4980a, AnalyzerMake::Hp4284a] {
+        let dialect = Dialect::of(make);
+        let compensation = dialect.compensation.as_ref().unwrap();
+        let mut rig = bench(make);
+        let mut analyzer = analyzer_on(&mut rig, dialect).await;
+        analyzer.configure(DriveLevel { volt: 1.0 }).await.unwrap();
+        let cable = compensation.cable.as_ref().unwrap();
+        for &length_m in &cable.lengths_m {
+            analyzer.set_cable(cable, length_m).await.unwrap();
+        }
+        let refused = analyzer.set_cable(cable, 7.0).await.unwrap_err();
+        assert!(matches!(refused, AnalyzerError::Refused { .. }), "{refused}");
+        for correction in [&compensation.open, &compensation.short] {
+            assert!(!analyzer.has_correction(correction).await.unwrap(), "{make}");
+            analyzer.correct(correction).await.unwrap();
+            assert!(analyzer.has_correction(correction).await.unwrap(), "{make}");
+        }
+        // It measures as before.
+        let readings = analyzer.measure(&[point(140.0, 2)], &StopSignal::new()).await.unwrap();
+        assert_eq!(readings[0].flag(), None);
+    }
+    assert_eq!(Dialect::of(AnalyzerMake::HiokiIm3536).compensation, None);
+}

@@ -1,16 +1,18 @@
 //! `rigd doctor`: checks a rig and advises on each problem.
 
 use clap::Args;
+use rig_model::{LineSettings, Parity};
 use serde::Serialize;
 
 use super::{
     Failure,
     args::{DataArgs, OutputArgs, RigArgs},
-    table::{print, print_json},
+    table::{note, print, print_json},
 };
 use crate::{
-    doctor::{self, Finding, Level},
-    rig,
+    doctor::{self, Finding, Level, host::HostFacts},
+    loaded_rig::LoadedRig,
+    rig::{self, Rung},
 };
 
 #[derive(Debug, Args)]
@@ -19,9 +21,18 @@ pub(super) struct DoctorArgs {
     rig: RigArgs,
     #[command(flatten)]
     data: DataArgs,
+    /// Print udev rules for serial adapters, and check nothing
+    #[arg(long, conflicts_with_all = ["ladder", "json"])]
+    udev_rules: bool,
+    /// Try every speed and parity on the line of the drives, by reading alone, and check nothing else
+    #[arg(long, conflicts_with = "json")]
+    ladder: bool,
     #[command(flatten)]
     output: OutputArgs,
 }
+
+/// Rules that give adapters names and access, and keep other programs away.
+const UDEV_RULES: &str = include_str!("../../../../config/service/99-rigd.rules");
 
 /// The findings as JSON.
 #[derive(Debug, Serialize)]
@@ -43,9 +54,16 @@ struct FindingView {
 }
 
 pub(super) fn doctor(args: &DoctorArgs) -> Result<(), Failure> {
+    if args.udev_rules {
+        return print(UDEV_RULES.trim_end());
+    }
     let rig = args.rig.load()?;
+    if args.ladder {
+        return ladder(&rig);
+    }
+    let host = HostFacts::look(&rig.file);
     let name = rig.file.name.clone();
-    let findings = doctor::findings(&args.data.dir(), &name, &rig::inspect(rig)?);
+    let findings = doctor::findings(&args.data.dir(), &name, host.as_ref(), &rig::inspect(rig)?);
     let count = |level| findings.iter().filter(|finding| finding.level == level).count();
     let (problems, warnings) = (count(Level::Problem), count(Level::Warning));
     if args.output.json {
@@ -55,6 +73,29 @@ pub(super) fn doctor(args: &DoctorArgs) -> Result<(), Failure> {
         print(&text(&findings))?;
     }
     if problems > 0 { Err(Failure::Unfit { problems }) } else { Ok(()) }
+}
+
+/// Says at which speeds and parities the drives of a rig answer.
+fn ladder(rig: &LoadedRig) -> Result<(), Failure> {
+    let shown = |line: LineSettings| {
+        let parity = match line.parity {
+            Parity::None => "none",
+            Parity::Even => "even",
+            Parity::Odd => "odd",
+        };
+        format!("baud = {}, parity = \"{parity}\"", line.baud)
+    };
+    let found = rig::climb(rig, |line| note(&format!("reading at {}", shown(line))))?;
+    for Rung { line, linear, rotary } in &found {
+        let who = match (linear, rotary) {
+            (true, true) => "both drives answer",
+            (true, false) => "the drive of the linear stage answers",
+            (false, true) => "the drive of the rotary stage answers",
+            (false, false) => continue,
+        };
+        print(&format!("{}: {who}", shown(*line)))?;
+    }
+    if found.is_empty() { Err(Failure::NoAnswer) } else { Ok(()) }
 }
 
 /// One line for each finding, with its advice below.

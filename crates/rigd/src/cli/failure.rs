@@ -22,7 +22,7 @@ use crate::{
     loaded_rig::FileError,
     notify::{NotifyError, TargetError},
     place::SHIPPED_RIG,
-    rig::{OpenError, RequestRefusal, ResumeRefusal},
+    rig::{LadderError, OpenError, RequestRefusal, ResumeRefusal},
     run_files::RunFilesError,
     sweep_form::SweepFaults,
     tokens::TokensError,
@@ -86,6 +86,16 @@ pub(super) enum Failure {
     Transcript { because: String },
     #[error("{differs} {} from the transcript", if *differs == 1 { "role differs" } else { "roles differ" })]
     Differs { differs: usize },
+    #[error(transparent)]
+    Ladder(#[from] LadderError),
+    #[error(
+        "no drive answers at any speed and parity; check its power, its address and the two wires"
+    )]
+    NoAnswer,
+    #[error("the file of {analyzer} has no commands for this: {what}; correct it at its panel")]
+    NoCorrection { analyzer: &'static str, what: &'static str },
+    #[error("--length-m {wanted} is no length that the analyzer corrects for: {known} m")]
+    CableLength { wanted: f64, known: String },
     #[error("{silent} of 3 devices did not answer correctly")]
     Unidentified { silent: usize },
     #[error("{problems} {}", if *problems == 1 { "problem" } else { "problems" })]
@@ -175,6 +185,7 @@ impl Failure {
             | Self::NoFile { .. }
             | Self::NoFolder { .. }
             | Self::NotSigned
+            | Self::CableLength { .. }
             | Self::Daemon(DaemonError::Token(_) | DaemonError::WrongAnswer(_)) => 2,
             Self::Refused(RequestRefusal::Resume(refusal)) => match &**refusal {
                 ResumeRefusal::Changed { .. }
@@ -225,6 +236,9 @@ impl Failure {
             | Self::Refused(_)
             | Self::Transcript { .. }
             | Self::Differs { .. }
+            | Self::Ladder(_)
+            | Self::NoAnswer
+            | Self::NoCorrection { .. }
             | Self::Unidentified { .. }
             | Self::Unfit { .. }
             | Self::Unchecked { .. }

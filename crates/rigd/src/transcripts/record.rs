@@ -1,6 +1,10 @@
 //! Records a transcript of each device of a rig. Nothing moves, and nothing is written into a drive.
 
-use rig_files::rig_file::{AxisFile, Connection, PortFile, RigFile};
+use rig_analyzer::Analyzer;
+use rig_files::{
+    instrument::Dialect,
+    rig_file::{AxisFile, Connection, PortFile, RigFile},
+};
 use rig_link::{Clock, OpenError as PortError, Port, Transcript};
 use rig_model::{Axis, LineSettings, Parity, StopBits, Unit, with_causes};
 use rig_stage::{BusHandle, RegisterMap, Stage};
@@ -48,8 +52,8 @@ pub(crate) fn record(rig: LoadedRig) -> Result<Vec<Recorded>, OpenError> {
         // The simulated devices live until the end.
         let Ports { analyzer, bus, simulation: _simulation } =
             Ports::open(&file, &instruments, scene, None, Clock::start()).await?;
-        let mut all =
-            vec![of_analyzer_port(&file, Device::Analyzer(instruments.analyzer), analyzer).await];
+        let (recorded, _) = record_analyzer(&file, instruments.analyzer, analyzer).await;
+        let mut all = vec![recorded];
         let drives = [("linear stage", instruments.linear), ("rotary stage", instruments.rotary)];
         match bus {
             Err(error) => all.extend(drives.map(|(device, map)| {
@@ -58,13 +62,13 @@ pub(crate) fn record(rig: LoadedRig) -> Result<Vec<Recorded>, OpenError> {
             })),
             Ok(port) => {
                 let transcript = port.transcript();
-                transcript.keep(FRAMES);
+                keep_frames(&transcript);
                 let bus = BusHandle::open(port, bus_settings(&file.bus));
                 let [(first, linear), (second, rotary)] = drives;
                 let axis = (&file.linear, file.limits.linear);
-                all.push(of_axis(first, linear, axis, &bus, &transcript, &file.bus).await);
+                all.push(record_axis(first, linear, axis, &bus, &transcript, &file.bus).await.0);
                 let axis = (&file.rotary, file.limits.rotary);
-                all.push(of_axis(second, rotary, axis, &bus, &transcript, &file.bus).await);
+                all.push(record_axis(second, rotary, axis, &bus, &transcript, &file.bus).await.0);
             }
         }
         Ok(all)
@@ -80,18 +84,24 @@ fn nothing(device: &'static str, instrument: Device, error: &PortError) -> Recor
     }
 }
 
-async fn of_analyzer_port(
+/// Keeps enough frames for a device.
+pub(crate) fn keep_frames(transcript: &Transcript) {
+    transcript.keep(FRAMES);
+}
+
+/// Records the roles of an analyzer, and returns its driver if the port is open.
+pub(crate) async fn record_analyzer(
     rig: &RigFile,
-    instrument: Device,
+    dialect: &'static Dialect,
     port: Result<Port, PortError>,
-) -> Recorded {
-    let device = "analyzer";
+) -> (Recorded, Option<Analyzer>) {
+    let (device, instrument) = ("analyzer", Device::Analyzer(dialect));
     let port = match port {
         Ok(port) => port,
-        Err(error) => return nothing(device, instrument, &error),
+        Err(error) => return (nothing(device, instrument, &error), None),
     };
     let transcript = port.transcript();
-    transcript.keep(FRAMES);
+    keep_frames(&transcript);
     let ((low_hz, high_hz), level_v) =
         (rig.limits.analyzer.frequency_hz, LEVEL_V.min(rig.limits.analyzer.max_level_v));
     let task = AnalyzerTask { level_v, low_hz, high_hz };
@@ -104,9 +114,6 @@ async fn of_analyzer_port(
         head.push(("terminator".to_owned(), terminator.name().to_owned()));
     }
     let mut file = TranscriptFile { head, sections: Vec::new() };
-    let Device::Analyzer(dialect) = instrument else {
-        return Recorded { device, instrument, file, fault: None };
-    };
     let mut analyzer = analyzer_on(port, rig, dialect);
     let mut fault = None;
     for &role in instrument.roles() {
@@ -122,17 +129,18 @@ async fn of_analyzer_port(
             }
         }
     }
-    Recorded { device, instrument, file, fault }
+    (Recorded { device, instrument, file, fault }, Some(analyzer))
 }
 
-async fn of_axis<U: Unit>(
+/// Records a look at the drive of an axis, and returns its driver.
+pub(crate) async fn record_axis<U: Unit>(
     device: &'static str,
     map: &'static RegisterMap,
     (axis_file, axis): (&AxisFile<U>, Axis<U>),
     bus: &BusHandle,
     transcript: &Transcript,
     port: &PortFile,
-) -> Recorded {
+) -> (Recorded, Stage<U>) {
     let instrument = Device::Drive(map);
     let mut head = head(instrument, port.line());
     let scale = axis_file.scale;
@@ -159,7 +167,7 @@ async fn of_axis<U: Unit>(
             Err(error) => fault = Some(format!("{}: {}", role.name(), with_causes(&error))),
         }
     }
-    Recorded { device, instrument, file, fault }
+    (Recorded { device, instrument, file, fault }, stage)
 }
 
 /// What every transcript begins with.

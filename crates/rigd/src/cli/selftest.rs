@@ -1,0 +1,107 @@
+//! `rigd selftest`: checks a bench in levels, each with value, limit and advice, and an archive to send.
+
+use std::{
+    fs::File,
+    io::{self, Write},
+    path::PathBuf,
+};
+
+use clap::{Args, ValueEnum};
+
+use super::{
+    Failure,
+    args::{OutputArgs, RigArgs},
+    table::{note, print, print_json},
+};
+use crate::{
+    doctor::Level,
+    selftest::{Archive, Check, Depth, Quantity, selftest},
+};
+
+#[derive(Debug, Args)]
+pub(super) struct SelftestArgs {
+    /// The last level; each one has those before it
+    #[arg(long, value_enum, default_value_t = LevelArg::Electric)]
+    level: LevelArg,
+    /// File to write with the checks and the transcripts, to be sent; it must not exist. It has no names of
+    /// persons, and serial numbers are hashes
+    #[arg(long, value_name = "FILE")]
+    archive: Option<PathBuf>,
+    #[command(flatten)]
+    rig: RigArgs,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+/// A level of the self-test.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum LevelArg {
+    /// The computer: permissions, names of adapters, programs that take ports
+    Host,
+    /// Each device, asked many times: times, late and corrupt answers
+    Talk,
+    /// The analyzer with the sensor or a capacitor: noise, and linearity with the level
+    Electric,
+}
+
+pub(super) fn run(args: &SelftestArgs) -> Result<(), Failure> {
+    let depth = match args.level {
+        LevelArg::Host => Depth::Host,
+        LevelArg::Talk => Depth::Talk,
+        LevelArg::Electric => Depth::Electric,
+    };
+    let report = selftest(args.rig.load()?, depth)?;
+    let archive = Archive::of(&report);
+    if let Some(path) = &args.archive {
+        let failed = |source: io::Error| Failure::File { path: path.clone(), source };
+        let mut out = File::create_new(path).map_err(failed)?;
+        let bytes = serde_json::to_vec_pretty(&archive).map_err(|error| failed(error.into()))?;
+        out.write_all(&bytes).map_err(failed)?;
+        note(&format!("wrote {}", path.display()));
+    }
+    if args.output.json {
+        print_json(&archive.checks)?;
+    } else {
+        print(&report.checks.iter().map(line).collect::<Vec<_>>().join("\n"))?;
+        note(&format!("{}: {} checks", report.rig, report.checks.len()));
+    }
+    let problems = report.count(Level::Problem);
+    if problems > 0 { Err(Failure::Unfit { problems }) } else { Ok(()) }
+}
+
+/// One line, with its advice below.
+fn line(check: &Check) -> String {
+    let Check { part, name, level, quantity, text, advice } = check;
+    let measured = quantity.map(|Quantity { value, uncertainty, limit, unit }| {
+        let uncertainty =
+            uncertainty.map_or(String::new(), |sigma| format!(" ± {}", digits(sigma)));
+        format!("{}{uncertainty} {unit}, limit {limit} {unit}", digits(value))
+    });
+    let seen = measured.or_else(|| text.clone()).unwrap_or_default();
+    let advice = advice.map_or(String::new(), |advice| format!("\n{:7}  → {advice}", ""));
+    format!("{:<7}  {part}, {name}: {seen}{advice}", level.name())
+}
+
+/// A number with three digits, and a count as it is.
+fn digits(value: f64) -> String {
+    if value == 0.0 || value.fract() == 0.0 {
+        return value.to_string();
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "a logarithm of a double is small")]
+    let decimals = usize::try_from(2 - value.abs().log10().floor() as i32).unwrap_or(0);
+    format!("{value:.decimals$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_has_three_digits() {
+        let rows =
+            [(0.0, "0"), (3.0, "3"), (0.012_34, "0.0123"), (1.234_5, "1.23"), (1234.5, "1234")];
+        for (value, expected) in rows {
+            assert_eq!(digits(value), expected);
+        }
+    }
+}

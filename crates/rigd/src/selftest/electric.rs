@@ -1,0 +1,115 @@
+//! The analyzer with what is at its terminals: noise near the mains and its multiples, and one impedance at
+//! two levels.
+
+use rig_analyzer::{Analyzer, AnalyzerError};
+use rig_files::rig_file::RigFile;
+use rig_link::StopSignal;
+use rig_model::{DriveLevel, SweepPoint, with_causes};
+
+use super::{Check, NO_ANSWER, Quantity};
+
+/// Multiples of the mains of 50 and 60 Hz, and two frequencies beside them.
+const FREQUENCIES_HZ: [f64; 6] = [100.0, 110.0, 120.0, 150.0, 165.0, 180.0];
+
+/// Readings at each frequency.
+const READINGS: usize = 20;
+
+/// Cycles of a reading.
+const CYCLES: u32 = 10;
+
+/// The noise of a reading of ten cycles at 1 V, with a sensor at rest, percent.
+const NOISE_LIMIT_PERCENT: f64 = 1.0;
+
+/// The difference of one impedance at a level and at half of it, percent.
+const LINEARITY_LIMIT_PERCENT: f64 = 1.0;
+
+/// The level of the checks, V; less where the rig allows less.
+const LEVEL_V: f64 = 1.0;
+
+/// Mean and standard deviation of magnitudes.
+#[derive(Debug, Clone, Copy)]
+struct Spread {
+    mean: f64,
+    sigma: f64,
+}
+
+pub(super) async fn checks(analyzer: &mut Analyzer, rig: &RigFile) -> Vec<Check> {
+    match measure(analyzer, rig).await {
+        Ok(checks) => checks,
+        Err(error) => vec![Check::problem("analyzer", "readings", with_causes(&error), NO_ANSWER)],
+    }
+}
+
+async fn measure(analyzer: &mut Analyzer, rig: &RigFile) -> Result<Vec<Check>, AnalyzerError> {
+    let (low_hz, high_hz) = rig.limits.analyzer.frequency_hz;
+    let volt = LEVEL_V.min(rig.limits.analyzer.max_level_v);
+    analyzer.configure(DriveLevel { volt }).await?;
+    let (mut checks, mut flagged, mut full) = (Vec::new(), 0, None);
+    let is_allowed = |hz: &f64| low_hz <= *hz && *hz <= high_hz;
+    for frequency_hz in FREQUENCIES_HZ.into_iter().filter(is_allowed) {
+        let (found, flags) = spread(analyzer, frequency_hz).await?;
+        flagged += flags;
+        let Some(Spread { mean, sigma }) = found else { continue };
+        full = full.or(Some((frequency_hz, Spread { mean, sigma })));
+        let noise = 100.0 * sigma / mean;
+        let quantity = Quantity {
+            value: noise,
+            uncertainty: Some(noise / (2.0 * (READINGS as f64 - 1.0)).sqrt()),
+            limit: NOISE_LIMIT_PERCENT,
+            unit: "%",
+        };
+        let advice = "more at multiples of the mains than beside them is a loop of ground or a motor cable; \
+                      else look at the clamps and the fixture";
+        checks.push(Check::quantity(
+            "analyzer",
+            format!("noise at {frequency_hz} Hz"),
+            quantity,
+            advice,
+        ));
+    }
+    if let Some((frequency_hz, full)) = full {
+        analyzer.configure(DriveLevel { volt: 0.5 * volt }).await?;
+        let (half, flags) = spread(analyzer, frequency_hz).await?;
+        flagged += flags;
+        if let Some(half) = half {
+            let count = READINGS as f64;
+            let relative = |spread: Spread| spread.sigma / spread.mean / count.sqrt();
+            let quantity = Quantity {
+                value: 100.0 * (half.mean / full.mean - 1.0).abs(),
+                uncertainty: Some(100.0 * relative(half).hypot(relative(full))),
+                limit: LINEARITY_LIMIT_PERCENT,
+                unit: "%",
+            };
+            let advice = "measure nearer to the level of the protocol, and look for an overload at the display";
+            let check = format!("impedance at {} V against {volt} V", 0.5 * volt);
+            checks.push(Check::quantity("analyzer", check, quantity, advice));
+        }
+    }
+    let quantity =
+        Quantity { value: flagged as f64, uncertainty: None, limit: 0.0, unit: "readings" };
+    let advice = "connect the sensor or a capacitor of 27 nF to the terminals";
+    checks.push(Check::quantity("analyzer", "overload or low signal", quantity, advice));
+    Ok(checks)
+}
+
+/// The spread of the magnitudes at a frequency, and the number of flagged readings. None if fewer than two
+/// readings have a value.
+async fn spread(
+    analyzer: &mut Analyzer,
+    frequency_hz: f64,
+) -> Result<(Option<Spread>, usize), AnalyzerError> {
+    // The first one settles; the others follow at the same frequency.
+    let point =
+        |n| SweepPoint { frequency_hz, settle_s: if n == 0 { 0.5 } else { 0.0 }, cycles: CYCLES };
+    let points: Vec<_> = (0..READINGS).map(point).collect();
+    let readings = analyzer.measure(&points, &StopSignal::new()).await?;
+    let flagged = readings.iter().filter(|reading| reading.flag().is_some()).count();
+    let sound = readings.iter().filter(|reading| reading.flag().is_none());
+    let all: Vec<f64> =
+        sound.filter_map(|reading| Some(reading.impedance()?.magnitude_ohm())).collect();
+    let count = all.len() as f64;
+    let mean = all.iter().sum::<f64>() / count;
+    let variance = all.iter().map(|ohm| (ohm - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    let spread = (all.len() >= 2 && mean > 0.0).then(|| Spread { mean, sigma: variance.sqrt() });
+    Ok((spread, flagged))
+}
