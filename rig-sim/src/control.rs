@@ -27,7 +27,7 @@ fault PORT KIND [KEY=VALUE ...] [unit=N] [nth=N|next=N|rate=P]
   replies:  drop-reply, delay ms=N, duplicate, corrupt, truncate, noise bytes=N, echo,
             wrong-unit as=N, disconnect-reply
   devices:  reboot, alarm code=N, stall, jam, lose-steps by=X, limit-switch, overload,
-            blind-contact, stuck-contact, stuck-frequency
+            emergency-stop, blind-contact, stuck-contact, stuck-frequency
   nth: once, at the N-th frame from now; next: at each of the next N frames; rate: at each
   frame with this probability. By default a fault of a device is injected at once, any other
   at the next frame.
@@ -162,6 +162,7 @@ fn fault_kind(kind: &str, options: &Options<'_>) -> Result<FaultKind, ControlErr
         "jam" => device(DeviceFault::Jam),
         "lose-steps" => device(DeviceFault::LoseSteps(options.need("by")?)),
         "limit-switch" => device(DeviceFault::LimitSwitch),
+        "emergency-stop" => device(DeviceFault::EmergencyStop),
         "overload" => device(DeviceFault::Overload),
         "blind-contact" => device(DeviceFault::BlindContact),
         "stuck-contact" => device(DeviceFault::StuckContact),
@@ -278,6 +279,7 @@ mod tests {
             "jam",
             "lose-steps",
             "limit-switch",
+            "emergency-stop",
             "overload",
             "blind-contact",
             "stuck-contact",

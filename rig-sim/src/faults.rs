@@ -95,6 +95,8 @@ pub enum DeviceFault {
     LoseSteps(f64),
     /// A limit switch says that it was reached.
     LimitSwitch,
+    /// A person presses the emergency stop of both drives, until the faults are cleared.
+    EmergencyStop,
     /// The input of the analyzer is overloaded at the next measurement.
     Overload,
     /// The impedance is that of a free sensor, also in contact.

@@ -27,7 +27,7 @@ const STEPS: usize = 4000;
 const MOMENTS: u64 = 120;
 
 /// Troubles that last, in addition to those of one operation.
-const LASTING: [Trouble; 12] = [
+const LASTING: [Trouble; 13] = [
     Trouble::Freezes,
     Trouble::Drive(DriveTrouble::Silent { seconds: 1 }),
     Trouble::Drive(DriveTrouble::Silent { seconds: 30 }),
@@ -37,6 +37,7 @@ const LASTING: [Trouble; 12] = [
     Trouble::Drive(DriveTrouble::Alarm { resets: 2, is_another: false }),
     Trouble::Drive(DriveTrouble::Alarm { resets: 2, is_another: true }),
     Trouble::Drive(DriveTrouble::Alarm { resets: 3, is_another: true }),
+    Trouble::Drive(DriveTrouble::EmergencyStop),
     Trouble::Drive(DriveTrouble::Unhomed { is_homing_safe: true }),
     Trouble::Drive(DriveTrouble::Unhomed { is_homing_safe: false }),
     Trouble::Drive(DriveTrouble::Jumped { by_mm: 45.0 }),

@@ -5,6 +5,7 @@
 mod contact_sense;
 mod documents;
 mod edges;
+mod emergency_stop;
 mod errors;
 mod faults;
 mod first_records;

@@ -49,6 +49,8 @@ pub enum FailureKind {
         /// The drive's code of the alarm.
         code: u16,
     },
+    /// The drive says that its emergency stop is pressed.
+    EmergencyStopped,
     /// The device did not answer, or its answer cannot be read.
     Line,
     /// An axis reports a position where it cannot be. No move from there is safe, not even a retract.

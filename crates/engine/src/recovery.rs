@@ -16,7 +16,8 @@
 //!
 //! A drive that does not answer, or refuses a request, is asked again until the patience of the rig file is
 //! over. When it answers, it is identified again and then moved. An alarm is reset once, and one other alarm
-//! that comes after it. A stage that
+//! that comes after it. A drive whose emergency stop is pressed is not moved again: nothing may move when the
+//! button is released. A stage that
 //! moved and is not clear after a few retracts, or that does not know its position and has no safe way to
 //! find it, is not moved again.
 //!
@@ -62,6 +63,8 @@ pub(crate) enum RecoveryReport {
     Unready,
     /// The drive has an alarm with this code.
     Alarmed(u16),
+    /// Its emergency stop is pressed.
+    EmergencyStopped,
     /// It was moved, and is not where it should be.
     Blocked,
     /// The position is not known, and there is no safe way to find it.
@@ -80,6 +83,7 @@ impl RecoveryReport {
             Fault::Device(failure) if failure.device == Device::LinearStage => match failure.kind {
                 FailureKind::Line | FailureKind::Refused => Self::Unready,
                 FailureKind::Alarmed { code } => Self::Alarmed(code),
+                FailureKind::EmergencyStopped => Self::EmergencyStopped,
                 FailureKind::Lost | FailureKind::Unhomed => Self::Lost,
                 FailureKind::Blocked | FailureKind::Interrupted => Self::Blocked,
             },
@@ -144,8 +148,12 @@ impl Recovery {
         clearance: Clearance,
         limits: &RigLimits,
     ) -> RecoveryStep {
-        use RecoveryReport::{Alarmed, Blocked, Done, Lost, Unready};
+        use RecoveryReport::{Alarmed, Blocked, Done, EmergencyStopped, Lost, Unready};
         match (self.phase, report) {
+            // To release the button must start no motion: a person acknowledges first (ISO 13850).
+            (Phase::Stopping { cause: EmergencyStopped }, _) | (_, EmergencyStopped) => {
+                self.finish(Clearance::Unknown)
+            }
             (Phase::Stopping { cause: Alarmed(_) | Lost }, _)
             | (Phase::Stopping { .. }, Alarmed(_) | Lost) => self.find(),
             (Phase::Stopping { .. } | Phase::Finding, Done)

@@ -103,6 +103,10 @@ const UNHOMED: &str = "homing this stage may lead downwards: lift the probe by h
 const UNCOMMISSIONED: &str =
     "nothing moves until signs, scales and geometry of the bench are shown";
 
+/// Advice after an emergency stop.
+const EMERGENCY_STOP: &str = "make the bench safe before the emergency stop is released: nothing moves by its release, and \
+                              the probe goes up first after the acknowledgement";
+
 /// Advice after a mistake of the program itself.
 const MAINTAINER: &str = "keep the journal of this run for the maintainer of rigd";
 
@@ -176,6 +180,11 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
             ("check the bench by eye", NextAction::Prepare)
         };
         return Hint { text, then };
+    }
+    if let Some((_, FailureKind::EmergencyStopped)) = device {
+        let is_clear = clearance == Clearance::Clear;
+        let then = if is_clear { NextAction::Prepare } else { NextAction::Retract };
+        return Hint { text: EMERGENCY_STOP, then };
     }
     if clearance != Clearance::Clear {
         let text = "the probe may still be in contact: do not touch the sample or the stages; \

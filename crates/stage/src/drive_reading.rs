@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use rig_files::instrument::drive::{AlarmSource, Block, Field, Flag, Table, Width};
+use rig_files::instrument::drive::{AlarmSource, Block, EmergencyStop, Field, Flag, Table, Width};
 use rig_model::{Position, RigTime};
 
 use crate::{RegisterMap, Reply, Request};
@@ -24,6 +24,7 @@ impl fmt::Display for Alarm {
 
 /// The status of an axis, read from its drive.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of the drive")]
 pub struct AxisStatus<U> {
     /// When it was read.
     pub at: RigTime,
@@ -39,10 +40,13 @@ pub struct AxisStatus<U> {
     pub is_homed: bool,
     /// The alarm of the drive, if there is one.
     pub alarm: Option<Alarm>,
+    /// Whether the drive says that its emergency stop is pressed.
+    pub is_emergency_stopped: bool,
 }
 
 /// The status registers of a drive, in counts.
 #[derive(Debug, Clone, Copy)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of the drive")]
 pub(crate) struct DriveReading {
     pub(crate) position: i32,
     pub(crate) target: i32,
@@ -53,6 +57,8 @@ pub(crate) struct DriveReading {
     pub(crate) alarm_code: u16,
     /// The register to be read, where the status has only a flag and it is set.
     pub(crate) alarm_block: Option<Block>,
+    /// Whether a flag of the status says that the emergency stop is pressed.
+    pub(crate) has_stop_flag: bool,
 }
 
 impl DriveReading {
@@ -71,6 +77,7 @@ impl DriveReading {
             is_homed: view.flag(map.homed),
             alarm_code,
             alarm_block,
+            has_stop_flag: matches!(map.emergency_stop, Some(EmergencyStop::Flag(flag)) if view.flag(flag)),
         }
     }
 }

@@ -253,6 +253,12 @@ pub enum StageError<U: Unit> {
         /// Position read back from the drive.
         at: Position<U>,
     },
+    /// The drive says that its emergency stop is pressed. It moves nothing.
+    #[error("its emergency stop is pressed, at {at}")]
+    EmergencyStopped {
+        /// Position read back from the drive.
+        at: Position<U>,
+    },
     /// The drive is at rest and never accepted the target, without an alarm.
     #[error("the drive ignored the move to {wanted} and is at {at}; {hint}")]
     Ignored {

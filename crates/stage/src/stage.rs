@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use rig_files::instrument::drive::Step;
+use rig_files::instrument::drive::{EmergencyStop, Step};
 use rig_link::{HealthMeter, StopSignal};
 use rig_model::{Axis, Position, Scale, Target, Unit};
 use tokio::time::{Instant, sleep, sleep_until};
@@ -176,6 +176,7 @@ impl<U: Unit> Stage<U> {
     /// [`StageError::Bus`].
     pub async fn status(&mut self) -> Result<AxisStatus<U>, StageError<U>> {
         let reading = self.read_drive().await?;
+        let alarm = self.alarm_of(&reading).await?;
         Ok(AxisStatus {
             at: self.bus.now(),
             position: self.scale.position(reading.position.into()),
@@ -183,7 +184,8 @@ impl<U: Unit> Stage<U> {
             is_moving: reading.is_moving,
             is_ready: reading.is_ready,
             is_homed: reading.is_homed,
-            alarm: self.alarm_of(&reading).await?,
+            alarm,
+            is_emergency_stopped: self.is_emergency_stopped(&reading, alarm),
         })
     }
 
@@ -208,8 +210,8 @@ impl<U: Unit> Stage<U> {
     ///
     /// # Errors
     /// [`StageError::Stopped`] after a requested stop: the stop was sent and the axis is at rest.
-    /// [`StageError::Alarmed`], [`StageError::Ignored`], [`StageError::NotThere`],
-    /// [`StageError::Overdue`]. Nothing is sent from a position that is unknown or impossible:
+    /// [`StageError::Alarmed`], [`StageError::EmergencyStopped`], [`StageError::Ignored`],
+    /// [`StageError::NotThere`], [`StageError::Overdue`]. Nothing is sent from a position that is unknown or impossible:
     /// [`StageError::Unhomed`], [`StageError::BeyondTravel`]. After [`StageError::Bus`] it is not
     /// known whether the axis moves.
     pub async fn move_to(
@@ -510,8 +512,20 @@ impl<U: Unit> Stage<U> {
         at: Position<U>,
     ) -> Result<(), StageError<U>> {
         match self.alarm_of(reading).await? {
+            alarm if self.is_emergency_stopped(reading, alarm) => {
+                Err(StageError::EmergencyStopped { at })
+            }
             None => Ok(()),
             Some(alarm) => Err(StageError::Alarmed { alarm, at }),
+        }
+    }
+
+    /// Whether the drive says, by a flag or by this alarm, that its emergency stop is pressed.
+    fn is_emergency_stopped(&self, reading: &DriveReading, alarm: Option<Alarm>) -> bool {
+        match self.map.emergency_stop {
+            Some(EmergencyStop::Alarm(code)) => alarm.is_some_and(|alarm| alarm.code == code),
+            Some(EmergencyStop::Flag(_)) => reading.has_stop_flag,
+            None => false,
         }
     }
 

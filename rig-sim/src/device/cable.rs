@@ -183,7 +183,8 @@ impl Socket {
             | DeviceFault::Stall
             | DeviceFault::Jam
             | DeviceFault::LoseSteps(_)
-            | DeviceFault::LimitSwitch => {}
+            | DeviceFault::LimitSwitch
+            | DeviceFault::EmergencyStop => {}
         }
     }
 

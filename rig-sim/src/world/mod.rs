@@ -95,6 +95,7 @@ pub struct World {
     /// The kinds of violation since the probe was last clear.
     told: Vec<Discriminant<ViolationKind>>,
     contact_fault: Option<ContactFault>,
+    is_stop_pressed: bool,
 }
 
 /// A fault of the contact sense.
@@ -177,6 +178,7 @@ impl World {
             violations: Vec::new(),
             told: Vec::new(),
             contact_fault: None,
+            is_stop_pressed: false,
             scene,
             seed,
         })
@@ -253,9 +255,15 @@ impl World {
 
     /// A person presses the emergency stop, which takes the power from both motors, or releases it.
     pub(crate) fn press_stop(&mut self, now: RigTime, is_pressed: bool) {
+        self.is_stop_pressed = is_pressed;
         for axis in [AxisId::Linear, AxisId::Rotary] {
             self.drive(now, axis).set_jammed(now, is_pressed);
         }
+    }
+
+    /// Whether the emergency stop is pressed.
+    pub(crate) const fn is_stop_pressed(&self) -> bool {
+        self.is_stop_pressed
     }
 
     /// A person turns the sensor about its own axis.
@@ -293,6 +301,7 @@ impl World {
 
     /// Mends what faults have broken.
     pub(crate) fn clear_faults(&mut self, now: RigTime) {
+        self.is_stop_pressed = false;
         for axis in [AxisId::Linear, AxisId::Rotary] {
             if self.stage(axis).is_jammed() {
                 self.drive(now, axis).set_jammed(now, false);

@@ -16,6 +16,8 @@ pub(crate) enum DriveTrouble {
     Refuses { requests: u32 },
     /// It has an alarm, which this number of resets clears; each brings another alarm, or the same one.
     Alarm { resets: u32, is_another: bool },
+    /// Its emergency stop is pressed, and that of the rotary drive.
+    EmergencyStop,
     /// It has lost its position; homing is known to lead away from the sample, or is not.
     Unhomed { is_homing_safe: bool },
     /// It says that it is this much higher than it is, mm.
@@ -28,7 +30,8 @@ pub(crate) struct Drive {
     trouble: DriveTrouble,
     since: RigTime,
     pub(crate) resets: u32,
-    refused: u32,
+    /// Requests that it refused.
+    pub(crate) refused: u32,
 }
 
 /// Duration of an attempt on a line without an answer.
@@ -58,6 +61,11 @@ impl Drive {
                 let is_rotary = !is_linear;
                 let device = if is_rotary { Device::RotaryStage } else { Device::LinearStage };
                 Some(failed(device, FailureKind::Line))
+            }
+            DriveTrouble::EmergencyStop if is_on_bus && *operation != Operation::StopMotion => {
+                drive.refused += 1;
+                let device = if is_linear { Device::LinearStage } else { Device::RotaryStage };
+                Some(failed(device, FailureKind::EmergencyStopped))
             }
             DriveTrouble::Refuses { requests } if is_linear => {
                 drive.refused += 1;

@@ -93,6 +93,16 @@ fn an_alarm_that_stays_is_reset_no_second_time_and_a_third_alarm_not_at_all() {
     }
 }
 
+/// The rotary drive may tell it first; then the linear drive is asked once.
+#[test]
+fn a_pressed_emergency_stop_is_not_pushed_against() {
+    each_operation(DriveTrouble::EmergencyStop, |world, end, context| {
+        assert_eq!(end.clearance, Clearance::Unknown, "{context}");
+        assert!(world.drive.unwrap().refused <= 2, "{context}: {:?}", world.drive);
+        assert_eq!(world.engine.snapshot().state, RigState::Latched, "{context}");
+    });
+}
+
 #[test]
 fn a_drive_that_lost_its_position_is_homed_only_away_from_the_sample() {
     each_operation(DriveTrouble::Unhomed { is_homing_safe: true }, is_clear);

@@ -199,6 +199,15 @@ pub enum AlarmSource {
     },
 }
 
+/// How a drive says that its emergency stop is pressed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EmergencyStop {
+    /// By a flag in its status, as long as it is pressed.
+    Flag(Flag),
+    /// By the alarm with this code, which stays until it is reset.
+    Alarm(u16),
+}
+
 /// Settings that are written to the drive once: its own soft limits, if it has them, against a
 /// faulty host. Their values are known from then on, so that they also identify the drive after a
 /// fault of the line.
@@ -270,6 +279,8 @@ pub struct RegisterMap {
     pub homed: Flag,
     /// Source of the alarm in the status.
     pub alarm: AlarmSource,
+    /// How the drive says that its emergency stop is pressed; `None` where it does not.
+    pub emergency_stop: Option<EmergencyStop>,
     /// Names of the alarm codes.
     pub alarms: Vec<(u16, String)>,
     /// Unit of speed.

@@ -4,8 +4,9 @@ use rig_model::{DriveMake, Parity};
 
 use super::{
     drive::{
-        AccelerationUnit, AlarmSource, Block, DriveSettings, Field, Flag, MakeSignature, Quantity,
-        RegisterContent, RegisterMap, Resolution, SpeedUnit, Step, TargetReadBack, Width,
+        AccelerationUnit, AlarmSource, Block, DriveSettings, EmergencyStop, Field, Flag,
+        MakeSignature, Quantity, RegisterContent, RegisterMap, Resolution, SpeedUnit, Step,
+        TargetReadBack, Width,
     },
     fault::InstrumentFault,
     refuse_what_is_code,
@@ -40,6 +41,7 @@ pub(super) fn drive(table: &mut Table<'_>) -> RegisterMap {
     let commands = table.section("steps", commands).required();
     let settings = table.section("settings", settings).required().value;
     let alarms = table.section("alarms", alarms).optional();
+    let alarms = alarms.map(|alarms| alarms.value).unwrap_or_default();
 
     if let Some(resolution) = &resolution {
         within_signature(table, resolution, &signature);
@@ -64,7 +66,8 @@ pub(super) fn drive(table: &mut Table<'_>) -> RegisterMap {
         ready: status.ready,
         homed: status.homed,
         alarm: status.alarm,
-        alarms: alarms.map(|alarms| alarms.value).unwrap_or_default(),
+        emergency_stop: status.emergency_stop.or(alarms.emergency_stop),
+        alarms: alarms.names,
         speed,
         acceleration,
         start_within_ms: u16::try_from(start_within_ms).unwrap_or(u16::MAX),
@@ -132,6 +135,7 @@ struct Status {
     moving: Flag,
     ready: Flag,
     homed: Flag,
+    emergency_stop: Option<EmergencyStop>,
     alarm: AlarmSource,
 }
 
@@ -143,6 +147,7 @@ fn status(table: &mut Table<'_>) -> Status {
     let moving = table.section("moving", flag).required();
     let ready = table.section("ready", flag).required();
     let homed = table.section("homed", flag).required();
+    let emergency_stop = table.section("emergency_stop", flag).optional();
     let code = table.section("alarm", field).optional();
     let alarm_flag = table.section("alarm_flag", flag).optional();
     let alarm_register = table.section("alarm_register", alarm_block).optional();
@@ -176,6 +181,8 @@ fn status(table: &mut Table<'_>) -> Status {
         moving: moving.value.within(table, &moving, &blocks),
         ready: ready.value.within(table, &ready, &blocks),
         homed: homed.value.within(table, &homed, &blocks),
+        emergency_stop: emergency_stop
+            .map(|at| EmergencyStop::Flag(at.value.within(table, &at, &blocks))),
         alarm,
         blocks,
     }
@@ -231,9 +238,20 @@ fn settings(table: &mut Table<'_>) -> DriveSettings {
     DriveSettings { write, read: read.value, expect: expect.value }
 }
 
-fn alarms(table: &mut Table<'_>) -> Vec<(u16, String)> {
+#[derive(Default)]
+struct Alarms {
+    names: Vec<(u16, String)>,
+    emergency_stop: Option<EmergencyStop>,
+}
+
+fn alarms(table: &mut Table<'_>) -> Alarms {
     let names = table.section("names", alarm_name).list().required().value;
-    names.into_iter().map(|name| name.value).collect()
+    let code = table.count("emergency_stop").range(1..=0xFFFF).optional();
+    let code = code.and_then(|code| u16::try_from(code.value).ok());
+    Alarms {
+        names: names.into_iter().map(|name| name.value).collect(),
+        emergency_stop: code.map(EmergencyStop::Alarm),
+    }
 }
 
 fn alarm_name(table: &mut Table<'_>) -> (u16, String) {

@@ -5,7 +5,7 @@ use rig_model::{AnalyzerMake, DriveMake, Parity};
 use super::{
     Dialect, RegisterMap,
     dialect::CommandSet,
-    drive::{RegisterContent, Step},
+    drive::{EmergencyStop, RegisterContent, Step},
     shipped_text,
 };
 
@@ -69,6 +69,7 @@ fn a_drive_starts_with_what_its_file_writes() {
     let [Step::Registers { address: 0x58, contents }] = &map.start[..] else { panic!("{map:?}") };
     assert_eq!(contents.iter().map(|content| content.registers()).sum::<u16>(), 16);
     assert_eq!(contents[1], RegisterContent::Long(1));
+    assert_eq!(map.emergency_stop, Some(EmergencyStop::Alarm(0x68)));
     assert_eq!(map.alarms.iter().find(|(code, _)| *code == 0x66).unwrap().1, "hardware overtravel");
 }
 

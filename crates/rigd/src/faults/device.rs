@@ -15,6 +15,7 @@ use super::{
 const OUT_OF_CONTACT: &str = "tests/it/out_of_contact.rs";
 const HISTORIES: &str = "crates/engine/tests/histories/main.rs";
 const SENSE: &str = "tests/it/contact_sense.rs";
+const EMERGENCY_STOP: &str = "tests/it/emergency_stop.rs";
 const RUNS: &str = "tests/it/faults.rs";
 
 /// Advice for a touch that gave no shift.
@@ -165,21 +166,35 @@ pub(super) const FAULTS: [ListedFault; 14] = [
         number: 26,
         class: Device,
         what: "an emergency stop is pressed",
-        reaction: "**none of its own**: rigd reads no emergency stop, and is no safety function. A button \
-                   that takes the power off the drives shows as 1 and then as 24, one that opens their \
-                   enable input as 21 or 22: the run ends, and nothing is lowered or turned before a \
-                   person acknowledges. When the power is back, the probe may be retracted by itself",
-        seen: None,
-        tests: &[],
+        reaction: "where the drive tells it (a flag of an IAI, alarm 0x68 of an AZ): latched at once. Its release \
+                   moves nothing; after the acknowledgement the probe goes up first. A button that takes the power \
+                   off the drives shows as 1 and then as 24, one that opens the enable input of a Leadshine as 22: \
+                   the run ends, nothing is lowered or turned before a person acknowledges, and when the power is \
+                   back, the probe may be retracted by itself. rigd is no safety function",
+        seen: Some(|| linear(&StageError::EmergencyStopped { at: at(9.812) })),
+        tests: &[
+            (
+                EMERGENCY_STOP,
+                "an_emergency_stop_that_a_flag_tells_latches_and_its_release_moves_nothing",
+            ),
+            (
+                EMERGENCY_STOP,
+                "an_emergency_stop_that_an_alarm_tells_latches_and_its_release_moves_nothing",
+            ),
+            (
+                "crates/stage/tests/it/simulated.rs",
+                "an_emergency_stop_is_told_and_its_release_moves_nothing",
+            ),
+        ],
     },
     ListedFault {
         number: 27,
         class: Device,
         what: "the input of an emergency stop is not connected",
-        reaction: "**none**: rigd reads no emergency stop. The button has to act on the power of the \
-                   drives, without a program in between",
-        seen: None,
-        tests: &[],
+        reaction: "nothing tells it before the button is needed: press it at an idle rig after each change of the \
+                   wiring. A stop of page, terminal or HTTP needs no button and reaches both drives within 100 ms",
+        seen: Some(|| Seen::latched(&Fault::Stopped { by: "Ada".to_owned() })),
+        tests: &[("tests/it/stops.rs", "a_stop_reaches_both_drives_in_every_activity")],
     },
     ListedFault {
         number: 28,

@@ -5,7 +5,7 @@ use rig_engine::{Device, Failure, FailureKind, Operation, Report};
 use rig_interlock::Outcome;
 use rig_link::StopSignal;
 use rig_model::{Deg, Mm, Unit, with_causes};
-use rig_stage::{BusError, HaltFrames, LineFault, Stage, StageError};
+use rig_stage::{AxisStatus, BusError, HaltFrames, LineFault, Stage, StageError};
 
 use super::{
     DeviceError,
@@ -55,6 +55,7 @@ impl Axes {
     /// Reads the linear stage back, where nothing moves it.
     async fn read_linear(&mut self) -> Result<(), StageError<Mm>> {
         let status = self.linear.status().await?;
+        not_under_emergency_stop(&status, false)?;
         if let Some(alarm) = status.alarm {
             return Err(StageError::Alarmed { alarm, at: status.position });
         }
@@ -152,6 +153,7 @@ async fn prepare<U: Unit>(
     if status.is_homed {
         stage.believe_position()?;
     }
+    not_under_emergency_stop(&status, true)?;
     if status.alarm.is_some() {
         stage.reset_alarm().await?;
     }
@@ -174,6 +176,7 @@ async fn find(
     if status.is_homed {
         stage.believe_position()?;
     }
+    not_under_emergency_stop(&status, may_reset_alarm)?;
     if let Some(alarm) = status.alarm {
         if !may_reset_alarm {
             return Err(StageError::Alarmed { alarm, at: status.position });
@@ -188,6 +191,19 @@ async fn find(
     stage.believe_position().map(Report::LinearAt)
 }
 
+/// Refuses a drive whose emergency stop is pressed. Where it says so by an alarm, a reset shows whether it still
+/// is.
+fn not_under_emergency_stop<U: Unit>(
+    status: &AxisStatus<U>,
+    may_reset_alarm: bool,
+) -> Result<(), StageError<U>> {
+    let is_old = may_reset_alarm && status.alarm.is_some();
+    if status.is_emergency_stopped && !is_old {
+        return Err(StageError::EmergencyStopped { at: status.position });
+    }
+    Ok(())
+}
+
 /// The failure of an operation of an axis.
 pub(crate) fn stage_failure<U: Unit>(device: Device, error: &StageError<U>) -> Failure {
     let kind = match error {
@@ -196,6 +212,7 @@ pub(crate) fn stage_failure<U: Unit>(device: Device, error: &StageError<U>) -> F
         StageError::Bus(BusError::Failed(_)) => FailureKind::Line,
         StageError::BeyondTravel { .. } | StageError::HomesDownwards { .. } => FailureKind::Lost,
         StageError::Unhomed { .. } => FailureKind::Unhomed,
+        StageError::EmergencyStopped { .. } => FailureKind::EmergencyStopped,
         StageError::Alarmed { alarm, .. } | StageError::AlarmPersists { alarm } => {
             FailureKind::Alarmed { code: alarm.code }
         }

@@ -241,3 +241,29 @@ async fn a_stop_reaches_both_drives_whatever_the_line_is_busy_with_and_no_write_
     }
     assert!(ended >= 10, "a write was under way in {ended} cases");
 }
+
+/// Where the drive says it: an IAI by a flag, an AZ by an alarm. A Leadshine only does not move.
+#[tokio::test(start_paused = true)]
+async fn an_emergency_stop_is_told_and_its_release_moves_nothing() {
+    for (make, per_count) in MAKES {
+        let mut bench = bench(make, per_count).await;
+        move_to(&mut bench.linear, 20.0).await.unwrap();
+        apply_fault(&bench.rig, DeviceFault::EmergencyStop);
+        let error = move_to(&mut bench.linear, 30.0).await.unwrap_err();
+        let is_told = matches!(error, StageError::EmergencyStopped { .. });
+        assert_eq!(is_told, make != DriveMake::LeadshinePr, "{make}: {error}");
+        let pressed = bench.linear.status().await.unwrap();
+        assert_eq!(pressed.is_emergency_stopped, is_told, "{make}");
+
+        let clear = |now, rig: &mut rig_sim::Rig| rig_sim::control::execute(now, rig, "clear");
+        bench.rig.handle().with(clear).unwrap();
+        sleep(Duration::from_secs(60)).await;
+        let mut released = bench.linear.identify().await.unwrap();
+        assert!((released.position.value() - 20.0).abs() < 0.02, "{make}: {released:?}");
+        if released.alarm.is_some() {
+            released = bench.linear.reset_alarm().await.unwrap();
+        }
+        assert!(!released.is_emergency_stopped, "{make}");
+        move_to(&mut bench.linear, 30.0).await.unwrap();
+    }
+}

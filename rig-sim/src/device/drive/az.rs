@@ -122,6 +122,8 @@ pub(in crate::device) mod alarm {
     pub(in crate::device) const HARDWARE_OVERTRAVEL: u8 = 0x66;
     /// A software limit was reached.
     pub(in crate::device) const SOFTWARE_OVERTRAVEL: u8 = 0x67;
+    /// The emergency stop was pressed.
+    pub(in crate::device) const EMERGENCY_STOP: u8 = 0x68;
 }
 
 /// Largest distance of the motor from its command for "in position", in steps.
@@ -185,6 +187,10 @@ impl Unit for Az {
             DeviceFault::LimitSwitch => {
                 self.raise_alarm(now, alarm::HARDWARE_OVERTRAVEL, world);
             }
+            DeviceFault::EmergencyStop => {
+                self.raise_alarm(now, alarm::EMERGENCY_STOP, world);
+                self.motor.apply_fault(now, fault, world);
+            }
             _ => self.motor.apply_fault(now, fault, world),
         }
     }
@@ -222,6 +228,13 @@ impl Az {
     fn raise_alarm(&mut self, now: RigTime, code: u8, world: &mut World) {
         self.stop(now, world);
         self.set_alarm(code);
+    }
+
+    /// An emergency stop that is still pressed keeps its alarm.
+    const fn reset_alarm(&mut self, world: &World) {
+        if self.alarm != alarm::EMERGENCY_STOP || !world.is_stop_pressed() {
+            self.alarm = 0;
+        }
     }
 
     fn set_alarm(&mut self, code: u8) {
@@ -348,7 +361,7 @@ impl Az {
                 self.obey_input(now, value, 0, world);
                 self.settings.insert(address, 0);
             }
-            item::ALARM_RESET if is_executed => self.alarm = 0,
+            item::ALARM_RESET if is_executed => self.reset_alarm(world),
             item::CLEAR_HISTORY if is_executed => self.history = [0; HISTORY],
             item::PRESET_POSITION if is_executed => {
                 self.preset = -self.motor.command(now, world);
@@ -359,7 +372,7 @@ impl Az {
 
     fn obey_input(&mut self, now: RigTime, rising: i32, falling: i32, world: &mut World) {
         if rising & input::ALARM_RESET != 0 {
-            self.alarm = 0;
+            self.reset_alarm(world);
         }
         let was_going = falling & (input::FORWARD | input::REVERSE) != 0;
         if rising & (input::STOP | input::FREE) != 0 || was_going {

@@ -66,6 +66,7 @@ mod status {
     pub(super) const ALARM: u16 = 1 << 10;
     pub(super) const SERVO: u16 = 1 << 12;
     pub(super) const READY: u16 = 1 << 13;
+    pub(super) const EMERGENCY_STOP: u16 = 1 << 15;
     /// Of the extended status.
     pub(super) const MOVING: u16 = 1 << 5;
     pub(super) const MODBUS: u16 = 1 << 8;
@@ -132,7 +133,7 @@ impl Unit for Iai {
     fn notice_end(&mut self, now: RigTime, world: &World) {
         if self.is_homing && !self.motor.is_moving(now, world) {
             self.is_homing = false;
-            self.is_homed = true;
+            self.is_homed = !world.is_stop_pressed();
         }
     }
 
@@ -235,8 +236,9 @@ impl Iai {
             (status::HOMED, self.is_homed),
             (status::PAUSED, self.switches.pause),
             (status::ALARM, self.alarm != 0),
-            (status::SERVO, self.has_servo()),
-            (status::READY, self.alarm == 0),
+            (status::SERVO, self.has_servo(world)),
+            (status::READY, self.alarm == 0 && !world.is_stop_pressed()),
+            (status::EMERGENCY_STOP, world.is_stop_pressed()),
         ])
     }
 
@@ -248,17 +250,17 @@ impl Iai {
         ])
     }
 
-    fn system_status(&self) -> i32 {
+    fn system_status(&self, world: &World) -> i32 {
         bits([
             (SYSTEM_POWER, true),
             (SYSTEM_SERVO_COMMAND, self.switches.servo_on),
-            (SYSTEM_SERVO, self.has_servo()),
+            (SYSTEM_SERVO, self.has_servo(world)),
             (SYSTEM_HOMED, self.is_homed),
         ])
     }
 
-    fn has_servo(&self) -> bool {
-        self.switches.servo_on && self.alarm == 0
+    fn has_servo(&self, world: &World) -> bool {
+        self.switches.servo_on && self.alarm == 0 && !world.is_stop_pressed()
     }
 
     fn read(&self, now: RigTime, block: Block, world: &World) -> Result<Reply, Exception> {
@@ -271,7 +273,7 @@ impl Iai {
                 monitor::STATUS_1 => self.status_1(now, world),
                 monitor::STATUS_EXTENDED => self.status_extended(now, world),
                 monitor::SYSTEM_STATUS | 0x9009 => {
-                    word(self.system_status(), address == monitor::SYSTEM_STATUS)
+                    word(self.system_status(world), address == monitor::SYSTEM_STATUS)
                 }
                 monitor::SPEED | 0x900B => {
                     long(self.motor.speed(now, world), monitor::SPEED, address)
@@ -330,7 +332,7 @@ impl Iai {
             coil::HOME => {
                 s.home = value;
                 // On the rising edge.
-                if !before.home && value && self.has_servo() {
+                if !before.home && value && self.has_servo(world) {
                     self.is_homed = false;
                     self.is_homing = true;
                     let pace = self.pace(HOME_SPEED);
@@ -403,7 +405,7 @@ impl Iai {
 
     fn start(&mut self, now: RigTime, world: &mut World) {
         // Without servo, under an alarm or while the terminals command, it is ignored.
-        if !(self.has_servo() && self.switches.modbus_commands) || self.switches.pause {
+        if !(self.has_servo(world) && self.switches.modbus_commands) || self.switches.pause {
             return;
         }
         if !self.is_homed {

@@ -105,6 +105,7 @@ impl Motor {
     pub(super) fn apply_fault(&self, now: RigTime, fault: DeviceFault, world: &mut World) {
         match fault {
             DeviceFault::Stall => world.drive(now, self.axis).halt(now),
+            DeviceFault::EmergencyStop => world.press_stop(now, true),
             DeviceFault::Jam => world.drive(now, self.axis).set_jammed(now, true),
             DeviceFault::LoseSteps(distance) => world.drive(now, self.axis).lose_steps(distance),
             DeviceFault::Reboot
