@@ -137,8 +137,22 @@ def main():
     tests = {one["pattern"]: one["probability"] for one in stated["evidence"]}
     of_samples = min(1.0, min(of_sample) * len(of_sample))
     of_chi2 = chi2_distribution.sf(chi2 / overlap, freedom / overlap)
-    least = min([of_chi2, of_samples] + [p for name, p in tests.items() if name != "sample"])
-    least *= 1 + len(tests)
+    # The known samples about one factor, each known to 3 %.
+    factors = []
+    for sample in set(samples):
+        own = samples == sample
+        known = next((one["known_mpa"] for one in result["stiffness"] if one["sample"] == sample), None)
+        if known is not None:
+            mean = np.average(logs[own], weights=weights[own])
+            factors.append((mean - np.log(known), 1 / weights[own].sum() + 0.03**2))
+    of_known = 1.0
+    if len(factors) > 1:
+        ratio, variance = np.array(factors).T
+        apart = ratio - np.average(ratio, weights=1 / variance)
+        of_known = chi2_distribution.sf(float((apart**2 / variance).sum()), len(factors) - 1)
+    least = min([of_chi2, of_samples, of_known] + [p for name, p in tests.items() if name not in ("sample", "known")])
+    # The test of the known samples is not counted.
+    least *= 1 + len([name for name in tests if name != "known"])
     verdict = "rejected" if least < 1e-4 else "strained" if least < 0.02 else "holds"
 
     failures = []
@@ -155,6 +169,8 @@ def main():
     check("largest difference of a residual, σ", f"{apart:.4f}", f"below {RESIDUAL}", apart < RESIDUAL)
     theirs = tests.get("sample", 1.0)
     check("evidence of one sample", f"{of_samples:.4f}", f"{theirs:.4f}", abs(of_samples - theirs) < 0.05)
+    theirs = tests.get("known", 1.0)
+    check("evidence of the known samples", f"{of_known:.4f}", f"{theirs:.4f}", abs(of_known - theirs) < 0.05)
     print(f"χ² has a probability of {of_chi2:.4f} by chance, with an overlap of {overlap:.3f}")
     check("verdict", verdict, stated["verdict"], verdict == stated["verdict"])
     for failure in failures:

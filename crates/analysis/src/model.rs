@@ -7,6 +7,7 @@
 mod evidence;
 mod fit;
 mod judge;
+mod known;
 mod linear;
 mod pair;
 

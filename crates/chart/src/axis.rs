@@ -22,7 +22,7 @@ pub struct Axis {
     scale: Scale,
     range: Option<(f64, f64)>,
     include: Vec<f64>,
-    ticks: Option<Vec<f64>>,
+    ticks: Option<Vec<(f64, Option<String>)>>,
 }
 
 impl Axis {
@@ -54,7 +54,14 @@ impl Axis {
 
     /// Sets the ticks.
     pub fn with_ticks(mut self, ticks: &[f64]) -> Self {
-        self.ticks = Some(ticks.to_vec());
+        self.ticks = Some(ticks.iter().map(|&value| (value, None)).collect());
+        self
+    }
+
+    /// Sets ticks with names, for an axis of things that have no values.
+    pub fn with_names<'a>(mut self, ticks: impl IntoIterator<Item = (f64, &'a str)>) -> Self {
+        let named = |(value, name): (f64, &str)| (value, Some(name.to_owned()));
+        self.ticks = Some(ticks.into_iter().map(named).collect());
         self
     }
 

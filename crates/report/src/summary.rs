@@ -117,12 +117,12 @@ pub struct ModelSummary {
     pub chi2_per_dof: f64,
     /// Number of degrees of freedom.
     pub degrees_of_freedom: usize,
-    /// The cause that explains most of a misfit: `friction`, `arm`, `depth` or `sample`; `None` while
-    /// the model holds, or when none explains it.
+    /// The cause that explains most of a misfit: `friction`, `arm`, `depth` or `sample`, or `known` if the
+    /// samples of known stiffness do not have one factor; `None` while the model holds, or when none explains it.
     pub pattern: Option<&'static str>,
-    /// For the pattern `sample`: the name of the sample.
+    /// For the patterns `sample` and `known`: the name of the sample that differs most.
     pub pattern_sample: Option<String>,
-    /// What one further term for each cause would change, largest first.
+    /// What one further term for each cause would change, largest first; `known` at the end.
     pub evidence: Vec<EvidenceSummary>,
     /// Relative standard deviation that scatter and misfit of the residuals add to every stiffness.
     pub added_rel: f64,
@@ -139,9 +139,10 @@ pub struct ModelSummary {
 /// The evidence for a cause of misfit.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct EvidenceSummary {
-    /// `friction`, `arm`, `depth` or `sample`.
+    /// `friction`, `arm`, `depth`, `sample` or `known`.
     pub pattern: &'static str,
-    /// χ² that one further term removes; for a sample, the excess of its own χ².
+    /// χ² that one further term removes; for `sample`, the excess of its own χ²; for `known`, that of χ² about the
+    /// common factor.
     pub chi2_removed: f64,
     /// Probability of as much under a model that holds.
     pub probability: f64,
@@ -175,7 +176,9 @@ impl ModelSummary {
             probability: one.probability,
         };
         let sample = |pattern: Pattern| match pattern {
-            Pattern::Sample(sample) => Some(data.samples()[sample].name.clone()),
+            Pattern::Sample(sample) | Pattern::Known(sample) => {
+                Some(data.samples()[sample].name.clone())
+            }
             Pattern::Friction | Pattern::Arm | Pattern::Depth => None,
         };
         let (ratio, arm) = (Term::TangentialRatio, Term::Arm);

@@ -100,6 +100,9 @@ fn model(results: &RunResults, check: &ModelCheck) -> String {
         Some(Pattern::Sample(sample)) => {
             format!(": sample {}", results.data.samples()[sample].name)
         }
+        Some(Pattern::Known(sample)) => {
+            format!(": known stiffness, sample {} most", results.data.samples()[sample].name)
+        }
         Some(pattern) => format!(": {}", pattern.name()),
         None => String::new(),
     };

@@ -8,6 +8,7 @@ use std::f64::consts::PI;
 
 use super::{
     LAW_EXPONENT_SIGMA, LearntTerm, MainTouches, ModelSource, RunModel, Term, Terms, judge,
+    known::Known,
     linear::{self, Matrix},
     pair::Difference,
 };
@@ -27,9 +28,6 @@ const ARM_SIGMA_MAX_REL: f64 = 0.35;
 /// The share of the variance of the depth that touches at one place of the stages may have in common:
 /// a screw repeats its error.
 pub(super) const SHARED_DEPTH: f64 = 0.5;
-/// Relative standard deviation of a known stiffness, where it decides between two ways of holding the
-/// depth. Indentation and stage differ by a third over the samples of the paper.
-const KNOWN_REL: f64 = 0.03;
 
 /// The touches that give a stiffness by the described model.
 pub(super) struct Usable<'a> {
@@ -202,7 +200,7 @@ impl<'a> Usable<'a> {
         let Some(other) = self.best(&other) else { return Some((described, None)) };
         let cost = |fit: &Fit| {
             let penalty = (self.touches.len() as f64).ln() * fit.learnt.len() as f64;
-            fit.state.chi2 + penalty + self.against_known(&fit.state)
+            fit.state.chi2 + penalty + Known::of(self, &fit.state).chi2()
         };
         let (of_described, of_other) = (cost(&described), cost(&other));
         let (fit, rival) =
@@ -234,23 +232,6 @@ impl<'a> Usable<'a> {
             fit.covariance[index][index].sqrt() < limit
         };
         terms.iter().enumerate().all(is_identified).then_some(fit)
-    }
-
-    /// χ² of the samples of known stiffness about one common factor.
-    fn against_known(&self, state: &State) -> f64 {
-        let sample = |(sample, known): (usize, &Option<f64>)| {
-            let known = (*known)?;
-            let of_sample =
-                || (0..self.touches.len()).filter(|&i| self.touches[i].sample == sample);
-            let weight: f64 = of_sample().map(|i| state.weights[i]).sum();
-            let mean: f64 = of_sample().map(|i| state.weights[i] * state.logs[i]).sum();
-            (weight > 0.0).then(|| (mean / weight - known.ln(), (1.0 / weight + KNOWN_REL.powi(2))))
-        };
-        let found: Vec<(f64, f64)> =
-            self.main.known_mpa.iter().enumerate().filter_map(sample).collect();
-        let weight: f64 = found.iter().map(|(_, variance)| 1.0 / variance).sum();
-        let mean = found.iter().map(|(log, variance)| log / variance).sum::<f64>() / weight;
-        found.iter().map(|(log, variance)| (log - mean).powi(2) / variance).sum()
     }
 
     /// The least χ² over these terms; `None` when a touch has no stiffness or nothing is free.

@@ -233,3 +233,24 @@ fn the_way_to_hold_the_depth_that_was_not_taken_stays_as_probable_as_the_touches
     assert!((0.2..0.6).contains(&(stiff - soft)), "{soft} {stiff}");
     assert!(RunModel::of(&described, &main, ModelSource::Described).covariance().is_empty());
 }
+
+/// A known stiffness that is a third too small sets its sample apart, whatever the angles say.
+#[test]
+fn samples_of_known_stiffness_that_disagree_are_noticed_and_widen_the_intervals() {
+    let touches = MATCHED.touches(&ANGLES_DEG);
+    let described = Compensation::new(&SensorDescription::reference(), 0.002);
+    let check = |known_mpa: [Option<f64>; 5]| {
+        let main = MainTouches { touches: &touches, known_mpa: &known_mpa, sample_rel: 0.03 };
+        RunModel::of(&described, &main, ModelSource::Learnt).check().unwrap().clone()
+    };
+    let mut known_mpa = SAMPLES_MPA.map(Some);
+    known_mpa[2] = Some(0.75 * SAMPLES_MPA[2]);
+    let found = check(known_mpa);
+    assert_eq!((found.verdict, found.pattern), (Verdict::Rejected, Some(Pattern::Known(2))));
+    // The logarithms are 0.23 above and 0.06 below their mean.
+    assert!((0.11..0.14).contains(&found.added_rel), "{found:?}");
+    // One known sample has nothing to disagree with.
+    let one = check([None, None, Some(0.75 * SAMPLES_MPA[2]), None, None]);
+    assert_eq!((one.verdict, one.pattern), (Verdict::Holds, None), "{one:?}");
+    assert!(one.evidence.iter().all(|one| one.pattern.name() != "known"), "{one:?}");
+}

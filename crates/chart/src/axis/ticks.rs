@@ -8,11 +8,13 @@ pub(crate) struct Tick {
     pub(crate) text: Option<String>,
 }
 
-/// Ticks at the given values within the range.
-pub(super) fn given(values: &[f64], from: f64, to: f64) -> Vec<Tick> {
-    let shown = values.iter().filter(|&&value| from <= value && value <= to);
-    let tick = |&value: &f64| Tick { value, text: Some(with_minus(&value.to_string())) };
-    shown.map(tick).collect()
+/// Ticks at the given values within the range, each with its name or its value.
+pub(super) fn given(ticks: &[(f64, Option<String>)], from: f64, to: f64) -> Vec<Tick> {
+    let shown = ticks.iter().filter(|(value, _)| from <= *value && *value <= to);
+    let text = |value: f64, name: &Option<String>| {
+        name.clone().unwrap_or_else(|| with_minus(&value.to_string()))
+    };
+    shown.map(|(value, name)| Tick { value: *value, text: Some(text(*value, name)) }).collect()
 }
 
 /// At most about `room` ticks, at multiples of 1, 2 or 5 times a power of ten.
@@ -130,6 +132,12 @@ mod tests {
         check(&linear(-0.3, 0.3, 6.0), &["−0.3", "−0.2", "−0.1", "0.0", "0.1", "0.2", "0.3"]);
         check(&linear(140.31, 140.42, 4.0), &["140.35", "140.40"]);
         check(&linear(0.0, 1e6, 2.0), &["0", "500000", "1000000"]);
+    }
+
+    #[test]
+    fn given_ticks_have_their_names_or_their_values() {
+        let ticks = [(-1.5, None), (2.0, Some("T1".to_owned())), (9.0, None)];
+        check(&given(&ticks, -2.0, 3.0), &["−1.5", "T1"]);
     }
 
     #[test]

@@ -71,6 +71,10 @@ fn name(data: &RunData, pattern: Pattern) -> String {
         Pattern::Arm => "another length of the probe's arm".into(),
         Pattern::Depth => "another growth of the contact with depth, or of another depth".into(),
         Pattern::Sample(sample) => format!("sample {} alone", data.samples()[sample].name),
+        Pattern::Known(sample) => format!(
+            "samples of known stiffness without one common factor, sample {} most",
+            data.samples()[sample].name
+        ),
     }
 }
 
@@ -155,7 +159,7 @@ fn evidence(data: &RunData, check: &ModelCheck) -> Markup {
             vec![text(name(data, one.pattern)), text(fixed(one.chi2_removed, 1)), text(probability)]
         })
         .collect();
-    let caption =
-        "What one further term would remove of χ². For a sample, it is the excess of its own.";
+    let caption = "What one further term would remove of χ². For a sample, it is the excess of its own; \
+                   for the samples of known stiffness, that of χ² about their common factor.";
     table(caption, &heads, &rows)
 }

@@ -166,8 +166,8 @@ impl SearchBench {
         let started = self.now;
         self.world.set_frequency(self.now, self.frequency_hz);
         let ready = started + std::time::Duration::from_secs_f64(settle_s);
-        let (impedance, done) = self.world.measure(ready, cycles);
-        self.now = done;
+        self.now = self.world.begin_reading(ready, cycles);
+        let impedance = self.world.end_reading().expect("a reading was begun");
         reading(&point, impedance, started)
     }
 }

@@ -43,8 +43,15 @@ pub(super) fn page(args: &Args, all: &[TruthRuns], parts: &[PartRuns]) -> Page {
          ([decision 60](../decisions/0060-every-run-judges-its-model.md)); the intervals are then wider.",
     );
     page.table(before_and_after(all));
-    page.chart("coverage.svg", chart(all, "Coverage of the 95 % intervals", Summary::coverage));
-    page.chart("noticed.svg", chart(all, "Runs whose model does not hold", Summary::noticed));
+    let share = || Axis::linear("share, %").including(100.0);
+    let mut coverage = chart(all, "Coverage of the 95 % intervals", share(), Summary::coverage);
+    let edges = [93.0, 97.0].map(|x| BandEdge { x, low: 0.0, high: all.len() as f64 + 1.0 });
+    let band = Some("93 % to 97 %".to_owned());
+    coverage.bands.push(Band { name: band, edges: edges.to_vec(), colour: 6 });
+    page.chart("coverage.svg", coverage);
+    let share = share().including(0.0);
+    let alarms = chart(all, "Runs whose model does not hold", share, Summary::noticed);
+    page.chart("noticed.svg", alarms);
     page.data(TABLE, csv(all));
     page.heading("What is noticed");
     page.text(
@@ -294,26 +301,24 @@ pub(super) fn csv(all: &[TruthRuns]) -> String {
     table.text().to_owned()
 }
 
-/// A share of each truth, with the described and with the learnt model.
-fn chart(all: &[TruthRuns], title: &str, of: fn(&Summary) -> f64) -> Chart {
-    let last = all.len() as f64;
-    let ticks: Vec<f64> = (1..=all.len()).map(|number| number as f64).collect();
+/// A share of each truth, with the described and with the learnt model, from the top in the order of the table.
+fn chart(all: &[TruthRuns], title: &str, share: Axis, of: fn(&Summary) -> f64) -> Chart {
+    let height = |index: usize| (all.len() - index) as f64;
+    let names = all.iter().enumerate().map(|(index, one)| (height(index), one.truth.name));
     let mut chart = Chart::new(
         title,
         "Share for each truth, in the order of the table, with the described and the learnt model.",
-        Axis::linear("truth, by its row in the table").with_ticks(&ticks),
-        Axis::linear("share (%)").including(0.0).including(100.0),
+        share,
+        Axis::linear("").with_range(0.0, height(0) + 1.0).with_names(names),
     );
-    let edges = [0.5, last + 0.5].map(|x| BandEdge { x, low: 93.0, high: 97.0 }).to_vec();
-    chart.bands.push(Band { name: Some("93 % to 97 %".to_owned()), edges, colour: 6 });
+    chart.size_px = (720, 620);
     for (colour, name) in ["described", "learnt"].into_iter().enumerate() {
-        let point = |(x, one): (f64, &TruthRuns)| {
+        let point = |(index, one): (usize, &TruthRuns)| {
             let summary = if colour == 0 { &one.described } else { &one.learnt };
             let note = Some(format!("{}: {} %", one.truth.name, percent(of(summary), 1)));
-            Point { x, y: 100.0 * of(summary), error: None, note }
+            Point { x: 100.0 * of(summary), y: height(index), error: None, note }
         };
-        let points = ticks.iter().copied().zip(all).map(point);
-        chart.series.push(Series::scatter(name, colour, points));
+        chart.series.push(Series::scatter(name, colour, all.iter().enumerate().map(point)));
     }
     chart
 }

@@ -13,8 +13,8 @@ pub(super) struct Summary {
     runs: u32,
     strained: u32,
     rejected: u32,
-    /// Runs with each pattern: friction, arm, depth, one sample.
-    patterns: [u32; 4],
+    /// Runs with each pattern: friction, arm, depth, one sample, known samples.
+    patterns: [u32; 5],
     blind: u32,
     recognised: u32,
     found: u32,
@@ -47,6 +47,7 @@ impl Summary {
             Some(Pattern::Arm) => self.patterns[1] += 1,
             Some(Pattern::Depth) => self.patterns[2] += 1,
             Some(Pattern::Sample(_)) => self.patterns[3] += 1,
+            Some(Pattern::Known(_)) => self.patterns[4] += 1,
             None => {}
         }
         for is_recognised in &found.recognised {
@@ -110,7 +111,7 @@ impl Summary {
 
     /// The most frequent pattern with its share of the runs.
     pub(super) fn pattern(&self) -> Option<(&'static str, f64)> {
-        let names = ["friction", "arm", "depth", "one sample"];
+        let names = ["friction", "arm", "depth", "one sample", "known samples"];
         let best = names.into_iter().zip(self.patterns).max_by_key(|(_, count)| *count)?;
         (best.1 > 0).then(|| (best.0, self.of_runs(best.1)))
     }
