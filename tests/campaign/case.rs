@@ -57,10 +57,10 @@ impl Draw {
     /// The windows of the sweeps, which may exclude a resonance, and their targets.
     fn windows(&mut self, protocol: &str) -> String {
         let targets = ["0.02", "0.05", "0.1"].map(|target| {
-            let from = format!("target_sigma_hz = {target}\n");
+            let from = format!("\ntarget_sigma_hz = {target}\n");
             let factor = self.log_between(0.5, 3.0);
             let to = target.parse().map_or(0.1, |hz: f64| hz * factor);
-            (from, format!("target_sigma_hz = {to:.4}\n"))
+            (from, format!("\ntarget_sigma_hz = {to:.4}\n"))
         });
         let windows = [
             ("min_hz = 125\n", "min_hz", self.between(100.0, 138.0)),
@@ -69,9 +69,15 @@ impl Draw {
             ("max_hz = 260\n", "max_hz", self.log_between(155.0, 400.0)),
         ]
         .map(|(from, key, hz)| (from.to_owned(), format!("{key} = {hz:.1}\n")));
+        // With an aim, the file states no target.
+        let aim = (
+            "stiffness_percent = 3.4\n".to_owned(),
+            format!("stiffness_percent = {:.2}\n", self.log_between(2.6, 12.0)),
+        );
         let changes: Vec<(&str, &str)> = targets
             .iter()
             .chain(&windows)
+            .chain([&aim])
             .map(|(from, to)| (from.as_str(), to.as_str()))
             .filter(|(from, _)| protocol.contains(from))
             .collect();

@@ -66,6 +66,7 @@ const ARROWS: [(&str, &[&str]); 22] = [
             "rig-commission",
             "rig-interlock",
             "rig-contact",
+            "rig-analysis",
             "rig-resonance",
             "rig-link",
             "rig-analyzer",

@@ -89,6 +89,19 @@ impl PosedTouch {
     }
 }
 
+/// How the stiffness of a touch depends on what is measured, before it is made. All are relative to the stiffness.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TouchSensitivity {
+    /// Change with the shift, 1/Hz.
+    pub per_hz: f64,
+    /// Change with the depth below the surface, 1/mm.
+    pub per_mm: f64,
+    /// Standard deviation due to the depth, as the description of the sensor states it.
+    pub of_depth: f64,
+    /// Standard deviation due to the contact angle.
+    pub of_angle: f64,
+}
+
 /// A stiffness with its standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Young {
@@ -221,6 +234,34 @@ impl Compensation {
         self.models.stiffness_of_touch(tier, shift_hz, spread, kind, &contact)
     }
 
+    /// How the stiffness of a touch depends on what is measured, for a sample of this stiffness, to first order.
+    ///
+    /// # Errors
+    /// [`InverseError`] outside of the model.
+    pub fn sensitivity(
+        &self,
+        pose: Pose,
+        depth: Depth,
+        young_mpa: f64,
+    ) -> Result<TouchSensitivity, InverseError> {
+        // Small against every limit of the inverse; only the ratio counts.
+        const SMALL: f64 = 1e-6;
+        let Self { tier, law, friction, kind, .. } = *self;
+        let contact = Contact { pose, depth, law, friction };
+        let tissue = Tissue::new(young_mpa, kind.poisson, kind.loss)?;
+        let shift_hz = self.models.predict(tier, &tissue, &contact)?.shift_hz;
+        let small = TouchSigmas { shift_hz: SMALL, depth_mm: SMALL, angle_rad: SMALL };
+        let one = self.models.stiffness_of_touch(tier, shift_hz, small, kind, &contact)?;
+        let relative = |sigma_mpa: f64| sigma_mpa / SMALL / one.young_mpa;
+        let per_mm = relative(one.sigma_of_depth_mpa);
+        Ok(TouchSensitivity {
+            per_hz: relative(one.sigma_of_shift_mpa),
+            per_mm,
+            of_depth: per_mm * self.depth_sigma_mm,
+            of_angle: relative(one.sigma_of_angle_mpa) * self.angle_sigma_rad,
+        })
+    }
+
     /// The logarithm of the stiffness of one touch in MPa, without its uncertainty.
     ///
     /// # Errors
@@ -336,6 +377,26 @@ mod tests {
             }
         }
         touches
+    }
+
+    /// The stiffness that a touch states has the parts that the sensitivity promises.
+    #[test]
+    fn the_sensitivity_is_that_of_the_touches() {
+        let compensation = compensation();
+        for touch in touches(&compensation, 0, 0.235) {
+            let of = compensation.sensitivity(touch.pose, touch.depth, 0.235).unwrap();
+            let found = compensation.of_touch(&touch).unwrap();
+            let pairs = [
+                (of.per_hz * touch.sigma_hz, found.sigma_of_shift_mpa),
+                (of.of_depth, found.sigma_of_depth_mpa),
+                (of.of_angle, found.sigma_of_angle_mpa),
+            ];
+            for (promised, sigma_mpa) in pairs {
+                let stated = sigma_mpa / found.young_mpa;
+                assert!((promised - stated).abs() < 0.01 * stated.max(1e-6), "{of:?} {found:?}");
+            }
+        }
+        assert!(compensation.sensitivity(Pose::UPRIGHT, MOVED, -1.0).is_err());
     }
 
     /// The shifts fall by a fifth over these angles; the stiffness does not.

@@ -6,7 +6,7 @@ use rig_files::{Faults, Location, settings::Setting};
 use rig_model::{ContactAngle, Direction, Mm, Position, RigLimits};
 
 use crate::{
-    Pose, Protocol,
+    Pose, Protocol, aim,
     fault::{DepthLimit, ProtocolFault},
     protocol::{self, ApproachKeys, BlindPhase},
     sweep::SweepKeys,
@@ -47,6 +47,7 @@ fn by_itself(protocol: &Protocol, faults: &mut Faults) {
         (touches > MAX_TOUCHES).then_some(fault)
     });
     approach(protocol, faults);
+    aim::check(protocol, faults);
     if let Some(blind) = &protocol.blind {
         blind_phase(blind, protocol.samples.len(), faults);
     }

@@ -5,7 +5,7 @@ use std::fmt;
 use rig_files::{Complaint, settings::unit_hint};
 use rig_model::{ContactAngle, Deg, Direction, Mm, Position, Span, SweepRequestError};
 
-use crate::Pose;
+use crate::{Pose, StepId};
 
 /// The limit of the depth of a touch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -126,6 +126,31 @@ pub(crate) enum ProtocolFault {
     #[error("level_v = {found} is above the limit of {limit} V of the rig (analyzer.max_level_v)")]
     LevelTooHigh { found: f64, limit: f64 },
 
+    // The aim.
+    #[error("an aim is stiffness_percent or seconds_per_touch, and here are both")]
+    TwoAims,
+    #[error("[aim] has neither stiffness_percent nor seconds_per_touch")]
+    NoAim,
+    #[error(
+        "target_sigma_hz of [{section}] is left to the aim, and the method \"uniform\" measures its points \
+         whatever the target is"
+    )]
+    AimNeedsAdaptive { section: &'static str },
+    #[error("the aim needs an expected stiffness of sample \"{sample}\", which no file states")]
+    AimOfUnknownSample { sample: String },
+    #[error("nothing can be expected of {step}: the models of the sensor do not hold there")]
+    AimOutsideModel { step: StepId },
+    #[error(
+        "stiffness_percent = {found} is below {limit:.2} %, the best that settings make of {step}: depth and \
+         angle of the rig file (sensor.uncertainty) make {fixed_percent:.2} % of it"
+    )]
+    AimTooAccurate { found: f64, limit: f64, fixed_percent: f64, step: StepId },
+    #[error(
+        "seconds_per_touch = {found} is below {limit:.2} s, the fastest that settings make of a touch: all but \
+         its sweeps and its search takes {rest_s:.2} s of it"
+    )]
+    AimTooFast { found: f64, limit: f64, rest_s: f64 },
+
     // The blind phase and the whole.
     #[error("classes = {classes} is above the number of samples, {samples}")]
     MoreClassesThanSamples { classes: u32, samples: usize },
@@ -182,6 +207,26 @@ impl Complaint for ProtocolFault {
             Self::Sweep(error) => return sweep_suggestion(error),
             Self::BeyondAnalyzer { key, found, min, max } => stay_within(key, *found, *min, *max),
             Self::LevelTooHigh { limit, .. } => format!("use at most {limit}"),
+            Self::TwoAims => "remove one".into(),
+            Self::NoAim => "write for example stiffness_percent = 2".into(),
+            Self::AimNeedsAdaptive { .. } => {
+                "write method = \"adaptive\", or state target_sigma_hz".into()
+            }
+            Self::AimOfUnknownSample { .. } => {
+                "write that of the softest sample there, such as softest_mpa = 0.05".into()
+            }
+            Self::AimOutsideModel { .. } => {
+                "use smaller angles, or state the settings and remove [aim]".into()
+            }
+            // Rounded up, so that the advice holds.
+            Self::AimTooAccurate { limit, .. } => format!(
+                "use at least {:.2}, or state smaller uncertainties if the bench is known better",
+                (limit * 100.0).ceil() / 100.0
+            ),
+            Self::AimTooFast { limit, .. } => format!(
+                "use at least {:.2}, or shorten dwell_s and the ways",
+                (limit * 100.0).ceil() / 100.0
+            ),
             Self::MoreClassesThanSamples { samples, .. } => format!("use at most {samples}"),
             Self::FewerTrialsThanClasses { classes, .. } => format!("use at least {classes}"),
             Self::NoBlindAngle { min, .. } => format!("use at least {min}"),

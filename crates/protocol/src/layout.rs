@@ -13,7 +13,7 @@ use rig_files::Faults;
 use rig_model::{Orientation, RigLimits, random::Stream};
 
 use crate::{
-    Action, Phase, Plan, Pose, Prompt, Protocol, Step, StepId, Touch, check,
+    Action, Phase, Plan, Pose, Prompt, Protocol, Step, StepId, Touch, TouchModel, aim, check,
     fault::ProtocolFault,
     protocol::{BlindOrder, BlindPhase, NoLoadPolicy, Order},
 };
@@ -41,7 +41,8 @@ impl Plan {
     /// Checks the protocol against the limits of a rig and lays out its steps.
     ///
     /// `known_samples` are the names of the available samples, if they are known: a simulated rig
-    /// knows them, a real one takes the sample that the person places.
+    /// knows them, a real one takes the sample that the person places. `model` is asked about the touches of
+    /// a protocol with an aim.
     ///
     /// # Errors
     /// Every fault of the file, alone and on this rig.
@@ -49,6 +50,7 @@ impl Plan {
         protocol: &Protocol,
         limits: &RigLimits,
         known_samples: Option<&[String]>,
+        model: &dyn TouchModel,
     ) -> Result<Self, Faults> {
         let mut faults = protocol.faults.clone();
         check::on_rig(protocol, limits, &mut faults);
@@ -58,7 +60,23 @@ impl Plan {
         if !faults.is_empty() {
             return Err(faults);
         }
-        let mut plan = Self {
+        let plan = match &protocol.aim {
+            None => Some(Self::of(protocol)),
+            Some(aim) => aim::choose(protocol, &aim.value, limits, model, &mut faults),
+        };
+        let Some(plan) = plan else { return Err(faults) };
+        if let Some(limit) = protocol.max_duration_h() {
+            let expected = plan.summary(limits).duration_s / 3600.0;
+            limit.check(&mut faults, |&limit| {
+                (expected > limit).then_some(ProtocolFault::TooLong { expected, limit })
+            });
+        }
+        faults.finish(plan)
+    }
+
+    /// The steps of a protocol in which nothing is left out.
+    pub(crate) fn of(protocol: &Protocol) -> Self {
+        let plan = Self {
             name: protocol.name.clone(),
             samples: protocol.samples.iter().map(|sample| sample.value.clone()).collect(),
             steps: Layout::of(protocol),
@@ -70,17 +88,12 @@ impl Plan {
             contact_sweep: protocol.contact_sweep.request,
             classes: protocol.blind.as_ref().map(|blind| blind.classes.value as usize),
             seed: protocol.seed,
+            aim: None,
         };
-        if protocol.blind.as_ref().is_some_and(|blind| blind.order == BlindOrder::ByMounting) {
-            plan = plan.by_mounting();
+        match &protocol.blind {
+            Some(blind) if blind.order == BlindOrder::ByMounting => plan.by_mounting(),
+            _ => plan,
         }
-        if let Some(limit) = protocol.max_duration_h() {
-            let expected = plan.summary(limits).duration_s / 3600.0;
-            limit.check(&mut faults, |&limit| {
-                (expected > limit).then_some(ProtocolFault::TooLong { expected, limit })
-            });
-        }
-        faults.finish(plan)
     }
 
     /// The plan of a resumed run: the steps of the finished touches, unchanged, and then the other

@@ -9,6 +9,7 @@
 
 #![deny(clippy::disallowed_methods)]
 
+mod aim;
 mod check;
 mod fault;
 mod layout;
@@ -20,6 +21,10 @@ mod sweep;
 #[cfg(test)]
 mod tests;
 
+pub use aim::{
+    AIM_KEYS, AimPlan, AimSettings, ErrorPart, ExpectedTouch, NoSensitivity, PartTimes, Percents,
+    Sensitivity, TouchModel, Wanted,
+};
 pub use plan::{
     Action, Approach, Phase, Plan, Pose, Prompt, RefusalPolicy, Step, StepId, Touch, TouchSettings,
 };

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::NoLoadPolicy;
+use crate::{AimPlan, NoLoadPolicy};
 use rig_model::{ContactAngle, Direction, Orientation, SweepRequest};
 
 /// A protocol that this rig can run, laid out in steps.
@@ -30,6 +30,9 @@ pub struct Plan {
     pub classes: Option<usize>,
     /// The seed that chose every random order, angle and sample in it.
     pub seed: u64,
+    /// What the protocol wants of its touches, and how their time is split for it; `None` if it states every
+    /// setting itself.
+    pub aim: Option<AimPlan>,
 }
 
 /// One step, with an address that stays the same from run to run.

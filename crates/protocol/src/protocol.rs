@@ -9,7 +9,8 @@ use rig_files::{
 use rig_model::{ContactAngle, Direction};
 
 use crate::{
-    Approach, RefusalPolicy, TouchSettings,
+    AimSettings, Approach, RefusalPolicy, TouchSettings,
+    aim::{self, AimKeys},
     sweep::{self, NoLoadKeys, SweepKeys},
 };
 
@@ -30,8 +31,11 @@ pub struct Protocol {
     pub(crate) order: Order,
     pub(crate) seed: u64,
     pub(crate) no_load: NoLoadPolicy,
+    /// Whether the file states `no_load`.
+    pub(crate) states_no_load: bool,
     pub(crate) angle: AngleKnowledge,
     pub(crate) model: ModelOrigin,
+    pub(crate) aim: Option<Setting<AimKeys>>,
     pub(crate) touch: TouchKeys,
     pub(crate) approach: ApproachKeys,
     pub(crate) no_load_sweep: NoLoadKeys,
@@ -156,6 +160,22 @@ impl Protocol {
         self.model
     }
 
+    /// The protocol with the settings that its aim has chosen before, for example when a run began.
+    #[must_use]
+    pub fn with_chosen(self, settings: &AimSettings) -> Self {
+        Self { aim: None, ..self.with(settings) }
+    }
+
+    /// The protocol with these settings in place of its own.
+    pub(crate) fn with(&self, settings: &AimSettings) -> Self {
+        let mut chosen = self.clone();
+        chosen.no_load = settings.no_load;
+        chosen.approach.fine_step_mm.value = settings.fine_step_mm;
+        chosen.contact_sweep.request.target_sigma_hz = settings.contact_sigma_hz;
+        chosen.no_load_sweep.sweep.request.target_sigma_hz = settings.no_load_sigma_hz;
+        chosen
+    }
+
     pub(crate) fn max_indentation_mm(&self) -> Option<&Setting<f64>> {
         self.limits.as_ref()?.max_indentation_mm.as_ref()
     }
@@ -194,7 +214,12 @@ impl Protocol {
 }
 
 pub(crate) fn protocol(table: &mut Table<'_>) -> Protocol {
+    let aim = table.section("aim", aim::read).optional();
+    let has_aim = aim.is_some();
+    let states_no_load = table.states("no_load");
     Protocol {
+        aim,
+        states_no_load,
         name: table.text("name").required().value,
         samples: table.text("samples").max_chars(40).list().at_most(100).required().value,
         directions: table
@@ -241,9 +266,15 @@ pub(crate) fn protocol(table: &mut Table<'_>) -> Protocol {
             .or(ModelOrigin::Learnt)
             .value,
         touch: table.section("touch", touch).required().value,
-        approach: table.section("approach", approach).required().value,
-        no_load_sweep: table.section("no_load_sweep", sweep::read_no_load).required().value,
-        contact_sweep: table.section("contact_sweep", sweep::read).required().value,
+        approach: table.section("approach", |table| approach(table, has_aim)).required().value,
+        no_load_sweep: table
+            .section("no_load_sweep", |table| sweep::read_no_load(table, has_aim))
+            .required()
+            .value,
+        contact_sweep: table
+            .section("contact_sweep", |table| sweep::read(table, has_aim))
+            .required()
+            .value,
         blind: table.section("blind", blind).optional().map(|blind| blind.value),
         limits: table.section("limits", limits).optional().map(|limits| limits.value),
         faults: Faults::new(""),
@@ -262,7 +293,7 @@ const DEPTH_MM: RangeInclusive<f64> = 0.005..=50.0;
 /// grows with the root of the depth or less, so that it is wrong by half of this at most.
 const SLIP_PART: f64 = 0.05;
 /// The same as [`DEPTH_MM`] for the steps of a search, mm.
-const STEP_MM: RangeInclusive<f64> = 0.0005..=10.0;
+pub(crate) const STEP_MM: RangeInclusive<f64> = 0.0005..=10.0;
 
 fn touch(table: &mut Table<'_>) -> TouchKeys {
     TouchKeys {
@@ -276,12 +307,12 @@ fn touch(table: &mut Table<'_>) -> TouchKeys {
     }
 }
 
-fn approach(table: &mut Table<'_>) -> ApproachKeys {
+fn approach(table: &mut Table<'_>, has_aim: bool) -> ApproachKeys {
     ApproachKeys {
         start_above_mm: table.number("start_above_mm").range(DEPTH_MM).required(),
         give_up_below_mm: table.number("give_up_below_mm").range(DEPTH_MM).required(),
         coarse_step_mm: table.number("coarse_step_mm").range(STEP_MM).required(),
-        fine_step_mm: table.number("fine_step_mm").range(STEP_MM).required(),
+        fine_step_mm: table.number("fine_step_mm").range(STEP_MM).required_unless(has_aim),
         // More than the whole impedance hardly changes by.
         contact_threshold: table.number("contact_threshold").range(0.001..=1.0).required().value,
         settle_s: table.number("settle_s").range(0.0..=60.0).required().value,
@@ -324,10 +355,25 @@ impl RefusalPolicy {
 }
 
 impl NoLoadPolicy {
+    /// The word in protocol files.
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::EveryTouch => "every-touch",
+            Self::EveryPose => "every-pose",
+            Self::EverySample => "every-sample",
+            Self::Once => "once",
+        }
+    }
+
+    /// The policy of a word in protocol files; `None` if there is no such word.
+    pub fn of_word(word: &str) -> Option<Self> {
+        Self::WORDS.into_iter().find_map(|(own, policy)| (own == word).then_some(policy))
+    }
+
     const WORDS: [(&'static str, Self); 4] = [
-        ("every-touch", Self::EveryTouch),
-        ("every-pose", Self::EveryPose),
-        ("every-sample", Self::EverySample),
-        ("once", Self::Once),
+        (Self::EveryTouch.word(), Self::EveryTouch),
+        (Self::EveryPose.word(), Self::EveryPose),
+        (Self::EverySample.word(), Self::EverySample),
+        (Self::Once.word(), Self::Once),
     ];
 }

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use rig_model::{Deg, Mm, Position, RigLimits, Span, SweepMethod, SweepRequest, Unit};
 
-use crate::{Action, Approach, Plan, Pose, Prompt, Step, Touch, TouchSettings};
+use crate::{Action, Approach, PartTimes, Plan, Pose, Prompt, Step, Touch, TouchSettings};
 
 /// The extent of a plan on a rig.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,10 +36,18 @@ const AFTER_CONTACT_TIME_CONSTANTS: f64 = 3.0;
 const BASELINE_TIME_CONSTANTS: f64 = 4.0;
 const TEST_TIME_CONSTANTS: f64 = 3.0;
 
-/// Mean duration of an adaptive sweep in time constants: a model of the ring takes the place of waiting. 222
-/// sweeps in contact took 3.6, and 149 references of three protocols 1.7 to 2.4.
-const CONTACT_TIME_CONSTANTS: f64 = 3.6;
-const NO_LOAD_TIME_CONSTANTS: f64 = 2.0;
+/// Mean duration of an adaptive sweep: some time constants, in which the resonance is found, and then readings until
+/// its standard deviation is that of the target. A model of the ring takes the place of waiting.
+#[derive(Debug, Clone, Copy)]
+struct AdaptiveTime {
+    time_constants: f64,
+    /// The duration times the square of the target, s Hz².
+    s_hz2: f64,
+}
+
+/// On the shipped bench, by the setting of the targets on the page of touches.
+const CONTACT_TIME: AdaptiveTime = AdaptiveTime { time_constants: 1.8, s_hz2: 4.8e-4 };
+const NO_LOAD_TIME: AdaptiveTime = AdaptiveTime { time_constants: 1.25, s_hz2: 4.4e-5 };
 
 /// How well a surface is known from the touches before, as a part of its tolerance: on the shipped bench, 65 µm
 /// for a new mounting of the sample or the sensor, and 15 µm for a known one.
@@ -60,6 +68,9 @@ const REFINEMENT: f64 = 20.0;
 
 /// Overhead of a move: requests to the drive, s.
 const MOVE_S: f64 = 0.025;
+
+/// Overhead of a reading of the search: commands and answer on a serial line, s.
+const READING_S: f64 = 0.02;
 
 /// Time in which a stage is assumed to reach the travel speed and the speed of the rotary stage, s: that of the
 /// accelerations of the shipped rig files.
@@ -104,11 +115,12 @@ impl Plan {
     ///           + way down + search + indentation + dwell + contact sweep + check of slip
     ///           + way up to where the next turn is clear
     ///           + halfway, if it is measured there: dwell + contact sweep
-    /// search    moves and readings of settle + cycles/f each; the first one of a run in coarse steps from
+    /// search    moves and readings of settle + cycles/f + 0.02 s each; the first one of a run in coarse steps from
     ///           start_above, then in finer passes, each of half of its steps after 3 τ; later ones from
     ///           4 σ above, σ = 0.13 of the surface tolerance for a new mounting and in the first ten touches, then 0.03
     /// slip      way up and 3 τ, 2 readings and the way between
-    /// sweep     uniform: points · (settle + cycles/f); adaptive: 3.6 τ in contact, 2 τ without
+    /// sweep     uniform: points · (settle + cycles/f); adaptive, with the target σ:
+    ///           1.8 τ + 4.8·10⁻⁴ s Hz²/σ² in contact, 1.25 τ + 4.4·10⁻⁵ s Hz²/σ² without
     /// ```
     ///
     /// with f in the middle of the window and τ = Q/(π f) for a Q of 66.
@@ -158,6 +170,49 @@ impl Plan {
     /// Expected duration of each step on the rig's clock, s: the terms of the sum in
     /// [`Plan::summary`]. A prompt counts as zero; the way to level before it belongs to the next step.
     pub fn durations_s(&self, limits: &RigLimits) -> Vec<f64> {
+        self.durations_and_surfaces_s(limits).0
+    }
+
+    /// Expected time of a touch by what it is for: the terms of the sum in [`Plan::summary`] over the touches; and
+    /// the durations of the steps, s.
+    pub(crate) fn times_and_durations_s(&self, limits: &RigLimits) -> (PartTimes, Vec<f64>) {
+        let (durations_s, surfaces_s) = self.durations_and_surfaces_s(limits);
+        let whole_s = durations_s.iter().sum::<f64>() / self.touches();
+        let surface_s = surfaces_s / self.touches();
+        let targets_hz = (self.contact_sweep.target_sigma_hz, self.no_load_sweep.target_sigma_hz);
+        let known = PartTimes { surface_s, ..PartTimes::default() };
+        let known = self.with_targets(targets_hz, known);
+        (PartTimes { rest_s: whole_s - known.together_s(), ..known }, durations_s)
+    }
+
+    /// The same times with other targets of the sweeps, in contact and without, Hz.
+    pub(crate) fn with_targets(
+        &self,
+        (contact_hz, no_load_hz): (f64, f64),
+        times: PartTimes,
+    ) -> PartTimes {
+        let contact = SweepRequest { target_sigma_hz: contact_hz, ..self.contact_sweep };
+        let no_load = SweepRequest { target_sigma_hz: no_load_hz, ..self.no_load_sweep };
+        let is_no_load = |step: &&Step| matches!(step.action, Action::NoLoad(_));
+        let no_loads = self.steps.iter().filter(is_no_load).count() + usize::from(self.level_check);
+        let survey_s = self.survey_s.map_or(0.0, f64::from);
+        let halfway_sweeps = f64::from(u8::from(self.touch.halfway_mm.is_some()));
+        PartTimes {
+            sweep_s: (1.0 + halfway_sweeps) * sweep_s(&contact, CONTACT_TIME),
+            reference_s: (survey_s + no_loads as f64 * sweep_s(&no_load, NO_LOAD_TIME))
+                / self.touches(),
+            ..times
+        }
+    }
+
+    /// Number of touches; 1 for a plan without any.
+    fn touches(&self) -> f64 {
+        let is_touch = |step: &&Step| matches!(step.action, Action::Touch(_));
+        self.steps.iter().filter(is_touch).count().max(1) as f64
+    }
+
+    /// The durations of the steps, and the time in which surfaces are looked for, s.
+    fn durations_and_surfaces_s(&self, limits: &RigLimits) -> (Vec<f64>, f64) {
         let level = limits.rotary.rest_target().position();
         let rest = limits.linear.rest_target().position();
         let check_s = if self.level_check { self.no_load_s() } else { 0.0 };
@@ -168,6 +223,7 @@ impl Plan {
             ringing_s: f64::INFINITY,
             mounting: None,
             touches: 0,
+            surfaces_s: 0.0,
         };
         let mut levelling_s = 0.0;
         let mut duration = |(index, step): (usize, &Step)| {
@@ -198,7 +254,8 @@ impl Plan {
             };
             std::mem::take(&mut levelling_s) + rotation_s + at_pose_s
         };
-        self.steps.iter().enumerate().map(&mut duration).collect()
+        let durations_s = self.steps.iter().enumerate().map(&mut duration).collect();
+        (durations_s, bench.surfaces_s)
     }
 
     /// A touch, without the rotation.
@@ -215,7 +272,7 @@ impl Plan {
         let integration_s = f64::from(cycles) / middle_hz(&self.no_load_sweep);
         let clear_s = (BASELINE_TIME_CONSTANTS * time_constant_s - bench.ringing_s).max(0.0)
             + (TEST_TIME_CONSTANTS * time_constant_s - rotation_s).max(0.0)
-            + 2.0 * integration_s;
+            + 2.0 * (integration_s + READING_S);
         let highest = limits.highest_surface(pose.direction, pose.angle);
         let surface = limits.geometry.surface_at(pose.direction, pose.angle);
         bench.touches += 1;
@@ -227,6 +284,7 @@ impl Plan {
             }
         };
         let down_s = travel_s(limits, bench.height.value() - first.value());
+        bench.surfaces_s += down_s + search_s;
         let contact_s = contact_move_s(limits, self.touch.indentation_mm)
             + self.touch.dwell_s
             + self.contact_sweep_s();
@@ -268,7 +326,7 @@ impl Plan {
     /// One reading of the search, without the move to its position, s.
     fn reading_s(&self) -> f64 {
         let Approach { settle_s, cycles, .. } = self.touch.approach;
-        settle_s + f64::from(cycles) / middle_hz(&self.no_load_sweep)
+        settle_s + f64::from(cycles) / middle_hz(&self.no_load_sweep) + READING_S
     }
 
     /// Finding a surface of which nothing is known.
@@ -312,11 +370,11 @@ impl Plan {
     }
 
     fn contact_sweep_s(&self) -> f64 {
-        sweep_s(&self.contact_sweep, CONTACT_TIME_CONSTANTS)
+        sweep_s(&self.contact_sweep, CONTACT_TIME)
     }
 
     fn no_load_s(&self) -> f64 {
-        sweep_s(&self.no_load_sweep, NO_LOAD_TIME_CONSTANTS)
+        sweep_s(&self.no_load_sweep, NO_LOAD_TIME)
     }
 }
 
@@ -329,6 +387,8 @@ struct Bench {
     /// Whether the mounting was touched before; `None` before the first touch.
     mounting: Option<bool>,
     touches: u32,
+    /// Time of the ways down and the searches so far, s.
+    surfaces_s: f64,
 }
 
 /// Duration of a move from rest to rest.
@@ -384,10 +444,11 @@ fn include<U: Unit>(span: &mut Span<U>, position: Position<U>) {
     }
 }
 
-fn sweep_s(sweep: &SweepRequest, adaptive_time_constants: f64) -> f64 {
+fn sweep_s(sweep: &SweepRequest, adaptive: AdaptiveTime) -> f64 {
     let planned_s = match sweep.method {
         SweepMethod::Adaptive | SweepMethod::Survey { .. } => {
-            adaptive_time_constants * time_constant_s(sweep)
+            let AdaptiveTime { time_constants, s_hz2 } = adaptive;
+            time_constants * time_constant_s(sweep) + s_hz2 / sweep.target_sigma_hz.powi(2)
         }
         SweepMethod::Uniform { points } => {
             let integration_s = f64::from(sweep.cycles) / middle_hz(sweep);

@@ -12,6 +12,7 @@ use crate::fault::ProtocolFault;
 #[derive(Debug, Clone)]
 pub(crate) struct SweepKeys {
     pub(crate) request: SweepRequest,
+    pub(crate) target_sigma_hz: Setting<f64>,
     pub(crate) min_hz: Setting<f64>,
     pub(crate) max_hz: Setting<f64>,
     pub(crate) level_v: Setting<f64>,
@@ -34,10 +35,10 @@ pub(crate) struct NoLoadKeys {
 }
 
 /// Reads the sweep of the free sensor.
-pub(crate) fn read_no_load(table: &mut Table<'_>) -> NoLoadKeys {
+pub(crate) fn read_no_load(table: &mut Table<'_>, has_aim: bool) -> NoLoadKeys {
     let survey_s = table.count("survey_s").optional();
     let level_check = table.flag("level_check").optional();
-    let sweep = read(table);
+    let sweep = read(table, has_aim);
     if let Some(seconds) = &survey_s {
         let allowed = SweepMethod::SURVEY_S;
         let (found, min, max) = (seconds.value, *allowed.start(), *allowed.end());
@@ -58,13 +59,13 @@ pub(crate) fn read_no_load(table: &mut Table<'_>) -> NoLoadKeys {
     }
 }
 
-/// Reads a sweep and checks it without a rig.
-pub(crate) fn read(table: &mut Table<'_>) -> SweepKeys {
+/// Reads a sweep and checks it without a rig. A protocol with an aim may leave the target out.
+pub(crate) fn read(table: &mut Table<'_>, has_aim: bool) -> SweepKeys {
     let words = [("adaptive", Method::Adaptive), ("uniform", Method::Uniform)];
     let method = table.choice("method", words).or(Method::Adaptive);
     let min_hz = table.number("min_hz").required();
     let max_hz = table.number("max_hz").required();
-    let target_sigma_hz = table.number("target_sigma_hz").required();
+    let target_sigma_hz = table.number("target_sigma_hz").required_unless(has_aim);
     let time_limit_s = table.number("time_limit_s").required();
     let cycles = table.count("cycles").required();
     let level_v = table.number("level_v").required();
@@ -119,7 +120,7 @@ pub(crate) fn read(table: &mut Table<'_>) -> SweepKeys {
             table.refuse(location, &ProtocolFault::Sweep(error));
         }
     }
-    SweepKeys { request, min_hz, max_hz, level_v }
+    SweepKeys { request, target_sigma_hz, min_hz, max_hz, level_v }
 }
 
 /// The key and its location, if its value could be read.

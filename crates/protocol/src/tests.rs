@@ -1,5 +1,6 @@
 //! Plans of the shipped files, and the messages for faulty ones.
 
+mod aim;
 mod plan;
 mod refusals;
 mod summary;
@@ -11,7 +12,8 @@ use rig_model::{
 };
 
 use crate::{
-    Action, AngleKnowledge, ModelOrigin, Phase, Plan, Prompt, Protocol, Touch, layout::Draws,
+    Action, AngleKnowledge, ExpectedTouch, ModelOrigin, NoSensitivity, Phase, Plan, Prompt,
+    Protocol, Sensitivity, Touch, TouchModel, layout::Draws,
 };
 
 const THREE_DIRECTION: &str = include_str!("../../../config/protocols/three-direction.toml");
@@ -53,14 +55,51 @@ fn limits() -> RigLimits {
     }
 }
 
-fn plan_of(text: &str) -> Plan {
-    Plan::new(&Protocol::read("protocol.toml", text), &limits(), None).unwrap()
+/// About what the sensor of the paper has at a depth of 0.5 mm: a soft sample shifts it by few hertz.
+struct PaperLike;
+
+impl TouchModel for PaperLike {
+    fn sensitivity(&self, touch: &ExpectedTouch<'_>) -> Result<Sensitivity, NoSensitivity> {
+        let per_hz = match touch.sample {
+            "1" => 0.1,
+            "unknown" => 0.005 / touch.assumed_mpa.ok_or(NoSensitivity::UnknownSample)?,
+            "beyond" => return Err(NoSensitivity::OutsideModel),
+            _ => 0.02,
+        };
+        let of_angle = 0.002 + 0.02 * touch.pose.angle.radians().sin();
+        Ok(Sensitivity { per_hz, per_mm: 0.64, of_depth: 0.0128, of_angle })
+    }
 }
 
-/// The three-direction protocol with some of its lines changed. Each must be there.
+#[track_caller]
+fn plan_of(text: &str) -> Plan {
+    Plan::new(&Protocol::read("protocol.toml", text), &limits(), None, &PaperLike).unwrap()
+}
+
+/// The keys that the three-direction protocol leaves to its aim, and a way to state them instead.
+const STATED: [(&str, &str); 6] = [
+    ("[aim]\n", "\n"),
+    ("\nstiffness_percent = 3.4\n", "\n\n"),
+    ("# no_load = ", "no_load = "),
+    ("# fine_step_mm = 0.016", "fine_step_mm = 0.015"),
+    ("# target_sigma_hz = 0.02", "target_sigma_hz = 0.02"),
+    ("# target_sigma_hz = 0.05", "target_sigma_hz = 0.05"),
+];
+
+/// The three-direction protocol without its aim and with some of its lines changed. Each must be there.
 #[track_caller]
 fn changed(changes: &[(&str, &str)]) -> String {
     let mut text = THREE_DIRECTION.to_owned();
+    for (old, new) in &STATED {
+        assert!(text.contains(old), "{old:?} is not in the file");
+        text = text.replacen(old, new, 1);
+    }
+    replaced(text, changes)
+}
+
+/// A text with some of its lines changed. Each must be there.
+#[track_caller]
+fn replaced(mut text: String, changes: &[(&str, &str)]) -> String {
     for (old, new) in changes {
         assert!(text.contains(old), "{old:?} is not in the file");
         text = text.replacen(old, new, 1);
@@ -73,7 +112,7 @@ fn changed(changes: &[(&str, &str)]) -> String {
 fn complaints(changes: &[(&str, &str)], limits: &RigLimits) -> String {
     let protocol = Protocol::read("protocol.toml", &changed(changes));
     let known: Vec<_> = ["1", "2", "3", "4", "5"].map(str::to_owned).into();
-    let faults = Plan::new(&protocol, limits, Some(&known)).unwrap_err();
+    let faults = Plan::new(&protocol, limits, Some(&known), &PaperLike).unwrap_err();
     faults.iter().map(|fault| fault.to_string() + "\n").collect()
 }
 

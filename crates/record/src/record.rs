@@ -4,6 +4,7 @@
 //! so that a change of the code cannot silently change what old journals mean. Every quantity has
 //! its unit in its name; positions are in mm on the linear axis and in degrees on the rotary one.
 
+mod aim;
 mod motion;
 mod person;
 mod resume;
@@ -14,6 +15,7 @@ mod touch;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use aim::{Aim, AimPart, AimSettings};
 pub use motion::{
     Axis, CheckedSurface, Intent, LostSurface, Move, MoveReason, Surface, SurfaceReading,
 };

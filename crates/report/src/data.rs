@@ -4,8 +4,9 @@ use std::fmt::Write as _;
 
 use rig_record::{
     Amended, Amendment, BlackBox, Change, Clearance, ClockJumped, Confirmed, Direction, Expected,
-    Prompt, Record, RefusalAnswered, RefusedTouch, Resumed, RetractTried, RunStarted, Sample,
-    Stalled, StoredRecord, Sweep, SweepOutcome, Touch, TouchSettings, UnreadableRecord,
+    Intent, MoveReason, Prompt, Record, RefusalAnswered, RefusedTouch, Resumed, RetractTried,
+    RunStarted, Sample, Stalled, StoredRecord, Sweep, SweepOutcome, Touch, TouchSettings,
+    UnreadableRecord,
 };
 
 use crate::units::{duration, with_sigma};
@@ -36,6 +37,10 @@ pub(crate) struct RunData {
     pub(crate) confirmed: Confirmed,
     /// Whether the surface was looked for again in the touch under way.
     has_slip_check: bool,
+    /// Time in which surfaces were looked for, from the declaration of each search to its end, s.
+    pub(crate) surfaces_s: f64,
+    /// When the search under way was declared, µs.
+    search_us: Option<u64>,
     /// Number of answered prompts.
     pub(crate) prompts: u32,
     /// Prompts, commands, faults and refused sweeps, in order.
@@ -354,10 +359,15 @@ impl RunData {
             seam @ (Record::Resumed(_) | Record::GivenUp(_) | Record::Amended(_)) => {
                 self.seam(run_us, seam);
             }
+            Record::Intent(Intent { what: MoveReason::Approach, .. }) => {
+                self.search_us = Some(run_us);
+            }
+            Record::SurfaceFound(_) | Record::SurfaceNotFound(_) => {
+                let begun_us = self.search_us.take().unwrap_or(run_us);
+                self.surfaces_s += run_us.saturating_sub(begun_us) as f64 / 1e6;
+            }
             Record::Intent(_)
             | Record::Moved(_)
-            | Record::SurfaceFound(_)
-            | Record::SurfaceNotFound(_)
             | Record::SurfaceChecked(_)
             | Record::RefusalAsked(_)
             | Record::StateChanged(_)

@@ -1,5 +1,6 @@
 //! The page: its frame, its head and the order of its parts.
 
+mod aim;
 mod budget;
 mod element;
 mod figures;
@@ -84,6 +85,7 @@ fn page(results: &RunResults, check: &ChainCheck, verdict: &RunVerdict, began: &
                     @if !results.touches.is_empty() {
                         (section("Planned, measured and refused", &overview::matrix(results)))
                     }
+                    @if let Some(aim) = &results.aim { (section("Aim", &aim::section(results, aim))) }
                     @if has_shifts || !is_early { (section("Frequency shift", &shifts(results))) }
                     @if has_blind || !is_early { (section("Recognition", &recognition(results))) }
                     @if has_shifts || has_blind { (section("Beside the paper", &paper::beside(results))) }

@@ -17,7 +17,13 @@ mod text;
 mod units;
 
 pub use html::RunVerdict;
-pub use results::{RunResults, budget::StiffnessBudget, status::TouchStatus, touches::TouchRow};
+pub use results::{
+    RunResults,
+    aim::{AimPartSummary, AimSummary},
+    budget::StiffnessBudget,
+    status::TouchStatus,
+    touches::TouchRow,
+};
 pub use summary::{
     ClassificationSummary, EvidenceSummary, ModelSummary, RecognitionSummary, RunSummary,
     ShiftSummary, StiffnessSummary, TermSummary,

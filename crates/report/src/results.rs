@@ -1,5 +1,6 @@
 //! The results of a run, built once from its records; every output is a view of them.
 
+pub(crate) mod aim;
 pub(crate) mod budget;
 pub(crate) mod classification;
 pub(crate) mod cost;
@@ -22,6 +23,7 @@ use rig_record::{
 };
 
 use crate::data::{DIRECTIONS, RunData};
+use aim::AimSummary;
 use classification::Classification;
 use cost::SweepCost;
 use grid::GridRow;
@@ -52,6 +54,8 @@ pub struct RunResults {
     /// The blind touches, recognised by several methods.
     pub(crate) recognitions: Vec<Recognition>,
     pub(crate) cost: SweepCost,
+    /// What became of the aim of the protocol, if it has one.
+    pub(crate) aim: Option<AimSummary>,
     /// A row for every planned touch, in the order of the plan.
     pub(crate) touches: Vec<TouchRow>,
 }
@@ -101,14 +105,16 @@ impl RunResults {
             None => Stiffness::of(&data).map(Arc::new),
         };
         let known_stiffness = stiffness.as_deref().ok();
+        let touches = touches::rows(run, &data, known_stiffness, classification.as_ref());
         Ok(Self {
+            aim: AimSummary::of(&data, &touches),
             run: run.clone(),
             grid: grid::grid(&data),
             sensitivity: sensitivity_at_smallest_angle(&data, &angle_means),
             no_load: no_load::summarize(&references),
             recognitions: recognitions(&data, classification.as_ref(), known_stiffness),
             cost: SweepCost::of(&data.sweeps),
-            touches: touches::rows(run, &data, known_stiffness, classification.as_ref()),
+            touches,
             direction_means,
             angle_means,
             references,

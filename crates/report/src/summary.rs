@@ -7,8 +7,8 @@ use serde::Serialize;
 use crate::{
     data::{DIRECTIONS, RunData},
     results::{
-        RunResults, budget::StiffnessBudget, recognition::Recognition, status::Tally,
-        stiffness::Stiffness, touches::TouchRow,
+        RunResults, aim::AimSummary, budget::StiffnessBudget, recognition::Recognition,
+        status::Tally, stiffness::Stiffness, touches::TouchRow,
     },
 };
 
@@ -42,6 +42,8 @@ pub struct RunSummary {
     /// The duration that was expected at the beginning, least and most, s on the rig's clock; `None`
     /// for a run that was made without an estimate.
     pub expected_seconds: Option<[f64; 2]>,
+    /// What the protocol wants of its touches, and what became of it; `None` if it states every setting.
+    pub aim: Option<AimSummary>,
     /// From beginning to end by the wall clock, s; `None` during the run.
     pub wall_seconds: Option<f64>,
     /// Mean resonance with the probe clear, Hz.
@@ -265,6 +267,7 @@ impl RunResults {
             prompts: data.prompts,
             rig_seconds: data.rig_s(),
             expected_seconds: data.expected().map(|expected| [expected.least_s, expected.most_s]),
+            aim: self.aim.clone(),
             wall_seconds: run.wall_s,
             no_load_hz: self.no_load.map(|no_load| no_load.mean_hz),
             shifts: self.direction_means.iter().map(shift).collect(),

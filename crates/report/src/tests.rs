@@ -1,5 +1,6 @@
 //! The results of a complete, a refused, a faulted and an empty run.
 
+mod aim;
 mod amended;
 mod marks;
 pub(crate) mod sample;

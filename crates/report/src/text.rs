@@ -49,6 +49,9 @@ impl RunResults {
             format!(", expected {} to {}", duration(least_s), duration(most_s))
         });
         lines.push(format!("{status}: {rig_time} of rig time{expected}{wall}"));
+        if let Some(aim) = &self.aim {
+            lines.push(format!("aim: {}", aim.sentence(self.run.status)));
+        }
         lines.push(sentence(&self.touches));
         lines.join("\n") + "\n"
     }

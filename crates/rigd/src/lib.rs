@@ -1,6 +1,7 @@
 //! The daemon: command line, configuration, HTTP, and the wiring that carries the engine's effects
 //! out and reports back.
 
+mod aim;
 mod archive;
 pub mod calibrations;
 pub mod cli;
@@ -28,6 +29,7 @@ pub mod rig;
 mod rig_view;
 pub mod run_files;
 mod selftest;
+mod sensitivity;
 pub mod simulation;
 mod sweep_form;
 mod sweeps;

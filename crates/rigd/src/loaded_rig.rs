@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use rig_contact::SensorDescription;
 use rig_files::{
     Complaint, Faults, FileKind,
     rig_file::{Connection, Pace, RigFile, Simulation},
@@ -36,6 +37,10 @@ pub struct RigFacts {
     pub limits: RigLimits,
     /// Names of the samples of a simulated rig. On a real bench, a person places the samples.
     pub known_samples: Option<Vec<String>>,
+    /// Names and stiffness of the samples that are known, MPa, for what is expected of touches.
+    pub stiffness_mpa: Vec<(String, f64)>,
+    /// The sensor of the rig file.
+    pub sensor: SensorDescription,
     /// Whether the rig is simulated.
     pub is_simulated: bool,
     /// Whether time passes as fast as the simulation computes.
@@ -79,6 +84,8 @@ impl LoadedRig {
             name: self.file.name.clone(),
             limits: self.file.limits,
             known_samples: self.scene.as_ref().map(names),
+            stiffness_mpa: self.known_samples(),
+            sensor: self.file.sensor.clone(),
             is_simulated: self.is_simulated(),
             is_virtual_time: self.is_virtual_time(),
         }

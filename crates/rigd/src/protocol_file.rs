@@ -3,12 +3,17 @@
 use std::path::Path;
 
 use rig_files::{Faults, FileKind};
-use rig_protocol::{Plan, Protocol, Summary};
-use rig_store::Source;
+use rig_model::RigLimits;
+use rig_protocol::{
+    ExpectedTouch, NoSensitivity, Plan, Protocol, Sensitivity, Summary, TouchModel,
+};
+use rig_store::{RunStarted, Source};
 
 use crate::{
+    aim,
     files::read,
     loaded_rig::{FileError, RigFacts},
+    sensitivity::RigModel,
 };
 
 /// A protocol that a rig can run.
@@ -39,9 +44,49 @@ impl LoadedProtocol {
     pub fn check(file: &str, text: &str, rig: &RigFacts) -> Result<Self, Faults> {
         FileKind::Protocol.expect(file, text)?;
         let protocol = Protocol::read(file, text);
-        let plan = Plan::new(&protocol, &rig.limits, rig.known_samples.as_deref())?;
-        let summary = plan.summary(&rig.limits);
+        let model = RigModel::new(&rig.sensor, &rig.stiffness_mpa);
+        Self::new(&protocol, text, &rig.limits, rig.known_samples.as_deref(), &model)
+    }
+
+    /// The protocol of a run on a rig with these limits, with the settings that the run had chosen for its aim.
+    ///
+    /// # Errors
+    /// Every fault of the text on this rig.
+    pub(crate) fn of_run(
+        started: &RunStarted,
+        limits: &RigLimits,
+        known_samples: Option<&[String]>,
+    ) -> Result<Self, Faults> {
+        let Source { name, toml } = &started.protocol;
+        FileKind::Protocol.expect(name, toml)?;
+        let protocol = Protocol::read(name, toml);
+        let chosen = started.aim.as_ref().and_then(|aim| aim::chosen(&aim.settings));
+        let protocol = match chosen {
+            Some(chosen) => protocol.with_chosen(&chosen),
+            None => protocol,
+        };
+        Self::new(&protocol, toml, limits, known_samples, &NoModel)
+    }
+
+    fn new(
+        protocol: &Protocol,
+        text: &str,
+        limits: &RigLimits,
+        known_samples: Option<&[String]>,
+        model: &dyn TouchModel,
+    ) -> Result<Self, Faults> {
+        let plan = Plan::new(protocol, limits, known_samples, model)?;
+        let summary = plan.summary(limits);
         let source = Source { name: plan.name.clone(), toml: text.to_owned() };
         Ok(Self { plan, summary, source })
+    }
+}
+
+/// A run has chosen its settings when it began; nothing is expected anew.
+struct NoModel;
+
+impl TouchModel for NoModel {
+    fn sensitivity(&self, _: &ExpectedTouch<'_>) -> Result<Sensitivity, NoSensitivity> {
+        Err(NoSensitivity::OutsideModel)
     }
 }

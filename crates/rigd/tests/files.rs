@@ -9,16 +9,11 @@ use std::{
 };
 
 use rig_files::rig_file::RigFile;
-use rig_protocol::{Plan, Protocol};
+use rigd::{loaded_rig::LoadedRig, protocol_file::LoadedProtocol};
 use tempfile::TempDir;
 
 const SIMULATED: &str = include_str!("../../../config/rigs/simulated.toml");
-const BENCH: &str = include_str!("../../../config/rigs/bench.toml");
 const SCENE: &str = include_str!("../../../config/scenes/paper.toml");
-const PROTOCOLS: [&str; 2] = [
-    include_str!("../../../config/protocols/three-direction.toml"),
-    include_str!("../../../config/protocols/smoke.toml"),
-];
 
 fn config(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config").join(path)
@@ -171,14 +166,11 @@ fn a_run_that_is_not_there_or_not_one_is_told_with_those_that_are() {
 
 #[test]
 fn the_shipped_protocols_run_on_the_shipped_rigs() {
-    let scene = rig_sim::scene::read("scene.toml", SCENE).unwrap();
-    let samples: Vec<_> = scene.samples.into_iter().map(|sample| sample.name).collect();
-    for rig in [SIMULATED, BENCH] {
-        let rig = RigFile::read("rig.toml", rig).unwrap();
-        for protocol in PROTOCOLS {
-            let protocol = Protocol::read("protocol.toml", protocol);
-            let plan = Plan::new(&protocol, &rig.limits, Some(&samples)).unwrap();
-            assert!(plan.steps.len() > 20);
+    for rig in ["rigs/simulated.toml", "rigs/bench.toml"] {
+        let rig = LoadedRig::load(&config(rig)).unwrap();
+        for protocol in ["protocols/three-direction.toml", "protocols/smoke.toml"] {
+            let loaded = LoadedProtocol::load(&config(protocol), &rig.facts()).unwrap();
+            assert!(loaded.plan.steps.len() > 20);
         }
     }
 }

@@ -42,7 +42,7 @@ pub use memory::{DiskFailure, MemoryDisk};
 pub use reader::{Interruption, Pages, ProbeWord, Reader, intact};
 pub use restore::restore;
 pub use rig_record::{
-    Action, Amended, Amendment, Archived, Axis, BenchSettings, BlackBox, Chain, ChainCheck, Change,
+    Action, Aim, AimPart, AimSettings, Amended, Amendment, Archived, Axis, BenchSettings, BlackBox, Chain, ChainCheck, Change,
     CheckedSurface, Circuit, Clearance, ClockJumped, Confirmed, Device, Digest, Direction, Ending,
     Expected, Extra, Fault, FitNoise, FitSettings, FitTiming, Flaw, Frame, GivenUp, Halfway,
     Intent, ListEntry, LostSurface, Move, MoveReason, NearCircuit, Operator, Phase, PlanSize, Pose,

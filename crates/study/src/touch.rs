@@ -17,7 +17,7 @@ use std::{
 use rayon::prelude::*;
 
 use crate::{bench_run::BenchError, files::Folder, outcome::StudyError, progress};
-use setting::{Files, SETTINGS, Scene, Setting, TROUBLES};
+use setting::{Files, SETTINGS, SHIPPED, Scene, Setting, TROUBLES};
 use summary::Summary;
 use trial::Trial;
 
@@ -39,6 +39,9 @@ pub(crate) struct Args {
     /// Play the settings as shipped again and compare them with the table in the folder.
     #[arg(long)]
     check: bool,
+    /// Print the table of the settings whose knob begins with this, beside those as shipped, and write no page.
+    #[arg(long, value_name = "KNOB", conflicts_with = "check")]
+    only: Option<String>,
 }
 
 /// The page is not what the runs give.
@@ -64,9 +67,16 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
     if args.check {
         return check(args, &files, &path, out);
     }
-    let settings = |scene| SETTINGS.iter().map(move |setting| (setting, scene));
+    let is_asked = |setting: &&Setting| {
+        let only = args.only.as_deref().unwrap_or_default();
+        setting.knob == SHIPPED || setting.knob.starts_with(only)
+    };
+    let settings = |scene| SETTINGS.iter().filter(is_asked).map(move |setting| (setting, scene));
     let asked: Vec<_> = [Scene::Paper, Scene::Matched].into_iter().flat_map(settings).collect();
     let groups = play(args, &files, &asked)?;
+    if args.only.is_some() {
+        return Ok(write!(out, "{}", document::rows(&groups).markdown("touch"))?);
+    }
     let troubles: Vec<_> = TROUBLES.iter().map(|setting| (setting, Scene::Paper)).collect();
     let troubles = play(args, &files, &troubles)?;
     document::page(args, &groups, &troubles).write(&folder, "touch", out)

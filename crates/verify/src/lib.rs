@@ -15,6 +15,7 @@
 //! Of a run whose readings were moved to an archive, what is left is checked (`archived`). Of a sealed run in an
 //! object store, records, chain, seal and signature are checked from its file alone (`object`).
 
+mod aim;
 mod archived;
 mod chain;
 mod finding;

@@ -43,6 +43,25 @@ pub(crate) struct RunStarted {
     pub(crate) samples: Vec<Sample>,
     pub(crate) plan: PlanSize,
     pub(crate) touches: Vec<Touch>,
+    pub(crate) aim: Option<Aim>,
+}
+
+/// What the protocol wants of its touches, and the settings that were chosen for it.
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Aim {
+    pub(crate) stiffness_percent: Option<f64>,
+    pub(crate) seconds_per_touch: Option<f64>,
+    pub(crate) settings: AimSettings,
+    pub(crate) seconds: f64,
+    pub(crate) worst_percent: f64,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct AimSettings {
+    pub(crate) contact_sigma_hz: f64,
+    pub(crate) no_load_sigma_hz: f64,
+    pub(crate) fine_step_mm: f64,
+    pub(crate) no_load: String,
 }
 
 #[derive(Debug, Clone, Deserialize)]

@@ -5,6 +5,8 @@
 
 use serde::Deserialize;
 
+use crate::{aim, record::RunStarted};
+
 #[derive(Debug, Clone, Deserialize)]
 pub(crate) struct Rig {
     pub(crate) connection: Option<String>,
@@ -117,6 +119,8 @@ pub(crate) struct Protocol {
     pub(crate) samples: Vec<String>,
     pub(crate) directions: Vec<String>,
     pub(crate) angles_deg: Vec<f64>,
+    pub(crate) no_load: Option<String>,
+    pub(crate) aim: Option<AimKeys>,
     #[serde(default = "one")]
     pub(crate) repeats: u32,
     pub(crate) touch: TouchKeys,
@@ -144,7 +148,8 @@ pub(crate) struct TouchKeys {
 pub(crate) struct Approach {
     pub(crate) give_up_below_mm: f64,
     pub(crate) coarse_step_mm: f64,
-    pub(crate) fine_step_mm: f64,
+    /// Of the file, or chosen for its aim.
+    pub(crate) fine_step_mm: Option<f64>,
     pub(crate) contact_threshold: f64,
     #[serde(default)]
     pub(crate) settle_s: f64,
@@ -153,11 +158,25 @@ pub(crate) struct Approach {
     slip_mm: Option<f64>,
 }
 
+/// The section `[aim]` of a protocol.
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub(crate) struct AimKeys {
+    pub(crate) stiffness_percent: Option<f64>,
+    pub(crate) seconds_per_touch: Option<f64>,
+}
+
+impl Approach {
+    /// The last step of the search, mm. Without any, no bracket of a surface is narrow enough.
+    pub(crate) fn fine_step_mm(&self) -> f64 {
+        self.fine_step_mm.unwrap_or(0.0)
+    }
+}
+
 impl Protocol {
     /// The distance from the surface at which it is looked for again after a sweep, mm; `None` if it is
     /// not.
     pub(crate) fn slip_mm(&self) -> Option<f64> {
-        let usual = (self.touch.indentation_mm / 20.0).max(self.approach.fine_step_mm);
+        let usual = (self.touch.indentation_mm / 20.0).max(self.approach.fine_step_mm());
         Some(self.approach.slip_mm.unwrap_or(usual)).filter(|slip| *slip > 0.0)
     }
 }
@@ -166,7 +185,7 @@ impl Protocol {
 pub(crate) struct SweepKeys {
     pub(crate) min_hz: f64,
     pub(crate) max_hz: f64,
-    target_sigma_hz: Option<f64>,
+    pub(crate) target_sigma_hz: Option<f64>,
     #[serde(default)]
     method: String,
     pub(crate) survey_s: Option<u32>,
@@ -208,9 +227,11 @@ pub(crate) struct Settings {
 }
 
 impl Settings {
-    /// Reads the text of both files.
-    pub(crate) fn read(rig: &str, protocol: &str) -> Result<Self, toml::de::Error> {
-        Ok(Self { rig: toml::from_str(rig)?, protocol: toml::from_str(protocol)? })
+    /// Reads the text of both files, and takes what the protocol leaves to its aim from the record.
+    pub(crate) fn read(started: &RunStarted) -> Result<Self, toml::de::Error> {
+        let mut protocol = toml::from_str(&started.protocol.toml)?;
+        aim::complete(&mut protocol, started.aim.as_ref());
+        Ok(Self { rig: toml::from_str(&started.rig.toml)?, protocol })
     }
 
     /// The deepest indentation that rig and protocol allow, mm.

@@ -30,7 +30,7 @@ pub(crate) fn check(seq: u64, found: &SurfaceFound, protocol: &Protocol, finding
     let sigma = width / 12.0_f64.sqrt();
     let what = "the standard deviation of the surface, mm: that of a uniform error";
     findings.agree(Check::Surface, seq, what, (sigma, found.sigma_mm), ROUNDING);
-    let fine = protocol.approach.fine_step_mm;
+    let fine = protocol.approach.fine_step_mm();
     // Each end of the bracket is a read-back.
     let limit = 2.0 * fine;
     if width > limit {

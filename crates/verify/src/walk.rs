@@ -6,7 +6,7 @@ use rusqlite::Connection;
 use serde::Deserialize;
 
 use crate::{
-    archived,
+    aim, archived,
     chain::Chain,
     finding::{Check, Findings, Verdict},
     journal::{self, Entry, Journal},
@@ -48,7 +48,7 @@ pub(crate) fn check(connection: &Connection, journal: &Journal) -> Verdict {
         ending: None,
     };
     if let Some(started) = &journal.amended {
-        walk.settings = Settings::read(&started.rig.toml, &started.protocol.toml).ok();
+        walk.settings = Settings::read(started).ok();
     }
     let before =
         journal::before(connection, &journal.run, |entry| walk.pass(entry, &journal.sessions));
@@ -330,9 +330,10 @@ impl Walk {
 
     fn started(&mut self, seq: u64, started: RunStarted) {
         let findings = &mut self.findings;
-        match Settings::read(&started.rig.toml, &started.protocol.toml) {
+        match Settings::read(&started) {
             Ok(settings) => {
                 plan::check(&started, &settings.protocol, seq, findings);
+                aim::check(&settings.protocol, started.aim.as_ref(), seq, findings);
                 plan::check_files(&started, &settings.rig, seq, findings);
                 self.settings = Some(settings);
             }

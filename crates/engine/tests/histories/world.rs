@@ -86,6 +86,7 @@ pub(crate) fn plan() -> Plan {
         contact_sweep: sweep(130.0, 190.0),
         classes: None,
         seed: 0,
+        aim: None,
     }
 }
 

@@ -140,8 +140,13 @@ impl<'d> Table<'d> {
     }
 
     /// Start of the table.
-    pub(crate) fn location(&self) -> Location {
+    pub fn location(&self) -> Location {
         self.keys.location
+    }
+
+    /// Whether the file gives a value for this key.
+    pub fn states(&self, key: &str) -> bool {
+        self.entries.is_some_and(|entries| entries.get(key).is_some())
     }
 
     /// Whether the file has this table. Otherwise every value is a placeholder.
@@ -187,6 +192,20 @@ impl<'t, 'd, K: Kind> Entry<'t, 'd, K> {
             self.table.keys.missing.push(self.key);
         }
         self.slot(value).setting(&self.kind, value)
+    }
+
+    /// The value. A missing key is a fault, unless another section chooses the value: then it is a placeholder,
+    /// which is not [sound](Setting::sound). In the schema the key may be left out.
+    pub fn required_unless(mut self, is_chosen: bool) -> Setting<K::Value> {
+        self.describe(false);
+        let value = self.find();
+        let slot = self.slot(value);
+        if value.is_none() && is_chosen {
+            slot.record(None);
+        } else if value.is_none() && self.table.is_there() {
+            self.table.keys.missing.push(self.key);
+        }
+        slot.setting(&self.kind, value)
     }
 
     /// The value, if the table has the key.

@@ -18,7 +18,7 @@ fn ten_faults_of_a_protocol_give_ten_messages_whatever_their_kind() {
         ("max_angle_deg = 45", "max_angle_deg = 55"),
     ]);
     let protocol = Protocol::read("protocol.toml", &text);
-    insta::assert_snapshot!(Plan::new(&protocol, &limits(), None).unwrap_err());
+    insta::assert_snapshot!(Plan::new(&protocol, &limits(), None, &PaperLike).unwrap_err());
 }
 
 #[test]
@@ -150,7 +150,7 @@ fn whatever_stands_in_a_protocol_it_is_read_or_refused_without_a_panic() {
             lines[at] = format!("{key} = {}", JUNK[random.below(JUNK.len())]);
         }
         let text = lines.join("\n");
-        let plan = Plan::new(&Protocol::read("protocol.toml", &text), &limits(), None);
+        let plan = Plan::new(&Protocol::read("protocol.toml", &text), &limits(), None, &PaperLike);
         match plan {
             Ok(plan) => check_that_every_touch_is_prepared(&plan),
             Err(faults) => {
@@ -171,7 +171,7 @@ fn every_single_line_may_be_lost_without_a_panic() {
         let text = kept.join("\n");
         let protocol = Protocol::read("protocol.toml", &text);
         // The changed file either runs or has a message.
-        if let Err(faults) = Plan::new(&protocol, &limits(), None) {
+        if let Err(faults) = Plan::new(&protocol, &limits(), None, &PaperLike) {
             assert!(!faults.is_empty());
         }
     }

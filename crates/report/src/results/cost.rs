@@ -21,15 +21,23 @@ impl SweepCost {
             else {
                 continue;
             };
-            let (Some(first), Some(last)) = (sweep.readings.first(), sweep.readings.last()) else {
+            if sweep.readings.is_empty() {
                 continue;
-            };
+            }
             cost.sweeps += 1;
-            cost.taken_s += last.started_s + last.settle_s + last.integration_s - first.started_s;
+            cost.taken_s += swept_s(sweep);
             cost.practice_s += practice_s(resonance_hz, &circuit);
         }
         cost
     }
+}
+
+/// Time of a sweep from its first reading to the end of its last one, s; 0 without readings.
+pub(super) fn swept_s(sweep: &Sweep) -> f64 {
+    let ends = sweep.readings.first().zip(sweep.readings.last());
+    ends.map_or(0.0, |(first, last)| {
+        last.started_s + last.settle_s + last.integration_s - first.started_s
+    })
 }
 
 /// Time of a careful sweep without a plan, s: 201 points, at each of them five time constants of

@@ -400,6 +400,7 @@ pub(crate) fn started(touches: Vec<TouchSettings>) -> Record {
         samples: SAMPLES.map(sample).to_vec(),
         plan: PlanSize { steps: 177, touches: 110, prompts: 65 },
         expected: None,
+        aim: None,
         idempotency_key: None,
         touches,
         classes: Some(5),

@@ -16,7 +16,7 @@ use super::{
     table::{COLUMNS, duration, print, print_json},
 };
 use crate::{
-    describe,
+    aim, describe,
     files::{FileError, read},
     loaded_rig::LoadedRig,
     predict::{EDGE_LINEWIDTHS, NotPredicted, Predicted, Predictions, Warning, WindowEdge},
@@ -77,6 +77,9 @@ struct PlanView {
     is_slip_checked: bool,
     /// Space that the journal and the files of the run may take, bytes.
     disk_bytes: u64,
+    /// What the protocol wants of its touches, and what is expected of them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    aim: Option<rig_store::Aim>,
     linear_mm: [f64; 2],
     rotary_deg: [f64; 2],
     /// The model of the predictions.
@@ -198,6 +201,7 @@ impl CheckedProtocol<'_> {
             duration_s: summary.duration_s,
             is_slip_checked: plan.touch.approach.has_slip_check(),
             disk_bytes: summary.disk_bytes,
+            aim: plan.aim.as_ref().map(aim::recorded),
             linear_mm: [summary.linear.min.value(), summary.linear.max.value()],
             rotary_deg: [summary.rotary.min.value(), summary.rotary.max.value()],
             model: self.predictions.tier.name(),
@@ -294,12 +298,13 @@ impl CheckedProtocol<'_> {
             lines.push(format!("warning: {}", self.message(&warning)));
             lines.extend(self.worst(&warning));
         }
+        let aim = self.protocol.plan.aim.as_ref().map(aim::lines).unwrap_or_default();
         let wrapped = lines.iter().map(|line| {
             let indent = line.len() - line.trim_start().len();
             let lines = words_in_lines(line, COLUMNS - indent);
             lines.iter().map(|line| format!("{:indent$}{line}", "")).collect::<Vec<_>>().join("\n")
         });
-        wrapped.collect::<Vec<_>>().join("\n")
+        wrapped.chain(aim).collect::<Vec<_>>().join("\n")
     }
 
     /// What the blind touches by mounting would save, if that is half of the prompts or more.

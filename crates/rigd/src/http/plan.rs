@@ -15,10 +15,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::{Problem, Shared, runs};
-use crate::{
-    describe, loaded_rig::RigFacts, protocol_file::LoadedProtocol, rig::Outcomes,
-    rig_view::PromptAction,
-};
+use crate::{describe, protocol_file::LoadedProtocol, rig::Outcomes, rig_view::PromptAction};
 
 /// A protocol laid out for a bench.
 #[derive(Debug, Serialize, JsonSchema)]
@@ -104,21 +101,12 @@ pub(super) async fn of_run(
         // Both were checked before the run began; another version may see them otherwise.
         let rig = RigFile::read(&started.rig.name, &started.rig.toml);
         let limits = rig.map_err(|faults| Problem::protocol(&faults))?.limits;
-        let is_simulated = started.is_simulated;
-        let facts = RigFacts {
-            name: started.rig.name,
-            limits,
-            known_samples: None,
-            is_simulated,
-            is_virtual_time: false,
-        };
-        let (name, toml) = (started.protocol.name, started.protocol.toml);
-        let protocol = LoadedProtocol::check(&name, &toml, &facts);
+        let protocol = LoadedProtocol::of_run(&started, &limits, None);
         let mut protocol = protocol.map_err(|faults| Problem::protocol(&faults))?;
         if let Some(only) = amended.and_then(|amended| protocol.plan.only(&amended.step)) {
-            protocol.summary = only.summary(&facts.limits);
+            protocol.summary = only.summary(&limits);
             protocol.plan = only;
-            return Ok(PlanView::of(&protocol, &facts.limits));
+            return Ok(PlanView::of(&protocol, &limits));
         }
         let mut records = reader.amended(id)?;
         if let Some(seam) = records.iter().rev().find(|stored| stored.kind == "resumed") {
@@ -127,7 +115,7 @@ pub(super) async fn of_run(
             let outcomes = Outcomes::of(&records)?;
             protocol.plan = protocol.plan.resumed(|step| outcomes.is_done(&step.0)).0;
         }
-        Ok(PlanView::of(&protocol, &facts.limits))
+        Ok(PlanView::of(&protocol, &limits))
     });
     view.await.map(Json)
 }

@@ -116,6 +116,7 @@ mod tests {
             touches: Vec::new(),
             classes: None,
             expected: None,
+            aim: None,
             idempotency_key: None,
         })
     }

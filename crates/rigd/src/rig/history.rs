@@ -6,7 +6,7 @@ use rig_protocol::{Action, Plan};
 use rig_store::{Reader, Record, RunKind, StoreError, StoredRecord};
 
 use super::Setting;
-use crate::{loaded_rig::RigFacts, protocol_file::LoadedProtocol};
+use crate::protocol_file::LoadedProtocol;
 
 /// Number of earlier runs that count: a bench changes slowly.
 const RUNS_MAX: usize = 20;
@@ -174,14 +174,7 @@ fn plan_of(records: &[StoredRecord], setting: &Setting) -> Option<Plan> {
     if started.rig.name != setting.rig.name || started.is_simulated != is_simulated {
         return None;
     }
-    let facts = RigFacts {
-        name: setting.rig.name.clone(),
-        limits: setting.limits,
-        known_samples: None,
-        is_simulated,
-        is_virtual_time: false,
-    };
-    let protocol = LoadedProtocol::check(&started.protocol.name, &started.protocol.toml, &facts);
+    let protocol = LoadedProtocol::of_run(&started, &setting.limits, None);
     Some(protocol.ok()?.plan)
 }
 

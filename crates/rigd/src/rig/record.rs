@@ -20,7 +20,7 @@ use self::values::{
     size, tried,
 };
 use super::{Setting, resume};
-use crate::{hint, protocol_file::LoadedProtocol};
+use crate::{aim, hint, protocol_file::LoadedProtocol};
 
 /// Turns the events of one journal into its records.
 #[derive(Debug)]
@@ -107,6 +107,7 @@ impl Recorder {
             touches,
             classes: plan.classes.map(size),
             expected: None,
+            aim: plan.aim.as_ref().map(aim::recorded),
             idempotency_key: None,
         }
     }

@@ -11,12 +11,12 @@ use std::collections::BTreeSet;
 use rig_files::Faults;
 use rig_protocol::{Action, Plan};
 use rig_store::{
-    Change, Device, Reader, Record, Resumed, Run, RunId, RunStarted, RunStatus, Source, StoreError,
+    Change, Device, Reader, Record, Resumed, Run, RunId, RunStarted, RunStatus, StoreError,
     StoredRecord,
 };
 
 use super::Setting;
-use crate::{loaded_rig::RigFacts, protocol_file::LoadedProtocol};
+use crate::protocol_file::LoadedProtocol;
 
 /// Why a run cannot be resumed. Nothing has changed.
 #[derive(Debug, thiserror::Error)]
@@ -144,17 +144,10 @@ impl Known {
                 is: word(is_simulated),
             });
         }
-        let facts = RigFacts {
-            name: setting.rig.name.clone(),
-            limits: setting.limits,
-            known_samples: is_simulated
-                .then(|| samples.iter().map(|(name, _)| name.clone()).collect()),
-            is_simulated,
-            is_virtual_time: false,
-        };
-        let Source { name, toml } = &started.protocol;
-        let protocol =
-            LoadedProtocol::check(name, toml, &facts).map_err(ResumeRefusal::Protocol)?;
+        let known: Option<Vec<String>> =
+            is_simulated.then(|| samples.iter().map(|(name, _)| name.clone()).collect());
+        let protocol = LoadedProtocol::of_run(&started, &setting.limits, known.as_deref())
+            .map_err(ResumeRefusal::Protocol)?;
         let changes = changes(&records, &started, setting)?;
         Ok(Self { run, records, protocol, changes })
     }

@@ -174,6 +174,7 @@ pub(super) fn run_started() -> Record {
         touches: vec![touch_settings()],
         classes: None,
         expected: None,
+        aim: None,
         idempotency_key: None,
     })
 }

@@ -10,7 +10,7 @@ use super::{
 use crate::{
     bench_run::PHASES,
     files::Csv,
-    page::{Page, Table},
+    page::{Page, Part, Table},
 };
 
 /// The file of the table in the folder of the page.
@@ -21,7 +21,8 @@ const TROUBLES_TABLE: &str = "troubles.csv";
 const MOTION: [&str; 5] = ["rotation", "prompt", "indentation", "dwell", "retract"];
 
 /// Knobs on one chart, each a line through the settings as shipped.
-const CHARTS: [(&str, &str, &[&str]); 3] = [
+const CHARTS: [(&str, &str, &[&str]); 4] = [
+    ("aims.svg", "Aims", &["aim, %", "aim, s a touch"]),
     (
         "search.svg",
         "The search",
@@ -47,7 +48,8 @@ pub(super) fn page(args: &Args, groups: &[Group], troubles: &[Group]) -> Page {
          {} runs of `config/protocols/three-direction.toml` on the simulated bench, with the seeds {} to {} for \
          scene and protocol, so that a setting is compared with the shipped one on the same samples. The time is \
          that of the rig for each planned touch, everything included: prompts, survey, references, and the check \
-         of slip. The simulated person answers at once.",
+         of slip. The simulated person answers at once. Where the setting is not an aim, the protocol states the \
+         settings that its aim chooses as shipped.",
         args.runs,
         args.seed,
         args.seed + args.runs - 1
@@ -178,6 +180,15 @@ fn seconds(time_s: Option<f64>) -> String {
 fn over(group: &Group, base: Option<&&Group>) -> String {
     let ratio = base.and_then(|base| group.summary.over(&base.summary));
     ratio.map_or(String::new(), |ratio| format!("{:.3} ± {:.3}", ratio.mean, ratio.two_sigmas))
+}
+
+/// A page with the table of the settings alone.
+pub(super) fn rows(groups: &[Group]) -> Page {
+    let of_scene = |scene| groups.iter().filter(move |group| group.scene == scene);
+    let paper: Vec<&Group> = of_scene(Scene::Paper).collect();
+    let matched: Vec<&Group> = of_scene(Scene::Matched).collect();
+    let table = Part::Table(settings(&paper, &matched));
+    Page { title: "Settings".to_owned(), parts: vec![table] }
 }
 
 fn settings(paper: &[&Group], matched: &[&Group]) -> Table {

@@ -2,6 +2,7 @@
 
 use std::{fs, path::Path};
 
+use rigd::{files::FileError, loaded_rig::LoadedRig, protocol_file::LoadedProtocol};
 use toml::{Table, Value};
 
 use crate::outcome::StudyError;
@@ -42,10 +43,17 @@ pub(super) struct Setting {
     pub(super) knob: &'static str,
     pub(super) value: &'static str,
     pub(super) changes: &'static [Change],
+    /// Whether the aim of the protocol chooses the other settings; otherwise they are those that it has chosen
+    /// as shipped.
+    is_aimed: bool,
 }
 
 const fn one(knob: &'static str, value: &'static str, changes: &'static [Change]) -> Setting {
-    Setting { knob, value, changes }
+    Setting { knob, value, changes, is_aimed: false }
+}
+
+const fn aimed(knob: &'static str, value: &'static str, changes: &'static [Change]) -> Setting {
+    Setting { knob, value, changes, is_aimed: true }
 }
 
 /// The name of the configuration without a change.
@@ -56,8 +64,33 @@ pub(super) const TOGETHER: &str = "together";
 use File::{Protocol, Rig, Scene as Bench};
 
 /// Changes of one knob after the other, and some together; the first has none.
-pub(super) const SETTINGS: [Setting; 40] = [
+pub(super) const SETTINGS: [Setting; 48] = [
     one(SHIPPED, "", &[]),
+    one(
+        "before the aim",
+        "",
+        &[
+            (Protocol, "contact_sweep.target_sigma_hz", "0.05"),
+            (Protocol, "no_load_sweep.target_sigma_hz", "0.02"),
+            (Protocol, "approach.fine_step_mm", "0.015"),
+            (Protocol, "no_load", "\"every-sample\""),
+        ],
+    ),
+    aimed("aim, %", "2.4", &[(Protocol, "aim.stiffness_percent", "2.4")]),
+    aimed("aim, %", "3", &[(Protocol, "aim.stiffness_percent", "3")]),
+    aimed("aim, %", "3.5", &[(Protocol, "aim.stiffness_percent", "3.5")]),
+    aimed("aim, %", "4", &[(Protocol, "aim.stiffness_percent", "4")]),
+    aimed("aim, %", "8", &[(Protocol, "aim.stiffness_percent", "8")]),
+    aimed(
+        "aim, s a touch",
+        "5.5",
+        &[(Protocol, "aim.stiffness_percent", ""), (Protocol, "aim.seconds_per_touch", "5.5")],
+    ),
+    aimed(
+        "aim, s a touch",
+        "7",
+        &[(Protocol, "aim.stiffness_percent", ""), (Protocol, "aim.seconds_per_touch", "7")],
+    ),
     one("contact sweep, Hz", "0.02", &[(Protocol, "contact_sweep.target_sigma_hz", "0.02")]),
     one("contact sweep, Hz", "0.1", &[(Protocol, "contact_sweep.target_sigma_hz", "0.1")]),
     one("contact sweep, Hz", "0.2", &[(Protocol, "contact_sweep.target_sigma_hz", "0.2")]),
@@ -186,6 +219,8 @@ pub(super) const TROUBLES: [Setting; 33] = [
 #[derive(Debug)]
 pub(super) struct Files {
     protocol: Table,
+    /// The same without its aim, with the settings that the aim chooses on the shipped rig.
+    settled: Table,
     rig: Table,
     paper: Table,
     matched: Table,
@@ -199,8 +234,10 @@ impl Files {
                 fs::read_to_string(&path).map_err(|source| StudyError::File { path, source })?;
             text.parse::<Table>().map_err(StudyError::arguments)
         };
+        let protocol = read("protocols/three-direction.toml")?;
         Ok(Self {
-            protocol: read("protocols/three-direction.toml")?,
+            settled: settled(&protocol, config)?,
+            protocol,
             rig: read("rigs/simulated.toml")?,
             paper: read("scenes/paper.toml")?,
             matched: read("scenes/matched.toml")?,
@@ -213,7 +250,8 @@ impl Files {
             Scene::Paper => &self.paper,
             Scene::Matched => &self.matched,
         };
-        let mut tables = [self.protocol.clone(), self.rig.clone(), scene.clone()];
+        let protocol = if setting.is_aimed { &self.protocol } else { &self.settled };
+        let mut tables = [protocol.clone(), self.rig.clone(), scene.clone()];
         let seed = Value::Integer(i64::from(seed));
         set(&mut tables[0], "seed", Some(seed.clone()));
         set(&mut tables[2], "seed", Some(seed));
@@ -223,6 +261,27 @@ impl Files {
         }
         tables.map(|table| table.to_string())
     }
+}
+
+/// The protocol with the settings that its aim chooses on the shipped rig, and without the aim.
+fn settled(protocol: &Table, config: &Path) -> Result<Table, StudyError> {
+    let rig =
+        LoadedRig::load(&config.join("rigs/simulated.toml")).map_err(StudyError::arguments)?;
+    let loaded = LoadedProtocol::check("three-direction.toml", &protocol.to_string(), &rig.facts());
+    let plan = loaded.map_err(|faults| StudyError::arguments(FileError::Faults(faults)))?.plan;
+    let mut settled = protocol.clone();
+    settled.remove("aim");
+    let number = |value: f64| Some(Value::Float(value));
+    let values = [
+        ("contact_sweep.target_sigma_hz", number(plan.contact_sweep.target_sigma_hz)),
+        ("no_load_sweep.target_sigma_hz", number(plan.no_load_sweep.target_sigma_hz)),
+        ("approach.fine_step_mm", number(plan.touch.approach.fine_step_mm)),
+        ("no_load", Some(Value::String(plan.no_load.word().to_owned()))),
+    ];
+    for (key, value) in values {
+        set(&mut settled, key, value);
+    }
+    Ok(settled)
 }
 
 /// A value in TOML; `None` for an empty text.
@@ -248,7 +307,6 @@ fn set(table: &mut Table, key: &str, value: Option<Value>) {
 mod tests {
     use std::{collections::HashSet, path::PathBuf};
 
-    use rigd::{loaded_rig::LoadedRig, protocol_file::LoadedProtocol};
     use tempfile::TempDir;
 
     use super::*;

@@ -1,0 +1,186 @@
+//! The expected error of the touches of a plan, as a function of the settings.
+
+use super::{
+    AimSettings, ErrorPart, ExpectedTouch, NoSensitivity, Percents, Sensitivity, TouchModel,
+};
+use crate::{Action, Plan};
+
+/// Walk of the free resonance after an hour that a run on a good bench states, Hz: with its first references, and
+/// when it has learnt from more of them. On the shipped bench it is 0.2 in the end.
+const FIRST_WALK_HZ: f64 = 1.2;
+const LEARNT_WALK_HZ: f64 = 0.3;
+
+/// A run knows little of its drift before it has more references than this.
+const FIRST_REFERENCES: u32 = 2;
+
+const HOUR_S: f64 = 3600.0;
+
+/// A sweep ends when its standard deviation is expected to be this part of the target.
+const REACHED: f64 = 0.97;
+
+/// A touch of which nothing is expected.
+#[derive(Debug)]
+pub(super) struct Unexpected {
+    /// Index of its step.
+    pub(super) step: usize,
+    pub(super) why: NoSensitivity,
+}
+
+/// How the stiffness of each touch of a plan depends on what is measured, in order.
+pub(super) fn sensitivities(
+    plan: &Plan,
+    model: &dyn TouchModel,
+    assumed_mpa: Option<f64>,
+) -> Result<Vec<Sensitivity>, Unexpected> {
+    let of = |(step, action): (usize, &Action)| {
+        let Action::Touch(touch) = action else { return None };
+        let expected = ExpectedTouch {
+            sample: &plan.samples[touch.sample],
+            assumed_mpa,
+            pose: touch.pose,
+            indentation_mm: plan.touch.indentation_mm,
+        };
+        Some(model.sensitivity(&expected).map_err(|why| Unexpected { step, why }))
+    };
+    plan.steps.iter().map(|step| &step.action).enumerate().filter_map(of).collect()
+}
+
+/// The errors of the touches of a plan, as functions of the settings.
+#[derive(Debug)]
+pub(super) struct Errors {
+    /// The mean of all touches.
+    mean: Terms,
+    /// The touches one of which is the worst, whatever the settings are, each with the index of its step.
+    extremes: Vec<(usize, Terms)>,
+}
+
+/// The relative variance of a stiffness: a sum of terms, each of which is a factor times the square of a setting, or
+/// constant.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Terms {
+    /// For the variance of the shift, 1/Hz².
+    per_hz2: f64,
+    /// Due to the drift since the reference.
+    of_drift: f64,
+    /// For the variance of the surface, 1/mm².
+    per_mm2: f64,
+    of_depth: f64,
+    of_angle: f64,
+}
+
+/// What is expected of settings.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Expected {
+    /// In the order of [`ErrorPart::ALL`].
+    pub(super) parts: [Percents; ErrorPart::ALL.len()],
+    pub(super) together: Percents,
+    /// The step of the touch whose standard deviation is largest.
+    pub(super) worst_step: usize,
+}
+
+impl Errors {
+    /// The touches of a plan, whose steps take this long, s, with their sensitivities in order.
+    pub(super) fn of(plan: &Plan, durations_s: &[f64], sensitivities: &[Sensitivity]) -> Self {
+        let (mut references, mut since_reference_s) = (0, 0.0);
+        let mut sensitivities = sensitivities.iter();
+        let mut touches: Vec<(usize, Terms)> = Vec::new();
+        for (step, (planned, seconds)) in plan.steps.iter().zip(durations_s).enumerate() {
+            since_reference_s += seconds;
+            match planned.action {
+                Action::NoLoad(_) => (references, since_reference_s) = (references + 1, 0.0),
+                Action::Prompt(_) => {}
+                Action::Touch(_) => {
+                    let is_first = references <= FIRST_REFERENCES;
+                    let walk_hz = if is_first { FIRST_WALK_HZ } else { LEARNT_WALK_HZ };
+                    let drift_hz2 = walk_hz * walk_hz * since_reference_s / HOUR_S;
+                    touches
+                        .extend(sensitivities.next().map(|one| (step, Terms::of(one, drift_hz2))));
+                }
+            }
+        }
+        let count = touches.len().max(1) as f64;
+        let mean = touches.iter().fold(Terms::default(), |sum, (_, terms)| {
+            sum.with(terms, |sum, own| sum + own / count)
+        });
+        let mut extremes: Vec<(usize, Terms)> = Vec::new();
+        for touch in touches {
+            if !extremes.iter().any(|(_, other)| other.is_never_below(&touch.1)) {
+                extremes.retain(|(_, other)| !touch.1.is_never_below(other));
+                extremes.push(touch);
+            }
+        }
+        Self { mean, extremes }
+    }
+
+    /// What the settings make of the touches.
+    pub(super) fn at(&self, settings: &AimSettings) -> Expected {
+        let all = self.mean.variances(settings);
+        let mut worst = (0.0, 0, [0.0; ErrorPart::ALL.len()]);
+        for (step, terms) in &self.extremes {
+            let variances = terms.variances(settings);
+            let variance: f64 = variances.iter().sum();
+            worst = if variance > worst.0 { (variance, *step, variances) } else { worst };
+        }
+        let (worst, worst_step, of_worst) = worst;
+        let percents = |all: f64, worst: f64| {
+            let percent = |variance: f64| 100.0 * variance.sqrt();
+            Percents { all: percent(all), worst: percent(worst) }
+        };
+        let parts =
+            ErrorPart::ALL.map(|part| percents(all[part as usize], of_worst[part as usize]));
+        Expected { parts, together: percents(all.iter().sum(), worst), worst_step }
+    }
+}
+
+impl Terms {
+    /// `drift_hz2` is the variance of the drift since the reference, Hz².
+    fn of(sensitivity: &Sensitivity, drift_hz2: f64) -> Self {
+        let Sensitivity { per_hz, per_mm, of_depth, of_angle } = *sensitivity;
+        Self {
+            per_hz2: per_hz * per_hz,
+            of_drift: per_hz * per_hz * drift_hz2,
+            per_mm2: per_mm * per_mm,
+            of_depth: of_depth * of_depth,
+            of_angle: of_angle * of_angle,
+        }
+    }
+
+    fn with(self, other: &Self, of: impl Fn(f64, f64) -> f64) -> Self {
+        Self {
+            per_hz2: of(self.per_hz2, other.per_hz2),
+            of_drift: of(self.of_drift, other.of_drift),
+            per_mm2: of(self.per_mm2, other.per_mm2),
+            of_depth: of(self.of_depth, other.of_depth),
+            of_angle: of(self.of_angle, other.of_angle),
+        }
+    }
+
+    /// Whether the variance is at least that of another touch with any settings.
+    fn is_never_below(&self, other: &Self) -> bool {
+        let fixed = |terms: &Self| terms.of_drift + terms.of_depth + terms.of_angle;
+        self.per_hz2 >= other.per_hz2
+            && self.per_mm2 >= other.per_mm2
+            && fixed(self) >= fixed(other)
+    }
+
+    /// Relative variances by cause, in the order of [`ErrorPart::ALL`].
+    fn variances(&self, settings: &AimSettings) -> [f64; ErrorPart::ALL.len()] {
+        // The bracket of the surface is one fine step wide.
+        let surface_mm2 = settings.fine_step_mm.powi(2) / 12.0;
+        [
+            self.per_hz2 * (REACHED * settings.contact_sigma_hz).powi(2),
+            self.per_hz2 * (REACHED * settings.no_load_sigma_hz).powi(2) + self.of_drift,
+            self.per_mm2 * surface_mm2,
+            self.of_depth,
+            self.of_angle,
+        ]
+    }
+}
+
+impl Expected {
+    /// What depth and angle make of the worst touch, %. No setting changes it.
+    pub(super) fn fixed_percent(&self) -> f64 {
+        let worst = |part: ErrorPart| self.parts[part as usize].worst;
+        worst(ErrorPart::Depth).hypot(worst(ErrorPart::Angle))
+    }
+}
