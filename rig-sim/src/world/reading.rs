@@ -89,11 +89,10 @@ impl World {
         Some(impedance_ohm * factor)
     }
 
-    /// A whole reading and its end time.
-    #[cfg(test)]
-    pub(crate) fn measure(&mut self, now: RigTime, cycles: u32) -> (Complex64, RigTime) {
+    /// A whole reading with the noise of the scene, in ohm, and its end time.
+    pub fn measure(&mut self, now: RigTime, cycles: u32) -> (Complex64, RigTime) {
         let done = self.begin_reading(now, cycles);
-        (self.end_reading().unwrap_or_default(), done)
+        (self.end_reading().expect("it was begun"), done)
     }
 
     /// Brings a reading of a moving probe up to `now`, before anything changes.
