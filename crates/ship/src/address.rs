@@ -7,11 +7,18 @@ use std::{fmt, path::PathBuf, str::FromStr};
 pub enum Address {
     /// `folder:DIR`: a directory of this computer, or one that it has mounted.
     Folder(PathBuf),
+    /// `s3://BUCKET` or `s3://BUCKET/PREFIX`: a bucket of S3, or the objects in it whose keys begin so.
+    S3 {
+        /// Name of the bucket.
+        bucket: String,
+        /// The beginning of all keys, without a slash at its end; empty without one.
+        prefix: String,
+    },
 }
 
 /// A text that is no address.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{text}` is no object store: give `folder:DIR`")]
+#[error("`{text}` is no object store: give `folder:DIR` or `s3://BUCKET/PREFIX`")]
 pub struct AddressError {
     text: String,
 }
@@ -20,6 +27,14 @@ impl FromStr for Address {
     type Err = AddressError;
 
     fn from_str(text: &str) -> Result<Self, AddressError> {
+        if let Some(place) = text.strip_prefix("s3://") {
+            let (bucket, prefix) = place.split_once('/').unwrap_or((place, ""));
+            let is_kept = |byte: u8| byte.is_ascii_alphanumeric() || b".-".contains(&byte);
+            if !bucket.is_empty() && bucket.bytes().all(is_kept) {
+                let prefix = prefix.trim_matches('/').to_owned();
+                return Ok(Self::S3 { bucket: bucket.to_owned(), prefix });
+            }
+        }
         match text.split_once(':') {
             Some(("folder", directory)) if !directory.is_empty() => {
                 Ok(Self::Folder(directory.into()))
@@ -33,6 +48,8 @@ impl fmt::Display for Address {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Folder(directory) => write!(f, "folder:{}", directory.display()),
+            Self::S3 { bucket, prefix } if prefix.is_empty() => write!(f, "s3://{bucket}"),
+            Self::S3 { bucket, prefix } => write!(f, "s3://{bucket}/{prefix}"),
         }
     }
 }
@@ -43,13 +60,15 @@ mod tests {
 
     #[test]
     fn an_address_is_read_as_it_is_written() {
-        for text in ["folder:/archive", "folder:a b", "folder:c:d"] {
+        for text in ["folder:/archive", "folder:a b", "folder:c:d", "s3://a-b.c", "s3://b/c/d"] {
             assert_eq!(
                 text.parse::<Address>().map(|address| address.to_string()).as_deref(),
                 Ok(text)
             );
         }
-        for wrong in ["", "folder:", "/archive", "ftp://x", "folder"] {
+        for wrong in
+            ["", "folder:", "/archive", "ftp://x", "folder", "s3://", "s3:///a", "s3://a b"]
+        {
             assert!(wrong.parse::<Address>().is_err(), "{wrong}");
         }
     }

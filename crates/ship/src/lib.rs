@@ -1,4 +1,4 @@
-//! Ships sealed runs to an object store: a folder. Each run is one Parquet file with all of its records and its
+//! Ships sealed runs to an object store: a folder, or a bucket of S3 (feature `s3`). Each run is one Parquet file with all of its records and its
 //! seal, under a name that follows from the run, and is never written again.
 //!
 //! ```text
@@ -14,14 +14,16 @@ mod address;
 mod folder;
 mod key;
 mod names;
-mod object_store;
 mod receipt;
+#[cfg(feature = "s3")]
+mod s3;
 mod shipper;
+mod store;
 mod stored;
 
 pub use address::{Address, AddressError};
 pub use key::{BenchKey, KeyError, PublicKey, PublicKeyError};
 pub use names::{Label, LabelError};
-pub use object_store::{ObjectStore, StorageError};
 pub use shipper::{Outcome, ShipError, Shipper};
+pub use store::{ObjectStore, StorageError};
 pub use stored::{StoredObject, objects};

@@ -38,7 +38,7 @@ fn with_runs(data: &Path) {
 }
 
 fn object_store(folder: &TempDir) -> ObjectStore {
-    ObjectStore::at(Address::Folder(folder.path().join("objects")))
+    ObjectStore::at(Address::Folder(folder.path().join("objects"))).unwrap()
 }
 
 fn shipper(folder: &TempDir, key: Option<BenchKey>) -> Shipper {

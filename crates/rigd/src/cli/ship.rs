@@ -17,7 +17,7 @@ use crate::archive;
 
 #[derive(Debug, Args)]
 pub(super) struct ShipArgs {
-    /// Object store: `folder:DIR`, which is made if it is missing
+    /// Object store: `folder:DIR`, which is made if it is missing, or `s3://BUCKET/PREFIX`
     to: Address,
     /// Runs to ship: names such as `smoke-7`, or ids; without them, everything that is sealed
     runs: Vec<String>,
@@ -80,7 +80,7 @@ struct ShippedView {
 
 pub(super) fn ship(args: &ShipArgs) -> Result<(), Failure> {
     let key = args.sign.as_deref().map(BenchKey::read).transpose()?;
-    let store = ObjectStore::at(args.to.clone());
+    let store = ObjectStore::at(args.to.clone())?;
     let shipper = Shipper::new(store, args.lab.clone(), args.bench.clone(), key);
     let mut views = Vec::new();
     let failure = sources(args)?

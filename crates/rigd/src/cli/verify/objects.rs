@@ -64,7 +64,7 @@ fn of_file(path: &Path, key: Option<&PublicKey>) -> Result<ObjectView, Failure> 
 }
 
 fn of_store(address: Address, key: Option<&PublicKey>) -> Result<Vec<ObjectView>, Failure> {
-    let store = ObjectStore::at(address);
+    let store = ObjectStore::at(address)?;
     let found = objects(&store)?;
     if found.is_empty() {
         return Err(Failure::NoObjects { store: store.address().to_string() });

@@ -4,6 +4,8 @@ use std::io;
 
 use bytes::Bytes;
 
+#[cfg(feature = "s3")]
+use crate::s3::S3;
 use crate::{Address, folder::Folder};
 
 /// An object store.
@@ -16,6 +18,8 @@ pub struct ObjectStore {
 #[derive(Debug)]
 enum Kind {
     Folder(Folder),
+    #[cfg(feature = "s3")]
+    S3(S3),
 }
 
 /// Why an object store cannot be used.
@@ -29,15 +33,34 @@ pub enum StorageError {
         /// The error of the system.
         source: io::Error,
     },
+    /// The program has no S3.
+    #[cfg(not(feature = "s3"))]
+    #[error("this rigd was built without S3; build it with `--features s3`, or give `folder:DIR`")]
+    NoS3,
+    /// A bucket of S3.
+    #[cfg(feature = "s3")]
+    #[error("object store of S3")]
+    S3(#[from] Box<object_store::Error>),
+    /// The system gives no runtime for requests.
+    #[cfg(feature = "s3")]
+    #[error("requests to S3")]
+    Runtime(#[source] io::Error),
 }
 
 impl ObjectStore {
     /// The object store at an address. A folder is made when the first object is put there.
-    pub fn at(address: Address) -> Self {
+    ///
+    /// # Errors
+    /// [`StorageError`] if S3 cannot be used; nothing is asked of it yet.
+    pub fn at(address: Address) -> Result<Self, StorageError> {
         let kind = match &address {
             Address::Folder(root) => Kind::Folder(Folder::new(root.clone())),
+            #[cfg(feature = "s3")]
+            Address::S3 { bucket, prefix } => Kind::S3(S3::new(bucket, prefix)?),
+            #[cfg(not(feature = "s3"))]
+            Address::S3 { .. } => return Err(StorageError::NoS3),
         };
-        Self { address, kind }
+        Ok(Self { address, kind })
     }
 
     /// Where it is.
@@ -52,6 +75,8 @@ impl ObjectStore {
     pub fn list(&self, below: &str) -> Result<Vec<String>, StorageError> {
         match &self.kind {
             Kind::Folder(folder) => folder.list(below),
+            #[cfg(feature = "s3")]
+            Kind::S3(s3) => s3.list(below),
         }
     }
 
@@ -62,6 +87,8 @@ impl ObjectStore {
     pub fn get(&self, name: &str) -> Result<Bytes, StorageError> {
         match &self.kind {
             Kind::Folder(folder) => folder.get(name),
+            #[cfg(feature = "s3")]
+            Kind::S3(s3) => s3.get(name),
         }
     }
 
@@ -73,6 +100,8 @@ impl ObjectStore {
     pub fn put_new(&self, name: &str, object: &Bytes) -> Result<bool, StorageError> {
         match &self.kind {
             Kind::Folder(folder) => folder.put_new(name, object),
+            #[cfg(feature = "s3")]
+            Kind::S3(s3) => s3.put_new(name, object),
         }
     }
 }
