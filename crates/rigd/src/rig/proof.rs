@@ -13,6 +13,7 @@ use rig_model::with_causes;
 use crate::{
     calibrations::{self, CalibrationsError},
     loaded_rig::LoadedRig,
+    transcripts::Unproven,
 };
 
 /// Why a rig is opened.
@@ -30,10 +31,13 @@ pub(super) struct Proof {
     pub(super) proven: Proven,
     /// The steps that are missing, and why; `None` for a rig that may move.
     pub(super) missing: Option<Arc<str>>,
+    /// The instruments with files of their own that no transcript proves; `None` if there are none. With them a
+    /// rig is not in service, whatever its calibrations show.
+    unproven: Option<Arc<str>>,
 }
 
 impl Proof {
-    const COMPLETE: Self = Self { proven: Proven::Bench, missing: None };
+    const COMPLETE: Self = Self { proven: Proven::Bench, missing: None, unproven: None };
 
     /// What the calibrations in a data directory show. The person of a simulated rig sees by itself whether the
     /// simulated bench is put together as the rig file says.
@@ -41,21 +45,36 @@ impl Proof {
         if rig.is_put_together_as_described() {
             return Self::COMPLETE;
         }
-        data.map_or_else(Self::nothing, |data| Self::in_directory(&rig.file, data))
+        let proof = data.map_or_else(Self::nothing, |data| Self::in_directory(&rig.file, data));
+        proof.with_instruments(unproven_text(&rig.unproven()))
+    }
+
+    /// The same with these unproven instruments: the rig moves as in commissioning alone.
+    fn with_instruments(self, unproven: Option<Arc<str>>) -> Self {
+        let Some(text) = unproven else { return self };
+        let proven = if self.proven == Proven::Nothing { Proven::Nothing } else { Proven::Signs };
+        let missing = match self.missing {
+            Some(missing) => format!("{missing}; {text}").into(),
+            None => Arc::clone(&text),
+        };
+        Self { proven, missing: Some(missing), unproven: Some(text) }
     }
 
     fn nothing() -> Self {
         let missing = "a rig without a data directory has no calibrations".into();
-        Self { proven: Proven::Nothing, missing: Some(missing) }
+        Self { proven: Proven::Nothing, missing: Some(missing), unproven: None }
     }
 
     fn in_directory(rig: &RigFile, data: &Path) -> Self {
         match calibrations::standing(rig, data) {
             Ok(standing) => Self::from(&standing),
-            Err(error) => {
-                Self { proven: Proven::Nothing, missing: Some(with_causes(&error).into()) }
-            }
+            Err(error) => Self::unreadable(&error),
         }
+    }
+
+    fn unreadable(error: &CalibrationsError) -> Self {
+        let missing = Some(with_causes(error).into());
+        Self { proven: Proven::Nothing, missing, unproven: None }
     }
 
     /// The same for the way out of contact, which needs no disk: where calibrations cannot be read, the rig may
@@ -67,11 +86,20 @@ impl Proof {
         match calibrations::standing(&rig.file, data) {
             Ok(standing) => Self::from(&standing),
             Err(CalibrationsError::File { .. }) => Self::COMPLETE,
-            Err(error) => {
-                Self { proven: Proven::Nothing, missing: Some(with_causes(&error).into()) }
-            }
+            Err(error) => Self::unreadable(&error),
         }
     }
+}
+
+/// The unproven roles of instruments, and what proves them.
+fn unproven_text(instruments: &[Unproven]) -> Option<Arc<str>> {
+    let one = |Unproven { device, instrument, roles }: &Unproven| {
+        let roles: Vec<_> = roles.iter().map(|role| role.name()).collect();
+        format!("the file of {instrument} ({device}) is unproven: {}", roles.join(", "))
+    };
+    let all: Vec<_> = instruments.iter().map(one).collect();
+    let text = || format!("{}; `rigd instrument record` proves it", all.join("; "));
+    (!all.is_empty()).then(|| text().into())
 }
 
 impl From<&Standing> for Proof {
@@ -81,7 +109,7 @@ impl From<&Standing> for Proof {
         }
         let has_signs = standing.has(Step::Stop) && standing.has(Step::Signs);
         let proven = if has_signs { Proven::Signs } else { Proven::Nothing };
-        Self { proven, missing: Some(standing.to_string().into()) }
+        Self { proven, missing: Some(standing.to_string().into()), unproven: None }
     }
 }
 
@@ -90,6 +118,7 @@ impl From<&Standing> for Proof {
 pub(super) struct Uncommissioned {
     pub(super) purpose: Purpose,
     pub(super) missing: Arc<str>,
+    unproven: Option<Arc<str>>,
     rig: RigFile,
     /// Its data directory, with the calibrations; `None` in memory.
     data: Option<PathBuf>,
@@ -108,7 +137,8 @@ impl Uncommissioned {
             (None, Purpose::Commissioning) => "it is being commissioned again".into(),
             (None, Purpose::Service) => return None,
         };
-        Some(Self { purpose, missing, rig: rig.clone(), data: data.map(Path::to_owned) })
+        let (unproven, data) = (proof.unproven.clone(), data.map(Path::to_owned));
+        Some(Self { purpose, missing, unproven, rig: rig.clone(), data })
     }
 
     /// Number of steps that have a record, also of those that failed.
@@ -119,8 +149,33 @@ impl Uncommissioned {
 
     /// What the calibrations show now.
     pub(super) fn read_again(&self) -> Proof {
-        self.data
-            .as_deref()
-            .map_or_else(Proof::nothing, |data| Proof::in_directory(&self.rig, data))
+        let data = self.data.as_deref();
+        data.map_or_else(Proof::nothing, |data| Proof::in_directory(&self.rig, data))
+            .with_instruments(self.unproven.clone())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::transcripts::Role;
+
+    #[test]
+    fn a_commissioned_rig_with_an_unproven_instrument_is_not_in_service() {
+        let unproven = Unproven {
+            device: "analyzer",
+            instrument: "meter".to_owned(),
+            roles: vec![Role::Setup, Role::Reading],
+        };
+        let text = unproven_text(&[unproven]);
+        let said = "the file of meter (analyzer) is unproven: setup, reading; `rigd instrument record` proves it";
+        assert_eq!(text.as_deref(), Some(said));
+        let proof = Proof::COMPLETE.with_instruments(text.clone());
+        assert_eq!((proof.proven, proof.missing.as_deref()), (Proven::Signs, Some(said)));
+        let proof = Proof::nothing().with_instruments(text);
+        assert_eq!(proof.proven, Proven::Nothing);
+        assert!(proof.missing.is_some_and(|missing| missing.ends_with(said)));
+        let proof = Proof::COMPLETE.with_instruments(unproven_text(&[]));
+        assert_eq!((proof.proven, proof.missing), (Proven::Bench, None));
     }
 }
