@@ -170,6 +170,24 @@ impl Bench {
         }
     }
 
+    /// The same bench with a protocol that finds its surfaces by descents, if its analyzer can stream. The draws of
+    /// the bench itself stay what they are.
+    pub(crate) fn descending(number: u64) -> Self {
+        let bench = Self::new(number);
+        let draw = &mut Draw::new(number, 0xde5c);
+        let speed = format!("speed_mm_per_s = {:.2}\n", draw.between(0.3, 0.75));
+        let stated = if draw.happens(0.5) { &*speed } else { "" };
+        let cycles = *draw.one_of(&[2, 3, 5]);
+        let keys = format!("cycles = {cycles}\nmethod = \"descent\"\n{stated}");
+        // The first one is that of the approach.
+        let toml = bench.protocol.source.toml.replacen("cycles = 10\n", &keys, 1);
+        match LoadedProtocol::check("campaign", &toml, &bench.load().facts()) {
+            Ok(protocol) => Self { protocol, ..bench },
+            // One that measures whole traces, or is too slow.
+            Err(_) => bench,
+        }
+    }
+
     /// The clear position.
     pub(crate) fn rest(&self) -> Position<Mm> {
         self.rig.limits.linear.rest_target().position()

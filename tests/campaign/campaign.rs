@@ -27,6 +27,8 @@ struct Known {
 /// The benches that were needed so far.
 #[derive(Debug, Default)]
 pub(crate) struct Campaign {
+    /// Whether surfaces are found by descents.
+    pub(crate) is_descending: bool,
     known: Mutex<HashMap<u64, Arc<OnceLock<Known>>>>,
 }
 
@@ -58,7 +60,8 @@ impl Campaign {
         };
         let played = catch_unwind(AssertUnwindSafe(|| {
             let known = known.get_or_init(|| {
-                let bench = Bench::new(number);
+                let make = if self.is_descending { Bench::descending } else { Bench::new };
+                let bench = make(number);
                 let undisturbed = life::play(&bench, &[], false);
                 Known { bench, undisturbed }
             });

@@ -27,6 +27,9 @@ mod ledger;
 mod life;
 mod page;
 mod run;
+#[expect(dead_code, reason = "it is a part of the tests of the engine")]
+#[path = "../../crates/engine/tests/histories/streams.rs"]
+mod streams;
 mod tally;
 #[expect(clippy::unwrap_used, dead_code, reason = "it is a part of the tests of the engine")]
 #[path = "../../crates/engine/tests/histories/world.rs"]
@@ -92,6 +95,10 @@ struct Arguments {
     /// End at the first seed that fails.
     #[arg(long, conflicts_with = "page")]
     until_failed: bool,
+    /// Find the surfaces by descents, on the benches and with the faults of the same seeds. They are none of the
+    /// ledger's.
+    #[arg(long, conflicts_with = "page")]
+    descent: bool,
     /// Play the engine alone, with two troubles in each run.
     #[arg(long)]
     engine: bool,
@@ -145,7 +152,7 @@ fn faulted(arguments: &Arguments) -> ExitCode {
         Err(error) => return failed(&error),
     };
     let begun = Instant::now();
-    let campaign = Campaign::default();
+    let campaign = Campaign { is_descending: arguments.descent, ..Campaign::default() };
     let counts = Mutex::new(Counts::default());
     each_seed(arguments, |seed| {
         let ended = campaign.play(seed, arguments.records);
@@ -157,7 +164,7 @@ fn faulted(arguments: &Arguments) -> ExitCode {
             for failure in &ended.failures {
                 println!("  {failure}");
             }
-            println!("  {}", replay(seed, ""));
+            println!("  {}", replay(seed, if arguments.descent { " --descent" } else { "" }));
         }
         counts.lock().unwrap_or_else(PoisonError::into_inner).add(seed, &ended);
         ended.failures.is_empty()

@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
 mod contact_sense;
+mod descent;
 mod documents;
 mod edges;
 mod emergency_stop;

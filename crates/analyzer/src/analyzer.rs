@@ -186,6 +186,32 @@ impl Analyzer {
         Ok(readings)
     }
 
+    /// Measures at one point again and again until the stop is raised, and hands each reading over as it comes. A
+    /// lost answer ends it: a question that is repeated comes too late.
+    ///
+    /// # Errors
+    /// [`AnalyzerError::NotConfigured`], and the error of an answer that did not arrive.
+    pub async fn stream(
+        &mut self,
+        point: &SweepPoint,
+        stop: &StopSignal,
+        mut take: impl FnMut(Reading),
+    ) -> Result<(), AnalyzerError> {
+        if self.level.is_none() {
+            return Err(AnalyzerError::NotConfigured { port: self.port.name() });
+        }
+        self.within("frequency in Hz", point.frequency_hz, self.dialect.frequency_hz)?;
+        let commands = &self.dialect.commands;
+        while !stop.is_raised() {
+            let readings = match commands {
+                CommandSet::TraceE4990a => self.try_trace(&[*point]).await?,
+                CommandSet::Points(commands) => self.try_point(commands, point, stop).await?,
+            };
+            readings.into_iter().for_each(&mut take);
+        }
+        Ok(())
+    }
+
     fn within(
         &self,
         what: &'static str,

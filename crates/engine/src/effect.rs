@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use rig_model::Reading;
+
 use crate::{Event, Failure, Operation, OperationId, Report};
 
 /// An effect, which the shell carries out in order.
@@ -16,6 +18,8 @@ pub enum Effect {
     /// Make the operation in progress end early. It still reports, but the engine does not wait for
     /// the report of a measurement.
     Interrupt,
+    /// Stop the linear stage and the stream of readings of the descent in progress. It still reports.
+    EndDescent,
 }
 
 /// An input that wakes the engine.
@@ -23,6 +27,8 @@ pub enum Effect {
 pub enum Input {
     /// An operation has ended.
     Done(OperationId, Result<Report, Failure>),
+    /// A reading of the descent in progress.
+    Read(OperationId, Reading),
     /// The host did nothing for this long: the program or the computer was held up.
     Stalled(Duration),
     /// The deadline that [`Engine::deadline`](crate::Engine::deadline) named has come.

@@ -13,6 +13,7 @@
 
 mod attempts;
 mod commands;
+mod descent;
 mod hold_up;
 mod stopping;
 
@@ -47,6 +48,8 @@ pub struct Engine {
     activity: Activity,
     pending: Option<Pending>,
     wait_until: Option<RigTime>,
+    /// By when the next reading of a descent must come.
+    reading_by: Option<RigTime>,
     next_id: u64,
     linear: Option<Position<Mm>>,
     rotary: Option<Position<Deg>>,
@@ -140,6 +143,7 @@ impl Engine {
             activity: Activity::Unprepared,
             pending: None,
             wait_until: None,
+            reading_by: None,
             next_id: 0,
             linear: None,
             rotary: None,
@@ -155,7 +159,7 @@ impl Engine {
     /// The time at which the engine needs [`Input::Tick`].
     pub fn deadline(&self) -> Option<RigTime> {
         let pending = self.pending.as_ref().map(|pending| pending.deadline);
-        pending.into_iter().chain(self.wait_until).min()
+        pending.into_iter().chain(self.wait_until).chain(self.reading_by).min()
     }
 
     /// The state, the axes, the run under way, the open prompt and the fault.
@@ -192,12 +196,14 @@ impl Engine {
     pub fn handle(&mut self, now: RigTime, input: Input, effects: &mut Vec<Effect>) {
         match input {
             Input::Stalled(lasted) => self.stalled(now, lasted, effects),
+            Input::Read(id, reading) => self.streamed(now, id, reading, effects),
             Input::Done(id, result) => {
                 if result.is_ok() && self.measure_again(now, id, effects) {
                     return self.settle(effects);
                 }
                 // A report of another operation than the one in flight is too late.
                 if let Some(pending) = self.pending.take_if(|pending| pending.id == id) {
+                    self.reading_by = None;
                     self.interlock.ended(&pending.operation, result.as_ref().ok());
                     self.note_motion(&pending.operation, result.as_ref().ok());
                     self.ended(
@@ -252,6 +258,7 @@ impl Engine {
     }
 
     fn tick(&mut self, now: RigTime, effects: &mut Vec<Effect>) {
+        self.miss_reading(now, effects);
         if self.wait_until.is_some_and(|until| until <= now) {
             self.wait_until = None;
             match self.activity {
@@ -338,6 +345,7 @@ impl Engine {
         let id = OperationId(self.next_id);
         self.next_id += 1;
         self.extend_reach(&operation);
+        self.expect_readings(now, &operation);
         let deadline = now + limit(&operation, self.linear_mm(), self.rotary_deg());
         self.pending = Some(Pending {
             id,
@@ -416,6 +424,11 @@ impl Engine {
                 let target = target.position();
                 self.notes.push(Event::RotaryMoved { target, read_back });
             }
+            // The record of a descent has its readings too, and is that of the run.
+            (Operation::Descend { .. }, Some(&Report::Descended { at, .. })) => {
+                self.linear = Some(at);
+                self.reach = Some(Span { min: at, max: at });
+            }
             (Operation::HomeLinear, Some(&Report::LinearAt(read_back)))
             | (_, Some(&Report::LinearHomed(read_back))) => {
                 self.linear = Some(read_back);
@@ -431,7 +444,7 @@ impl Engine {
     /// The linear stage may be anywhere between its last read-back and the target of its move.
     fn extend_reach(&mut self, operation: &Operation) {
         match operation {
-            Operation::MoveLinear { target, .. } => {
+            Operation::MoveLinear { target, .. } | Operation::Descend { target, .. } => {
                 if let Some(reach) = &mut self.reach {
                     let target = target.position();
                     reach.min = if target < reach.min { target } else { reach.min };

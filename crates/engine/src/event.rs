@@ -6,7 +6,7 @@ use rig_model::{Clearance, Deg, Mm, Position, Reading, SweepRequest, Window};
 use rig_protocol::{Prompt, StepId, Touch};
 use rig_resonance::{Estimate, FitOptions, FitOutcome, Resonance};
 
-use crate::{Fault, RefusalAnswer, Surface, TouchRefusal};
+use crate::{Descended, Fault, RefusalAnswer, Surface, TouchRefusal};
 
 /// The end of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -253,6 +253,8 @@ pub enum Event {
         /// Every position tried, with its reading.
         trail: Vec<(Position<Mm>, Reading)>,
     },
+    /// The probe has gone down with a stream of readings.
+    Descended(Box<Descended>),
     /// The planner has decided on the next readings of a sweep.
     Planned {
         /// Number of readings so far.
@@ -274,10 +276,12 @@ pub enum Event {
         /// Estimate from all readings so far, if there is one.
         estimate: Option<Estimate>,
     },
-    /// The surface was not found. The reason follows in another event.
+    /// The surface was not found. The reason follows in another event, unless the search in steps goes on.
     SurfaceNotFound {
         /// Every position tried, with its reading.
         trail: Vec<(Position<Mm>, Reading)>,
+        /// Why a descent has not found it. The search in steps follows.
+        reason: Option<String>,
     },
     /// After a sweep in contact the surface was looked for again.
     SurfaceChecked {

@@ -174,7 +174,7 @@ impl Interlock {
             Operation::PrepareRotary => self.admit_turn(None)?,
             Operation::MoveRotary { target, .. } => self.admit_turn(Some(*target))?,
             Operation::MoveLinear { target, .. } if *target == rest => self.height = None,
-            Operation::MoveLinear { target, .. } => {
+            Operation::MoveLinear { target, .. } | Operation::Descend { target, .. } => {
                 let target = target.position();
                 if self.clearance == Clearance::Unknown {
                     return Err(InterlockError::LoweringFromUnknown { target });
@@ -236,7 +236,8 @@ impl Interlock {
             (
                 Operation::MoveLinear { .. } | Operation::HomeLinear | Operation::FindLinear { .. },
                 _,
-            ) => {
+            )
+            | (Operation::Descend { .. }, None) => {
                 self.clearance = Clearance::Unknown;
             }
             _ => {}

@@ -15,6 +15,7 @@
 
 mod command;
 mod contact_sense;
+mod descent;
 mod drift;
 mod effect;
 mod engine;
@@ -37,6 +38,7 @@ mod touch;
 
 pub use command::{Command, CommandRefusal};
 pub use contact_sense::{ContactSenseFault, TouchRefusal};
+pub use descent::{Descended, DescentEnd};
 pub use effect::{Effect, Input};
 pub use engine::{Admitted, Engine, Progress, Snapshot};
 pub use event::{

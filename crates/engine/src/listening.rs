@@ -2,7 +2,7 @@
 //! last change of frequency and of contact. The time that has passed since then counts, whatever the rig
 //! did in it.
 
-use rig_model::{RigTime, SweepPoint};
+use rig_model::{DriveLevel, RigTime, SweepPoint};
 use rig_protocol::Plan;
 use rig_resonance::Resonance;
 
@@ -106,6 +106,16 @@ impl Listening<'_> {
         let decay_s = left.map_or(0.0, |left| self.due_s(time_constants, Some(left)));
         let settle_s = self.plan.touch.approach.settle_s.max(driven_s).max(decay_s);
         self.measure(vec![self.point(0.0, settle_s)])
+    }
+
+    /// One reading at the no-load resonance in a stream of them, and the level.
+    pub(crate) fn stream(&self) -> (SweepPoint, DriveLevel) {
+        (self.point(0.0, 0.0), self.plan.contact_sweep.level)
+    }
+
+    /// The rest of the ring-down before a stream of readings, s.
+    pub(crate) fn stream_due_s(&self) -> f64 {
+        self.due_s(BASELINE_TIME_CONSTANTS, self.driven_since(0.0))
     }
 
     /// Since when the sensor has been driven this many linewidths below the no-load resonance.

@@ -64,6 +64,7 @@ pub(crate) enum MachineEvent {
     LinearAt(Position<Mm>),
     RotaryAt(Position<Deg>),
     Readings(Vec<Reading>),
+    Descended { at: Position<Mm>, way: Vec<(RigTime, Position<Mm>)> },
     Stopped,
     Declared,
     Waited,
@@ -79,6 +80,7 @@ impl MachineEvent {
         let what = match self {
             Self::Begin => "a beginning",
             Self::LinearAt(_) => "a position of the linear stage",
+            Self::Descended { .. } => "the end of a descent",
             Self::RotaryAt(_) => "a position of the rotary stage",
             Self::Readings(_) => "readings",
             Self::Stopped => "a standstill",
@@ -97,6 +99,7 @@ impl From<Report> for MachineEvent {
             Report::LinearAt(position) | Report::LinearHomed(position) => Self::LinearAt(position),
             Report::RotaryAt(position) => Self::RotaryAt(position),
             Report::Measured(readings) => Self::Readings(readings),
+            Report::Descended { at, way } => Self::Descended { at, way },
             Report::Stopped => Self::Stopped,
         }
     }
@@ -145,8 +148,12 @@ impl MachineContext<'_> {
         MachineStep::Retract(self.probe.clear_before(next, self.limits))
     }
 
-    pub(crate) fn surface_not_found(&mut self, trail: Vec<(Position<Mm>, Reading)>) {
-        self.notes.push(Event::SurfaceNotFound { trail });
+    pub(crate) fn surface_not_found(
+        &mut self,
+        trail: Vec<(Position<Mm>, Reading)>,
+        reason: Option<String>,
+    ) {
+        self.notes.push(Event::SurfaceNotFound { trail, reason });
     }
 
     pub(crate) fn surface_found(&mut self, surface: Surface, trail: Vec<(Position<Mm>, Reading)>) {

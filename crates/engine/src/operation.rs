@@ -46,6 +46,19 @@ pub enum Operation {
         /// The level of the drive.
         level: DriveLevel,
     },
+    /// Lower the probe evenly while the impedance is read at one frequency without a pause. Each reading is an
+    /// [`Input::Read`](crate::Input::Read). It ends at its target, after
+    /// [`Effect::EndDescent`](crate::Effect::EndDescent), or when the stream of readings breaks off.
+    Descend {
+        /// Target of the linear stage, within its soft limits, mm.
+        target: Target<Mm>,
+        /// Speed, mm/s.
+        speed_mm_per_s: f64,
+        /// The frequency, and the integration of each reading.
+        point: SweepPoint,
+        /// The level of the drive.
+        level: DriveLevel,
+    },
     /// Stop both axes where they are.
     StopMotion,
 }
@@ -62,6 +75,13 @@ pub enum Report {
     /// The readings: one without a flag for each requested point, after its flagged ones. The last
     /// one is flagged if the analyzer gave up on its point.
     Measured(Vec<Reading>),
+    /// The probe is at rest after a descent.
+    Descended {
+        /// The read-back of the linear stage.
+        at: Position<Mm>,
+        /// Positions during the descent with their times.
+        way: Vec<(RigTime, Position<Mm>)>,
+    },
     /// Both axes have stopped.
     Stopped,
 }
@@ -81,7 +101,8 @@ pub(crate) fn limit(operation: &Operation, travel_mm: f64, travel_deg: f64) -> D
     const SLACK_S: f64 = 60.0;
     let seconds = match operation {
         Operation::HomeLinear | Operation::PrepareRotary | Operation::FindLinear { .. } => 300.0,
-        Operation::MoveLinear { speed_mm_per_s, .. } => travel_mm / speed_mm_per_s,
+        Operation::MoveLinear { speed_mm_per_s, .. }
+        | Operation::Descend { speed_mm_per_s, .. } => travel_mm / speed_mm_per_s,
         Operation::MoveRotary { speed_deg_per_s, .. } => travel_deg / speed_deg_per_s,
         // An analyzer may be much slower than the requested integration.
         Operation::Measure { points, .. } => {
@@ -99,6 +120,7 @@ pub(crate) const fn name(operation: &Operation) -> &'static str {
         Operation::PrepareRotary => "homing the rotary stage",
         Operation::FindLinear { .. } => "finding the linear stage again",
         Operation::MoveLinear { .. } => "a move of the linear stage",
+        Operation::Descend { .. } => "a descent of the linear stage",
         Operation::MoveRotary { .. } => "a move of the rotary stage",
         Operation::Measure { .. } => "a measurement",
         Operation::StopMotion => "stopping both axes",

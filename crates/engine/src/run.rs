@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use rig_model::{Clearance, DriveLevel, RigLimits, RigTime, SweepPoint, Window};
+use rig_model::{Clearance, DriveLevel, Reading, RigLimits, RigTime, SweepPoint, Window};
 use rig_protocol::{Action, NoLoadPolicy, Plan, Pose, Prompt, RefusalPolicy, Step, StepId, Touch};
 use rig_resonance::{Bench, Resonance};
 
@@ -10,6 +10,7 @@ use crate::{
     Event, Fault, Operation, RefusalAnswer, RefusedTouch, RunPhase, RunStatus, TouchOutcome,
     TouchResult,
     contact_sense::{Neighbours, check_drift, check_free, check_reference},
+    descent::Vigil,
     drift::Drift,
     heights::{Change, Heights},
     interlock::Proven,
@@ -287,6 +288,18 @@ impl Run {
             MachineEvent::Decided { .. } | MachineEvent::Resumed => self.driven = None,
             _ => {}
         }
+    }
+
+    /// By when the first reading of a descent that begins now must come.
+    pub(crate) fn first_reading_by(&self, now: RigTime) -> Option<RigTime> {
+        let Machine::Touch(machine) = &self.machine else { return None };
+        machine.first_reading_by(now)
+    }
+
+    /// A reading of a descent has come, or none has in time.
+    pub(crate) fn streamed(&mut self, now: RigTime, reading: Option<Reading>) -> Vigil {
+        let Machine::Touch(machine) = &mut self.machine else { return Vigil::Halt };
+        machine.streamed(now, reading)
     }
 
     /// The refused touch about which a person is asked.

@@ -156,6 +156,20 @@ impl Search {
         (search, SearchStep::MoveTo(start))
     }
 
+    /// The same after a descent, which may have ended in the sample.
+    pub(crate) fn begin_after_contact(
+        approach: Approach,
+        expected: Position<Mm>,
+        baseline: Impedance,
+        near: Option<Near>,
+    ) -> (Self, SearchStep) {
+        let (search, step) = match near {
+            Some(near) => Self::begin_near(approach, expected, baseline, near),
+            None => Self::begin(approach, expected, baseline),
+        };
+        (Self { is_after_contact: true, ..search }, step)
+    }
+
     /// The same close above a surface that is known from the touches before.
     pub(crate) fn begin_near(
         approach: Approach,
@@ -350,6 +364,7 @@ mod tests {
         settle_s: 0.1,
         cycles: 10,
         slip_mm: 0.05,
+        descent_mm_per_s: None,
     };
 
     fn impedance(resistance_ohm: f64) -> Impedance {

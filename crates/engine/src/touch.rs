@@ -13,6 +13,7 @@
 //! Every failure ends in a [`Fault`]; the engine then stops, retracts and latches.
 
 mod check;
+mod descent;
 mod sweep;
 
 use std::time::Duration;
@@ -25,6 +26,7 @@ use crate::{
     Contact, ContactSenseFault, Fault, Halfway, LoweringPurpose, RunPhase, TouchOutcome,
     TouchRefusal, TouchResult,
     contact_sense::{check_alive, check_free, check_surface, may_be_drift},
+    descent::Descent,
     heights::Prediction,
     listening::Decay,
     machine::{MachineContext, MachineEvent, MachineStep},
@@ -83,6 +85,7 @@ enum Phase {
     Testing(Vec<Reading>),
     Declaring,
     Searching(Search),
+    Descending(Box<Descent>),
     DeclaringIndentation {
         surface: Surface,
     },
@@ -136,7 +139,7 @@ impl TouchMachine {
         match self.phase {
             Phase::Rotating(_) => RunPhase::Rotation,
             Phase::Baseline | Phase::Testing(_) | Phase::Declaring => RunPhase::Baseline,
-            Phase::Searching(_) => RunPhase::Search,
+            Phase::Searching(_) | Phase::Descending(_) => RunPhase::Search,
             Phase::DeclaringIndentation { .. } | Phase::Indenting { .. } => RunPhase::Indentation,
             Phase::Dwelling(_) => RunPhase::Dwell,
             Phase::Sweeping { .. } => RunPhase::Sweep,
@@ -181,6 +184,7 @@ impl TouchMachine {
             (Phase::Searching(_), MachineEvent::Readings(readings)) => {
                 self.searched(&readings, context)
             }
+            (Phase::Descending(_), event) => self.descending(event, context),
             (&mut Phase::DeclaringIndentation { surface }, MachineEvent::Declared) => {
                 self.indent(surface, context)
             }
@@ -236,6 +240,9 @@ impl TouchMachine {
             return MachineStep::Fault(MachineEvent::Declared.out_of_order("a search"));
         };
         let (approach, expected) = (self.approach(context), self.expected(context));
+        if let Some(speed_mm_per_s) = approach.descent_mm_per_s {
+            return self.begin_descent((approach, speed_mm_per_s), baseline, context);
+        }
         let (search, step) = match self.near(&approach, expected, context) {
             Some(near) => Search::begin_near(approach, expected, baseline, near),
             None => Search::begin(approach, expected, baseline),
@@ -295,7 +302,7 @@ impl TouchMachine {
         let Some(refusal) = flagged(&readings) else {
             return MachineStep::Fault(Fault::MissingReadings { given: 0, asked: 1 });
         };
-        context.surface_not_found(trail);
+        context.surface_not_found(trail, None);
         let refusal = TouchRefusal::Sweep(Box::new(refusal));
         self.retract(TouchOutcome::Refused { contact: None, refusal }, context)
     }
@@ -426,22 +433,11 @@ impl TouchMachine {
                 MachineStep::Do(context.listening(&self.no_load).contact(None, Decay::Whole))
             }
             SearchStep::Found(surface) => {
-                let tolerance_mm = context.limits.geometry.surface_tolerance_mm;
-                let (found, expected) = (surface.position, self.expected(context));
-                if let Err(fault) =
-                    check_surface(found, expected, self.outlook.offset_mm, tolerance_mm)
-                {
-                    let fault = SearchStep::Fault(Fault::ContactSense(fault));
-                    return self.follow(fault, context);
-                }
-                let phase = Phase::DeclaringIndentation { surface };
-                if let Phase::Searching(search) = std::mem::replace(&mut self.phase, phase) {
-                    context.surface_found(surface, search.trail().to_vec());
-                }
-                MachineStep::Declare {
-                    down_to: indented(surface, context),
-                    purpose: LoweringPurpose::Indent,
-                }
+                let trail = match &self.phase {
+                    Phase::Searching(search) => search.trail().to_vec(),
+                    _ => Vec::new(),
+                };
+                self.found(surface, trail, context)
             }
             SearchStep::Flagged => match &self.phase {
                 Phase::Searching(search) => self.unreadable(search.trail().to_vec(), context),
@@ -449,11 +445,30 @@ impl TouchMachine {
             },
             SearchStep::Fault(fault) => {
                 if let Phase::Searching(search) = &self.phase {
-                    context.surface_not_found(search.trail().to_vec());
+                    context.surface_not_found(search.trail().to_vec(), None);
                 }
                 MachineStep::Fault(fault)
             }
         }
+    }
+
+    /// The surface is found, unless it lies elsewhere than the touches before expect it.
+    fn found(
+        &mut self,
+        surface: Surface,
+        trail: Vec<(Position<Mm>, Reading)>,
+        context: &mut MachineContext<'_>,
+    ) -> MachineStep<TouchResult> {
+        let tolerance_mm = context.limits.geometry.surface_tolerance_mm;
+        let (found, expected) = (surface.position, self.expected(context));
+        if let Err(fault) = check_surface(found, expected, self.outlook.offset_mm, tolerance_mm) {
+            context.surface_not_found(trail, None);
+            return MachineStep::Fault(Fault::ContactSense(fault));
+        }
+        self.phase = Phase::DeclaringIndentation { surface };
+        context.surface_found(surface, trail);
+        let down_to = indented(surface, context);
+        MachineStep::Declare { down_to, purpose: LoweringPurpose::Indent }
     }
 
     /// Moves to the depth that is measured next.

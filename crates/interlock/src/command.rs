@@ -21,6 +21,13 @@ pub enum PortCommand {
         /// Speed, mm/s.
         speed_mm_per_s: f64,
     },
+    /// Lower the probe while the analyzer reads without a pause.
+    Descend {
+        /// The target.
+        to: Position<Mm>,
+        /// Speed, mm/s.
+        speed_mm_per_s: f64,
+    },
     /// Tilt the sample.
     MoveRotary {
         /// The target.
@@ -48,6 +55,8 @@ pub enum PortCommand {
     },
     /// Measure the impedance where the axes are.
     Measure,
+    /// Measure the impedance again and again while the probe goes down, if it does.
+    Stream,
 }
 
 impl PortCommand {
@@ -59,10 +68,12 @@ impl PortCommand {
             Self::HomeLinear => "homing the linear stage",
             Self::HomeRotary => "homing the rotary stage",
             Self::MoveLinear { .. } => "a move of the linear stage",
+            Self::Descend { .. } => "a descent of the linear stage",
             Self::MoveRotary { .. } => "a move of the rotary stage",
             Self::JogLinear { .. } => "a step of the linear stage",
             Self::JogRotary { .. } => "a step of the rotary stage",
             Self::Measure => "a measurement",
+            Self::Stream => "a stream of readings",
         }
     }
 
@@ -70,7 +81,11 @@ impl PortCommand {
     pub(crate) const fn is_linear(&self) -> bool {
         matches!(
             self,
-            Self::FindLinear | Self::HomeLinear | Self::MoveLinear { .. } | Self::JogLinear { .. }
+            Self::FindLinear
+                | Self::HomeLinear
+                | Self::MoveLinear { .. }
+                | Self::Descend { .. }
+                | Self::JogLinear { .. }
         )
     }
 

@@ -21,7 +21,7 @@ pub use axis::{Axis, AxisError, AxisLimits, Deg, Mm, Position, Span, Target, Uni
 pub use causes::{panic_message, with_causes};
 pub use make::{AnalyzerMake, DriveMake};
 pub use pose::{ContactAngle, ContactAngleError, Direction, Orientation};
-pub use rig_limits::{AnalyzerRange, Clearance, Geometry, MotionLimits, RigLimits};
+pub use rig_limits::{AnalyzerRange, Clearance, Geometry, MotionLimits, ReadingStream, RigLimits};
 pub use scale::Scale;
 pub use serial::{LineSettings, Parity, StopBits, Terminator};
 pub use sweep::{

@@ -1,8 +1,8 @@
 //! The limits of a rig: axes, geometry, motion and analyzer range.
 
 use crate::{
-    Axis, ContactAngle, Deg, Direction, Mm, Position, SweepRequest, SweepRequestError, Target,
-    Window,
+    AnalyzerMake, Axis, ContactAngle, Deg, Direction, Mm, Position, SweepRequest,
+    SweepRequestError, Target, Window,
 };
 
 /// Whether the probe is known to be away from the sample.
@@ -98,6 +98,33 @@ pub struct AnalyzerRange {
     pub frequency_hz: (f64, f64),
     /// Highest level, in V.
     pub max_level_v: f64,
+    /// Readings one after the other.
+    pub stream: ReadingStream,
+}
+
+/// A stream of readings at one frequency.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ReadingStream {
+    /// Longest time of a reading beside its integration, s; `None` if the analyzer gives no stream.
+    pub overhead_s: Option<f64>,
+    /// How much later than its readings say the analyzer integrates, beside the clock of the stage, s.
+    pub latency_s: f64,
+    /// Standard deviation of that latency, s.
+    pub latency_sigma_s: f64,
+}
+
+impl ReadingStream {
+    /// Standard deviation of a latency that nobody has measured, s.
+    pub const LATENCY_SIGMA_S: f64 = 0.003;
+
+    /// That of a make of analyzer, with a latency that nobody has measured.
+    pub const fn of(make: AnalyzerMake) -> Self {
+        Self {
+            overhead_s: make.stream_overhead_s(),
+            latency_s: 0.0,
+            latency_sigma_s: Self::LATENCY_SIGMA_S,
+        }
+    }
 }
 
 impl AnalyzerRange {
@@ -213,7 +240,11 @@ mod tests {
                 contact_speed_mm_per_s: 1.0,
                 rotary_speed_deg_per_s: 20.0,
             },
-            analyzer: AnalyzerRange { frequency_hz: (4.0, 1e6), max_level_v: 5.0 },
+            analyzer: AnalyzerRange {
+                frequency_hz: (4.0, 1e6),
+                max_level_v: 5.0,
+                stream: ReadingStream::of(AnalyzerMake::HiokiIm3536),
+            },
         }
     }
 

@@ -6,7 +6,7 @@ use rig_files::{Faults, Location, settings::Setting};
 use rig_model::{ContactAngle, Direction, Mm, Position, RigLimits};
 
 use crate::{
-    Pose, Protocol, aim,
+    Pose, Protocol, aim, descent,
     fault::{DepthLimit, ProtocolFault},
     protocol::{self, ApproachKeys, BlindPhase},
     sweep::SweepKeys,
@@ -48,6 +48,7 @@ fn by_itself(protocol: &Protocol, faults: &mut Faults) {
     });
     approach(protocol, faults);
     aim::check(protocol, faults);
+    descent::by_itself(protocol, faults);
     if let Some(blind) = &protocol.blind {
         blind_phase(blind, protocol.samples.len(), faults);
     }
@@ -125,6 +126,7 @@ pub(crate) fn on_rig(protocol: &Protocol, limits: &RigLimits, faults: &mut Fault
     sweep(&protocol.no_load_sweep.sweep, limits, faults);
     sweep(&protocol.contact_sweep, limits, faults);
     let tilts = tilts(protocol);
+    descent::check(protocol, limits, faults);
     rotary(protocol, &tilts, limits, faults);
     linear(protocol, &tilts, limits, faults);
 }
@@ -235,7 +237,7 @@ fn linear(protocol: &Protocol, tilts: &[Tilt], limits: &RigLimits, faults: &mut 
             });
         }
     }
-    let touch = protocol.touch_settings();
+    let touch = protocol.touch_settings(limits);
     let start = |pose: Pose| (touch.start(limits, pose), pose);
     let starts: Vec<_> = poses(protocol).into_iter().map(start).collect();
     let by_height =

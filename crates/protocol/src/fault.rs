@@ -50,6 +50,29 @@ pub(crate) enum ProtocolFault {
          deeper than the touch itself"
     )]
     CoarseAboveIndentation { coarse: f64, indentation: f64 },
+    #[error("speed_mm_per_s is for the method \"descent\" only")]
+    OnlyDescent,
+    #[error(
+        "method = \"descent\" needs a stream of readings at one frequency, and the rig states no time of a reading \
+         in one (analyzer.stream_overhead_s)"
+    )]
+    NoStream,
+    #[error(
+        "method = \"descent\" would go down at {limit:.2} mm/s at most, so that two readings of {reading_ms:.0} ms \
+         and a stop press no deeper than coarse_step_mm = {coarse}; below {least} mm/s it is no faster than the \
+         search in steps"
+    )]
+    StreamTooSlow { limit: f64, reading_ms: f64, coarse: f64, least: f64 },
+    #[error(
+        "speed_mm_per_s = {found} is above {limit:.2} mm/s: two readings of {reading_ms:.0} ms and a stop would \
+         press deeper than coarse_step_mm = {coarse}"
+    )]
+    DescentTooFast { found: f64, limit: f64, reading_ms: f64, coarse: f64 },
+    #[error(
+        "speed_mm_per_s = {found} is above {limit} mm/s, the speed in contact of the rig \
+         (limits.contact_speed_mm_per_s)"
+    )]
+    DescentAboveContactSpeed { found: f64, limit: f64 },
     #[error(
         "slip_mm = {slip} is below fine_step_mm = {fine}, to which the surface is known, and not 0"
     )]
@@ -177,6 +200,13 @@ impl Complaint for ProtocolFault {
             Self::SlipBelowFine { fine, .. } => {
                 format!("use at least {fine}, or 0 for no check of slip")
             }
+            Self::OnlyDescent => "remove it, or write method = \"descent\"".into(),
+            Self::NoStream => "write method = \"stepped\"".into(),
+            Self::StreamTooSlow { .. } => "write method = \"stepped\", or fewer cycles".into(),
+            Self::DescentTooFast { limit, .. } => {
+                format!("use at most {:.2}", (limit * 100.0).floor() / 100.0)
+            }
+            Self::DescentAboveContactSpeed { limit, .. } => format!("use at most {limit}"),
             Self::SlipAboveIndentation { indentation, .. }
             | Self::CoarseAboveIndentation { indentation, .. } => {
                 format!("use at most {indentation}")

@@ -61,7 +61,7 @@ impl Plan {
             return Err(faults);
         }
         let plan = match &protocol.aim {
-            None => Some(Self::of(protocol)),
+            None => Some(Self::of(protocol, limits)),
             Some(aim) => aim::choose(protocol, &aim.value, limits, model, &mut faults),
         };
         let Some(plan) = plan else { return Err(faults) };
@@ -75,12 +75,12 @@ impl Plan {
     }
 
     /// The steps of a protocol in which nothing is left out.
-    pub(crate) fn of(protocol: &Protocol) -> Self {
+    pub(crate) fn of(protocol: &Protocol, limits: &RigLimits) -> Self {
         let plan = Self {
             name: protocol.name.clone(),
             samples: protocol.samples.iter().map(|sample| sample.value.clone()).collect(),
             steps: Layout::of(protocol),
-            touch: protocol.touch_settings(),
+            touch: protocol.touch_settings(limits),
             no_load: protocol.no_load,
             no_load_sweep: protocol.no_load_sweep.sweep.request,
             survey_s: protocol.no_load_sweep.survey_s,

@@ -11,6 +11,7 @@
 
 mod aim;
 mod check;
+mod descent;
 mod fault;
 mod layout;
 mod plan;

@@ -175,6 +175,9 @@ pub struct Approach {
     /// After the sweep the surface must still lie within this distance of where it was found, mm;
     /// 0 for no such check.
     pub slip_mm: f64,
+    /// Speed of a continuous descent, which finds the surface before a search in steps is tried, mm/s; `None`
+    /// for the search in steps alone.
+    pub descent_mm_per_s: Option<f64>,
 }
 
 impl Approach {

@@ -6,7 +6,7 @@ use rig_files::{
     Faults,
     settings::{Setting, Table},
 };
-use rig_model::{ContactAngle, Direction};
+use rig_model::{ContactAngle, Direction, RigLimits};
 
 use crate::{
     AimSettings, Approach, RefusalPolicy, TouchSettings,
@@ -115,6 +115,17 @@ pub(crate) struct ApproachKeys {
     pub(crate) settle_s: f64,
     pub(crate) cycles: u32,
     pub(crate) slip_mm: Option<Setting<f64>>,
+    pub(crate) method: Setting<ApproachMethod>,
+    pub(crate) speed_mm_per_s: Option<Setting<f64>>,
+}
+
+/// How the surface is found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum ApproachMethod {
+    /// In steps, with a reading at rest after each.
+    Stepped,
+    /// Going down evenly, with a stream of readings.
+    Descent,
 }
 
 /// The random touches that are classified without their labels.
@@ -192,7 +203,7 @@ impl Protocol {
     }
 
     /// The settings of the descent, for the engine.
-    pub(crate) fn touch_settings(&self) -> TouchSettings {
+    pub(crate) fn touch_settings(&self, limits: &RigLimits) -> TouchSettings {
         let ApproachKeys { contact_threshold, settle_s, cycles, .. } = self.approach;
         TouchSettings {
             indentation_mm: self.touch.indentation_mm.value,
@@ -207,6 +218,7 @@ impl Protocol {
                 settle_s,
                 cycles,
                 slip_mm: self.slip_mm(),
+                descent_mm_per_s: self.descent_mm_per_s(limits),
             },
             on_refusal: self.touch.on_refusal,
         }
@@ -318,6 +330,13 @@ fn approach(table: &mut Table<'_>, has_aim: bool) -> ApproachKeys {
         settle_s: table.number("settle_s").range(0.0..=60.0).required().value,
         cycles: table.count("cycles").range(1..=100_000).required().value,
         slip_mm: table.number("slip_mm").range(0.0..=*STEP_MM.end()).optional(),
+        method: table
+            .choice(
+                "method",
+                [("stepped", ApproachMethod::Stepped), ("descent", ApproachMethod::Descent)],
+            )
+            .or(ApproachMethod::Stepped),
+        speed_mm_per_s: table.number("speed_mm_per_s").above(0.0).optional(),
     }
 }
 

@@ -77,6 +77,9 @@ const READING_S: f64 = 0.02;
 const LINEAR_RAMP_S: f64 = 0.1;
 const ROTARY_RAMP_S: f64 = 0.2;
 
+/// Readings of a descent after the contact: until the stop, and at rest.
+const DESCENT_READINGS: f64 = 5.0;
+
 /// Space of a run without touches, bytes: its files as they were read, and the report.
 const RUN_BYTES: u64 = 400_000;
 
@@ -276,9 +279,14 @@ impl Plan {
         let highest = limits.highest_surface(pose.direction, pose.angle);
         let surface = limits.geometry.surface_at(pose.direction, pose.angle);
         bench.touches += 1;
-        let (first, search_s) = match bench.mounting.replace(LEARNING_TOUCHES <= bench.touches) {
-            None => (self.touch.start(limits, pose), self.cold_search_s(limits)),
-            Some(is_known) => {
+        let mounting = bench.mounting.replace(LEARNING_TOUCHES <= bench.touches);
+        let (first, search_s) = match (self.touch.approach.descent_mm_per_s, mounting) {
+            (Some(speed), _) => {
+                let highest_mm = highest.value() - surface.value();
+                (highest, highest_mm / speed + DESCENT_READINGS * self.reading_s() + MOVE_S)
+            }
+            (None, None) => (self.touch.start(limits, pose), self.cold_search_s(limits)),
+            (None, Some(is_known)) => {
                 let highest_mm = highest.value() - surface.value();
                 (highest, self.warm_search_s(limits, highest_mm, is_known))
             }

@@ -8,7 +8,8 @@ mod summary;
 use std::collections::BTreeSet;
 
 use rig_model::{
-    AnalyzerRange, Axis, AxisLimits, Geometry, MotionLimits, Orientation, Position, RigLimits, Span,
+    AnalyzerMake, AnalyzerRange, Axis, AxisLimits, Geometry, MotionLimits, Orientation, Position,
+    ReadingStream, RigLimits, Span,
 };
 
 use crate::{
@@ -51,7 +52,11 @@ fn limits() -> RigLimits {
             contact_speed_mm_per_s: 1.0,
             rotary_speed_deg_per_s: 20.0,
         },
-        analyzer: AnalyzerRange { frequency_hz: (4.0, 8e6), max_level_v: 5.0 },
+        analyzer: AnalyzerRange {
+            frequency_hz: (4.0, 8e6),
+            max_level_v: 5.0,
+            stream: ReadingStream::of(AnalyzerMake::HiokiIm3536),
+        },
     }
 }
 

@@ -17,7 +17,8 @@ use serde::{Deserialize, Serialize};
 
 pub use aim::{Aim, AimPart, AimSettings};
 pub use motion::{
-    Axis, CheckedSurface, Intent, LostSurface, Move, MoveReason, Surface, SurfaceReading,
+    Axis, CheckedSurface, Descent, Intent, LostSurface, Move, MoveReason, Surface, SurfaceReading,
+    WayPoint,
 };
 pub use person::{Operator, Prompt, PromptAnswered, PromptAsked, RefusalAnswered, RefusalAsked};
 pub use resume::{Amended, Amendment, Archived, Change, GivenUp, Resumed};
@@ -53,6 +54,8 @@ pub enum Record {
     Intent(Intent),
     /// An axis was moved and read back.
     Moved(Move),
+    /// The probe went down evenly while the impedance was read without a pause.
+    Descended(Descent),
     /// The surface of the sample was found.
     SurfaceFound(Surface),
     /// The surface of the sample was not found.
@@ -95,8 +98,14 @@ pub enum Record {
 impl Record {
     /// The kinds of records that an archive takes out of the journal: readings and frames, which no check
     /// of another run needs. They are most of its bytes.
-    pub const ARCHIVED_KINDS: [&str; 5] =
-        ["sweep", "surface_found", "surface_not_found", "surface_checked", "black_box"];
+    pub const ARCHIVED_KINDS: [&str; 6] = [
+        "sweep",
+        "descended",
+        "surface_found",
+        "surface_not_found",
+        "surface_checked",
+        "black_box",
+    ];
 
     /// The word under which the record is stored.
     pub const fn kind(&self) -> &'static str {
@@ -109,6 +118,7 @@ impl Record {
             Self::RefusalAnswered(_) => "refusal_answered",
             Self::Intent(_) => "intent",
             Self::Moved(_) => "moved",
+            Self::Descended(_) => "descended",
             Self::SurfaceFound(_) => "surface_found",
             Self::SurfaceNotFound(_) => "surface_not_found",
             Self::SurfaceChecked(_) => "surface_checked",

@@ -362,12 +362,15 @@ impl RunData {
             Record::Intent(Intent { what: MoveReason::Approach, .. }) => {
                 self.search_us = Some(run_us);
             }
+            // The search in steps follows a descent that has not found it.
+            Record::SurfaceNotFound(lost) if lost.reason.is_some() => {}
             Record::SurfaceFound(_) | Record::SurfaceNotFound(_) => {
                 let begun_us = self.search_us.take().unwrap_or(run_us);
                 self.surfaces_s += run_us.saturating_sub(begun_us) as f64 / 1e6;
             }
             Record::Intent(_)
             | Record::Moved(_)
+            | Record::Descended(_)
             | Record::SurfaceChecked(_)
             | Record::RefusalAsked(_)
             | Record::StateChanged(_)

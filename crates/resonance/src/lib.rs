@@ -15,6 +15,7 @@ mod estimators;
 mod fit;
 mod noise;
 mod numeric;
+mod onset;
 mod outcome;
 mod plan;
 
@@ -27,6 +28,7 @@ pub use diagnose::flagged::flagged;
 pub use estimators::{Definition, Estimator, NoEstimate};
 pub use fit::{FitOptions, Fitter, fit};
 pub use noise::NoisePrior;
+pub use onset::{ContactWatch, EvenWay, Latency, Onset, OnsetRefusal, Watched};
 pub use outcome::{
     Extra, FitOutcome, ModelOrder, Resonance,
     refusal::{Limit, Reason, Refusal, Side},

@@ -12,6 +12,7 @@
 
 mod amend;
 mod analyzer_alone;
+mod descending;
 mod devices;
 mod gate;
 mod heartbeat;

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use rig_files::instrument::drive::{EmergencyStop, Step};
 use rig_link::{HealthMeter, StopSignal};
-use rig_model::{Axis, Position, Scale, Target, Unit};
+use rig_model::{Axis, Position, RigTime, Scale, Target, Unit};
 use tokio::time::{Instant, sleep, sleep_until};
 
 use crate::{
@@ -22,6 +22,9 @@ const READ_INTERVAL_MAX: Duration = Duration::from_secs(1);
 
 /// The time between two readings of an axis that homes: the duration of homing is unknown.
 const READ_INTERVAL_HOMING: Duration = Duration::from_millis(250);
+
+/// The time between two readings of an axis that goes down evenly: a dozen of them know its way to a micrometre.
+const READ_INTERVAL_DESCENT: Duration = Duration::from_millis(25);
 
 /// A move is stopped after twice the computed time plus this time.
 const MOVE_SLACK: Duration = Duration::from_secs(2);
@@ -61,6 +64,8 @@ pub struct Stage<U: Unit> {
     axis: Axis<U>,
     /// The last reading of the drive. `None` until it is identified.
     seen: Option<DriveReading>,
+    /// When its position was read: in the middle between question and answer.
+    seen_at: RigTime,
 }
 
 impl<U: Unit> Stage<U> {
@@ -72,7 +77,7 @@ impl<U: Unit> Stage<U> {
         scale: Scale<U>,
         axis: Axis<U>,
     ) -> Self {
-        Self { bus, map, unit, scale, axis, seen: None }
+        Self { bus, map, unit, scale, axis, seen: None, seen_at: RigTime::ZERO }
     }
 
     /// The counts of the drive.
@@ -255,6 +260,55 @@ impl<U: Unit> Stage<U> {
         self.command(&self.map.prepare).await?;
         self.take_all(&self.map.start, &order).await?;
         self.follow(target, &order, seen.position, stop).await
+    }
+
+    /// Goes down evenly to a target, or until the stop is raised, and reads the position on the way. Returns
+    /// where the axis is at rest, and the positions with their times.
+    ///
+    /// # Errors
+    /// As [`move_to`](Self::move_to), apart from [`StageError::Stopped`].
+    pub async fn descend_to(
+        &mut self,
+        target: Target<U>,
+        speed_per_s: f64,
+        stop: &StopSignal,
+    ) -> Result<(Position<U>, Vec<(RigTime, Position<U>)>), StageError<U>> {
+        self.believe_position()?;
+        let from = self.seen.ok_or(StageError::NotIdentified)?.position;
+        let order = Order::to(target.position(), speed_per_s, self.map, &self.scale, &self.axis)?;
+        let mut way = Vec::new();
+        if stop.is_raised() {
+            return Ok((self.scale.position(from.into()), way));
+        }
+        self.take_all(&self.map.start, &order).await?;
+        let started = Instant::now();
+        let deadline = started + order.duration_from(from).saturating_mul(2) + MOVE_SLACK;
+        loop {
+            if !wait(Instant::now() + READ_INTERVAL_DESCENT, stop).await {
+                return Ok((self.stop().await?, way));
+            }
+            let reading = match self.read_drive().await {
+                // The frames of a stop have left between the two.
+                Err(StageError::Bus(BusError::Failed(LineFault::Halted { .. }))) => {
+                    return Ok((self.stop().await?, way));
+                }
+                reading => reading?,
+            };
+            let at = self.scale.position(reading.position.into());
+            self.refuse_alarm(&reading, at).await?;
+            if reading.is_moving {
+                way.push((self.seen_at, at));
+            } else if self.start_within() < started.elapsed() || self.axis.is_at(at, target) {
+                // It has arrived, or is stuck.
+                return match self.follow(target, &order, from, stop).await {
+                    Err(StageError::Stopped { at }) | Ok(at) => Ok((at, way)),
+                    Err(error) => Err(error),
+                };
+            }
+            if deadline <= Instant::now() {
+                return Err(self.overdue("descent", started.elapsed()).await?);
+            }
+        }
     }
 
     /// Waits for the end of a move, with as few readings as its computed duration allows.
@@ -487,8 +541,12 @@ impl<U: Unit> Stage<U> {
 
     async fn read_drive(&mut self) -> Result<DriveReading, StageError<U>> {
         let mut replies = Vec::with_capacity(self.map.status.len());
-        for &block in &self.map.status {
+        for (index, &block) in self.map.status.iter().enumerate() {
+            let asked = self.bus.now();
             replies.push(self.ask(read_request(block)).await?);
+            if index == self.map.position.block {
+                self.seen_at = asked + self.bus.now().since(asked) / 2;
+            }
         }
         let reading = DriveReading::new(self.map, &replies);
         self.seen = Some(reading);

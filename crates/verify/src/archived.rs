@@ -15,8 +15,8 @@ use crate::{
 
 /// The kinds of records that may have lost their content: readings and frames. Nothing else of a run is
 /// asked of them.
-const KINDS: [&str; 5] =
-    ["sweep", "surface_found", "surface_not_found", "surface_checked", "black_box"];
+const KINDS: [&str; 6] =
+    ["sweep", "descended", "surface_found", "surface_not_found", "surface_checked", "black_box"];
 
 /// Checks the records that are left, the list of runs, the seal and the note.
 pub(crate) fn check(connection: &Connection, journal: &Journal, note: &Journal) -> Verdict {

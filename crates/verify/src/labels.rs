@@ -3,6 +3,7 @@
 
 mod bench;
 mod contact;
+mod descent;
 mod noise;
 mod sweep;
 mod touch;
@@ -16,7 +17,8 @@ use crate::{
     journal::Journal,
     motion::{Descent, Motion, Probe, Turn},
     record::{
-        Action, Circuit, Pose, Prompt, PromptAnswered, PromptAsked, StepStarted, Touch, TouchResult,
+        Action, Circuit, Descended, Pose, Prompt, PromptAnswered, PromptAsked, StepStarted, Touch,
+        TouchResult,
     },
     settings::{Settings, orientation, tilt_deg},
     surface,
@@ -74,6 +76,8 @@ pub(crate) struct Labels {
     /// The last sweep with the probe clear that was accepted.
     reference: Option<SweepFacts>,
     surface: Option<SurfaceFacts>,
+    /// The last descent of the touch under way, until a search in steps follows.
+    descended: Option<Descended>,
     /// The read-back after the indentation, mm, until the next surface.
     indented_mm: Option<f64>,
     /// The first accepted sweep in contact since the surface was found, and the read-back before it, mm.

@@ -18,6 +18,7 @@
 mod aim;
 mod archived;
 mod chain;
+mod descent;
 mod finding;
 mod fit;
 mod folder;

@@ -9,6 +9,8 @@
 //!       └─────────────────┘ moved up, above everything that the sample reaches in its next turn
 //! ```
 
+mod descent;
+
 use crate::{
     finding::{Check, Findings},
     record::{Axis, Intent, Moved},

@@ -14,6 +14,7 @@ pub(crate) enum Record {
     RefusalAnswered(RefusalAnswered),
     Intent(Intent),
     Moved(Moved),
+    Descended(Descended),
     SurfaceFound(SurfaceFound),
     SurfaceNotFound(SurfaceTrail),
     SurfaceChecked(SurfaceTrail),
@@ -174,6 +175,26 @@ pub(crate) struct SurfaceFound {
     pub(crate) position_mm: f64,
     pub(crate) sigma_mm: f64,
     pub(crate) trail: Vec<Tried>,
+}
+
+/// A way down at even speed with a stream of readings.
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Descended {
+    pub(crate) step: String,
+    pub(crate) pose: Pose,
+    pub(crate) target_mm: f64,
+    pub(crate) speed_mm_per_s: f64,
+    pub(crate) read_back_mm: f64,
+    pub(crate) end: String,
+    pub(crate) way: Vec<WayPoint>,
+    pub(crate) readings: Vec<Reading>,
+}
+
+/// A position of the moving stage.
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub(crate) struct WayPoint {
+    pub(crate) at_s: f64,
+    pub(crate) position_mm: f64,
 }
 
 #[derive(Debug, Clone, Deserialize)]

@@ -156,6 +156,16 @@ pub(crate) struct Approach {
     #[serde(default)]
     pub(crate) cycles: u32,
     slip_mm: Option<f64>,
+    /// "descent" for one before the search in steps.
+    method: Option<String>,
+    pub(crate) speed_mm_per_s: Option<f64>,
+}
+
+impl Approach {
+    /// Whether surfaces are found by descents.
+    pub(crate) fn is_by_descent(&self) -> bool {
+        self.method.as_deref() == Some("descent")
+    }
 }
 
 /// The section `[aim]` of a protocol.

@@ -185,6 +185,10 @@ impl Walk {
                 let settings = self.settings.as_ref();
                 self.motion.moved(entry.seq, entry.rig_us, &moved, settings, &mut unsaid);
             }
+            Record::Descended(descended) => {
+                let settings = self.settings.as_ref();
+                self.motion.went_down(entry.seq, entry.rig_us, &descended, settings, &mut unsaid);
+            }
             Record::Fault(fault) => self.motion.fault(entry.seq, &fault.probe, &mut unsaid),
             Record::Operator(operator) => self.operator(&operator),
             _ => {}
@@ -268,11 +272,16 @@ impl Walk {
                 motion.moved(seq, rig_us, &moved, settings, findings);
                 labels.moved(motion, rig_us, settings);
             }
+            Record::Descended(descended) => {
+                motion.went_down(seq, rig_us, &descended, settings, findings);
+                labels.descended(seq, rig_us, descended, motion, settings, findings);
+            }
             Record::SurfaceFound(found) => {
                 labels.surface_found(seq, rig_us, &found, motion, settings, findings);
                 motion.found_surface(found.position_mm, settings);
             }
             Record::SurfaceNotFound(lost) => {
+                labels.searches_in_steps();
                 let search = ("approach", &*lost.step, &lost.pose, &*lost.trail);
                 labels.searched(seq, rig_us, search, motion, settings, findings);
             }

@@ -21,6 +21,7 @@ const SETTLE_S: f64 = 2.0;
 
 impl Engine {
     pub(super) fn stalled(&mut self, now: RigTime, lasted: Duration, effects: &mut Vec<Effect>) {
+        self.spoil_stream(effects);
         let mut attempts = 0;
         let measuring = self.pending.as_mut().filter(|pending| {
             matches!(pending.operation, Operation::Measure { .. }) && !pending.is_interrupted

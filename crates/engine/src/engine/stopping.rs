@@ -50,7 +50,7 @@ impl Engine {
             Activity::Latched(_) => return self.stop_trying(now, effects),
             _ => {}
         }
-        self.wait_until = None;
+        (self.wait_until, self.reading_by) = (None, None);
         let had_run = matches!(
             self.activity,
             Activity::Running(_)

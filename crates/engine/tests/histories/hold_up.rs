@@ -10,7 +10,7 @@ fn has_nonsense(event: &Event) -> bool {
     let is_nonsense = |reading: &rig_model::Reading| reading.measured == NONSENSE;
     match event {
         Event::Measured { readings, .. } => readings.iter().any(is_nonsense),
-        Event::SurfaceFound { trail, .. } | Event::SurfaceNotFound { trail } => {
+        Event::SurfaceFound { trail, .. } | Event::SurfaceNotFound { trail, .. } => {
             trail.iter().any(|(_, reading)| is_nonsense(reading))
         }
         Event::SweepFinished(sweep) => sweep.readings.iter().any(is_nonsense),

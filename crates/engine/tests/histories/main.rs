@@ -5,12 +5,14 @@
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
 mod attempts;
+mod descent;
 mod drift;
 mod drive;
 mod hold_up;
 mod level;
 mod out_of_contact;
 mod refusals;
+mod streams;
 mod world;
 
 use rig_engine::{Command, Event, Input, Operation, Report, RigState, RunStatus, TouchOutcome};

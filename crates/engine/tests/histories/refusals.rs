@@ -6,6 +6,20 @@ use rig_protocol::{Plan, RefusalPolicy, StepId};
 
 use crate::world::{World, plan};
 
+impl World {
+    /// Why touches were refused.
+    pub(crate) fn refused(&self) -> Vec<String> {
+        let refusal = |event: &Event| match event {
+            Event::TouchFinished(result) => match &result.outcome {
+                TouchOutcome::Refused { refusal, .. } => Some(refusal.to_string()),
+                TouchOutcome::Measured { .. } => None,
+            },
+            _ => None,
+        };
+        self.events.iter().filter_map(refusal).collect()
+    }
+}
+
 /// A plan with three touches, whose resonances in contact lie below the window.
 fn narrow(on_refusal: RefusalPolicy) -> Plan {
     let mut narrow = plan();

@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, f64::consts::TAU, time::Duration};
 
 use rig_engine::{
     Admitted, Command, Device, Effect, Engine, Event, Failure, FailureKind, Input, Operation,
-    OperationId, RefusalAnswer, Report, RigState, RunStatus, TouchOutcome,
+    OperationId, RefusalAnswer, Report, RigState, RunStatus,
 };
 use rig_model::{
     ContactAngle, Direction, DriveLevel, Impedance, Orientation, PointResult, Position, Reading,
@@ -19,6 +19,8 @@ use crate::drive::Drive;
 #[path = "trouble.rs"]
 mod trouble;
 pub(crate) use trouble::{OF_ONE_OPERATION, Trouble};
+
+use crate::streams::Streams;
 
 #[path = "../../../model/tests/support/limits.rs"]
 mod bench;
@@ -77,6 +79,7 @@ pub(crate) fn plan() -> Plan {
                 settle_s: 0.1,
                 cycles: 10,
                 slip_mm: 0.025,
+                descent_mm_per_s: None,
             },
             on_refusal: rig_protocol::RefusalPolicy::Record,
         },
@@ -154,6 +157,7 @@ pub(crate) struct World {
     pub(crate) listened: Vec<Listened>,
     /// When the first fault was noted.
     pub(crate) faulted_at: Option<RigTime>,
+    pub(crate) streams: Streams,
 }
 
 impl World {
@@ -191,6 +195,7 @@ impl World {
             set_at: RigTime::ZERO,
             listened: Vec::new(),
             faulted_at: None,
+            streams: Streams::default(),
         }
     }
 
@@ -232,6 +237,7 @@ impl World {
                     };
                     self.abandoned = self.in_flight.take_if(is_measuring).map(|(id, _)| id);
                 }
+                Effect::EndDescent => self.streams.is_ended = true,
                 Effect::Do(id, operation) => {
                     assert!(self.in_flight.is_none(), "two operations at once");
                     self.check(&operation);
@@ -259,6 +265,7 @@ impl World {
                 "the rotary stage homes with the probe at {} mm",
                 self.linear_mm
             ),
+            Operation::Descend { target, .. } => self.check_descent(target.position().value()),
             Operation::MoveLinear { target, .. } => {
                 assert!(!self.is_lost, "moved from where it cannot be");
                 let target_mm = target.position().value();
@@ -327,6 +334,7 @@ impl World {
                 return self.handle(Input::Done(id, Ok(report)));
             }
             Some(Trouble::Hangs) => {
+                self.hang_stream(&operation);
                 // Twice overdue: asked to end, and still silent.
                 for _ in 0..2 {
                     self.now = self.engine.deadline().expect("every operation has a deadline");
@@ -358,6 +366,9 @@ impl World {
             Some(Trouble::Abort) => self.try_command(Command::Abort),
             Some(Trouble::Stop) => self.try_command(Command::Stop),
             Some(Trouble::Pause) => self.try_command(Command::Pause),
+        }
+        if let Operation::Descend { .. } = operation {
+            return self.descend(id, &operation);
         }
         let report = self.perform(&operation);
         self.handle(Input::Done(id, Ok(report)));
@@ -410,6 +421,7 @@ impl World {
 
     pub(crate) fn stalled(&mut self, operation: &Operation) -> Report {
         match operation {
+            Operation::Descend { .. } => self.not_descended(),
             Operation::MoveLinear { .. } | Operation::HomeLinear | Operation::FindLinear { .. } => {
                 Report::LinearAt(Position::new(self.linear_mm))
             }
@@ -451,7 +463,7 @@ impl World {
                 }
                 return Report::Measured(readings);
             }
-            Operation::StopMotion | Operation::FindLinear { .. } => {}
+            Operation::StopMotion | Operation::FindLinear { .. } | Operation::Descend { .. } => {}
         }
         self.stalled(operation)
     }
@@ -567,18 +579,6 @@ impl World {
             .refused
             .map(|touch| Command::Decide { step: touch.step, answer: self.decision });
         self.command(decision.unwrap_or(Command::Answer));
-    }
-
-    /// Why touches were refused.
-    pub(crate) fn refused(&self) -> Vec<String> {
-        let refusal = |event: &Event| match event {
-            Event::TouchFinished(result) => match &result.outcome {
-                TouchOutcome::Refused { refusal, .. } => Some(refusal.to_string()),
-                TouchOutcome::Measured { .. } => None,
-            },
-            _ => None,
-        };
-        self.events.iter().filter_map(refusal).collect()
     }
 
     pub(crate) fn endings(&self) -> Vec<RunStatus> {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use rig_model::{
     AnalyzerMake, AnalyzerRange, Deg, DriveMake, Geometry, Mm, MotionLimits, Parity, Position,
-    RigLimits, Terminator,
+    ReadingStream, RigLimits, Terminator,
 };
 
 use super::{
@@ -134,7 +134,18 @@ fn analyzer(table: &mut Table<'_>) -> AnalyzerRead {
             table.refuse(&max_level_v, &refusal);
         }
     }
-    let range = AnalyzerRange { frequency_hz: frequency_hz.value, max_level_v: max_level_v.value };
+    let latency_s = table.number("latency_s").range(-0.1..=0.1).or(0.0).value;
+    let latency_sigma_s = table.number("latency_sigma_s").range(0.0001..=0.1);
+    let latency_sigma_s = latency_sigma_s.or(ReadingStream::LATENCY_SIGMA_S).value;
+    let overhead_s = table.number("stream_overhead_s").range(0.0005..=10.0).optional();
+    let of_make = match instrument.value {
+        Named::Shipped(make) => make.stream_overhead_s(),
+        Named::File { .. } => None,
+    };
+    let overhead_s = overhead_s.map(|overhead_s| overhead_s.value).or(of_make);
+    let stream = ReadingStream { overhead_s, latency_s, latency_sigma_s };
+    let (frequency_hz, max_level_v) = (frequency_hz.value, max_level_v.value);
+    let range = AnalyzerRange { frequency_hz, max_level_v, stream };
     AnalyzerRead {
         file: AnalyzerFile {
             instrument: instrument.value,

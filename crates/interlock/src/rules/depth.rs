@@ -46,6 +46,11 @@ impl Depth {
                 }
                 self.admit_lowering(what, to, speed_mm_per_s)
             }
+            // Slow from its beginning: it is watched by readings that may come late.
+            PortCommand::Descend { to, speed_mm_per_s } => {
+                refuse_speed(what, speed_mm_per_s, motion.contact_speed_mm_per_s, "mm")?;
+                self.admit_lowering(what, to, speed_mm_per_s)
+            }
             _ => Ok(()),
         }
     }

@@ -1,4 +1,5 @@
-//! One command at a time goes to a port, and a measurement needs axes at rest.
+//! One command at a time goes to a port, and a measurement needs axes at rest, unless it is the stream of readings
+//! of a descent.
 
 use crate::{PortCommand, Refusal};
 
@@ -11,12 +12,16 @@ pub struct Ports {
 
 impl Ports {
     pub(crate) const fn admit(&self, command: &PortCommand) -> Result<(), Refusal> {
-        let is_measurement = matches!(command, PortCommand::Measure);
+        let is_measurement = matches!(command, PortCommand::Measure | PortCommand::Stream);
         let other = if is_measurement { &self.analyzer } else { &self.bus };
         if let Some(other) = other {
             return Err(Refusal::PortBusy { what: command.name(), other: other.name() });
         }
-        if let (true, Some(moving)) = (is_measurement, &self.bus) {
+        let may_move = matches!(
+            (command, &self.bus),
+            (PortCommand::Stream, Some(PortCommand::Descend { .. }))
+        );
+        if let (true, false, Some(moving)) = (is_measurement, may_move, &self.bus) {
             return Err(Refusal::Moving { other: moving.name() });
         }
         Ok(())
@@ -24,14 +29,14 @@ impl Ports {
 
     pub(crate) const fn begun(&mut self, command: PortCommand) {
         match command {
-            PortCommand::Measure => self.analyzer = Some(command),
+            PortCommand::Measure | PortCommand::Stream => self.analyzer = Some(command),
             _ => self.bus = Some(command),
         }
     }
 
     pub(crate) const fn ended(&mut self, command: &PortCommand) {
         match command {
-            PortCommand::Measure => self.analyzer = None,
+            PortCommand::Measure | PortCommand::Stream => self.analyzer = None,
             _ => self.bus = None,
         }
     }

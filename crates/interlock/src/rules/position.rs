@@ -23,7 +23,9 @@ impl Identity {
         let what = command.name();
         let (is_known, axis) = match command {
             PortCommand::MoveLinear { .. } if is_retract => (self.was_linear_known, "linear stage"),
-            PortCommand::MoveLinear { .. } => (self.is_linear_known, "linear stage"),
+            PortCommand::MoveLinear { .. } | PortCommand::Descend { .. } => {
+                (self.is_linear_known, "linear stage")
+            }
             PortCommand::MoveRotary { .. } => (self.is_rotary_known, "rotary stage"),
             _ => (true, ""),
         };
@@ -40,11 +42,13 @@ impl Identity {
             PortCommand::HomeRotary => {
                 self.is_rotary_known = matches!(outcome, Outcome::RotaryAt(_));
             }
-            PortCommand::MoveLinear { .. } => self.is_linear_known &= !is_failed,
+            PortCommand::MoveLinear { .. } | PortCommand::Descend { .. } => {
+                self.is_linear_known &= !is_failed;
+            }
             PortCommand::MoveRotary { .. } => self.is_rotary_known &= !is_failed,
             PortCommand::JogLinear { .. } => self.is_linear_known = false,
             PortCommand::JogRotary { .. } => self.is_rotary_known = false,
-            PortCommand::Stop | PortCommand::Measure => {}
+            PortCommand::Stop | PortCommand::Measure | PortCommand::Stream => {}
         }
     }
 }
@@ -64,7 +68,7 @@ impl Intent {
 
     pub(crate) fn admit(&self, command: &PortCommand, is_retract: bool) -> Result<(), Refusal> {
         match *command {
-            PortCommand::MoveLinear { to, .. }
+            PortCommand::MoveLinear { to, .. } | PortCommand::Descend { to, .. }
                 // A target that is not a number is not above the floor.
                 if !is_retract && !self.down_to.is_some_and(|down_to| down_to <= to) =>
             {

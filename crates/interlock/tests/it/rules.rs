@@ -136,6 +136,30 @@ fn near_the_sample_the_probe_goes_slowly_and_in_short_steps() {
 }
 
 #[test]
+fn readings_stream_only_while_nothing_moves_or_the_probe_goes_down_slowly() {
+    let mut interlock = prepared(NOW);
+    let descend =
+        |mm, speed_mm_per_s| PortCommand::Descend { to: Position::new(mm), speed_mm_per_s };
+    assert!(matches!(refused(&mut interlock, descend(10.0, 1.0)), Refusal::NoIntent { .. }));
+    interlock.intent_is_durable(Position::new(1.0));
+    assert!(matches!(refused(&mut interlock, descend(10.0, 1.01)), Refusal::TooFast { .. }));
+    assert!(matches!(
+        refused(&mut interlock, descend(FLOOR_MM - 0.001, 1.0)),
+        Refusal::BelowFloor { .. }
+    ));
+    for (going, is_allowed) in [(descend(9.41, 1.0), true), (lower(20.0), false)] {
+        let mut interlock = interlock.clone();
+        interlock.admit(NOW, &going).unwrap();
+        assert!(matches!(refused(&mut interlock, PortCommand::Measure), Refusal::Moving { .. }));
+        assert_eq!(interlock.admit(NOW, &PortCommand::Stream).is_ok(), is_allowed);
+        // One at a time.
+        assert!(interlock.admit(NOW, &PortCommand::Stream).is_err());
+        assert!(matches!(refused(&mut interlock, lower(20.0)), Refusal::PortBusy { .. }));
+    }
+    admitted(&mut interlock, PortCommand::Stream, Outcome::Interrupted);
+}
+
+#[test]
 fn the_probe_goes_down_only_as_far_as_a_durable_intent() {
     let mut interlock = prepared(NOW);
     assert!(matches!(refused(&mut interlock, lower(20.0)), Refusal::NoIntent { .. }));

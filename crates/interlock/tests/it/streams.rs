@@ -62,8 +62,14 @@ fn command() -> impl Strategy<Value = PortCommand> {
     let rotary = (-50.0..50.0, 1.0..25.0).prop_map(|(degrees, speed_deg_per_s)| {
         PortCommand::MoveRotary { to: Position::new(degrees), speed_deg_per_s }
     });
+    let descent = (8.5..11.0, prop_oneof![4 => Just(1.0), 1 => 0.0..15.0]);
+    let descent = descent.prop_map(|(mm, speed_mm_per_s)| PortCommand::Descend {
+        to: Position::new(mm),
+        speed_mm_per_s,
+    });
     prop_oneof![
         12 => linear,
+        2 => descent,
         4 => rotary,
         1 => Just(PortCommand::Stop),
         1 => Just(PortCommand::FindLinear),
@@ -145,7 +151,10 @@ impl Truth {
                 let is_up = self.linear_mm >= REST_MM - 0.011;
                 assert!(is_up || self.is_nudged, "homed at {} mm", self.linear_mm);
             }
-            PortCommand::MoveLinear { to, speed_mm_per_s } if to.value() < REST_MM => {
+            PortCommand::MoveLinear { to, speed_mm_per_s }
+            | PortCommand::Descend { to, speed_mm_per_s }
+                if to.value() < REST_MM =>
+            {
                 let to_mm = to.value();
                 let tolerance_mm = TOLERANCE_MM / self.rotary_deg.to_radians().cos();
                 let floor_mm = self.expected_mm() - tolerance_mm - DEEPEST_MM;
@@ -177,12 +186,15 @@ impl Truth {
         let is_failed = matches!(response, Response::FailsDone | Response::FailsUndone);
         if matches!(
             command,
-            PortCommand::MoveLinear { .. } | PortCommand::HomeLinear | PortCommand::FindLinear
+            PortCommand::MoveLinear { .. }
+                | PortCommand::Descend { .. }
+                | PortCommand::HomeLinear
+                | PortCommand::FindLinear
         ) {
             self.stated = None;
         }
         let outcome = match *command {
-            PortCommand::MoveLinear { to, .. } => {
+            PortCommand::MoveLinear { to, .. } | PortCommand::Descend { to, .. } => {
                 self.linear_mm += part * (to.value() - self.linear_mm);
                 self.lowerings += u32::from(to.value() < REST_MM);
                 self.is_nudged &= is_failed;
@@ -207,7 +219,7 @@ impl Truth {
             PortCommand::JogLinear { .. } | PortCommand::JogRotary { .. } => {
                 unreachable!("no stream commissions a rig")
             }
-            PortCommand::Stop | PortCommand::Measure => Outcome::Done,
+            PortCommand::Stop | PortCommand::Measure | PortCommand::Stream => Outcome::Done,
         };
         self.is_latched |= is_failed;
         if is_failed { Outcome::Failed } else { outcome }

@@ -2,7 +2,8 @@
 //! at 10 mm, and may lie 0.5 mm higher or lower.
 
 use rig_model::{
-    AnalyzerRange, Axis, AxisLimits, Geometry, MotionLimits, Position, RigLimits, Span,
+    AnalyzerMake, AnalyzerRange, Axis, AxisLimits, Geometry, MotionLimits, Position, ReadingStream,
+    RigLimits, Span,
 };
 
 pub(crate) const REST_MM: f64 = 40.0;
@@ -48,6 +49,10 @@ pub(crate) fn limits() -> RigLimits {
             contact_speed_mm_per_s: 1.0,
             rotary_speed_deg_per_s: 20.0,
         },
-        analyzer: AnalyzerRange { frequency_hz: (4.0, 1e6), max_level_v: 5.0 },
+        analyzer: AnalyzerRange {
+            frequency_hz: (4.0, 1e6),
+            max_level_v: 5.0,
+            stream: ReadingStream::of(AnalyzerMake::HiokiIm3536),
+        },
     }
 }

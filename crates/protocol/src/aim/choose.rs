@@ -31,7 +31,7 @@ pub(crate) fn choose(
 ) -> Option<Plan> {
     let wanted = aim.wanted.as_ref()?;
     let candidates = Candidates::of(protocol, limits);
-    let plans: Vec<Plan> = candidates.plans(protocol);
+    let plans: Vec<Plan> = candidates.plans(protocol, limits);
     let assumed_mpa = aim.softest_mpa.as_ref().map(|mpa| mpa.value);
     let sensitivities = match sensitivities(&plans[0], model, assumed_mpa) {
         Ok(sensitivities) => sensitivities,
@@ -46,7 +46,7 @@ pub(crate) fn choose(
         .flat_map(|plan| candidates.fine_step_mm.iter().map(move |fine_mm| (plan, *fine_mm)))
         .map(|(plan, fine_step_mm)| {
             let settings = AimSettings { no_load: plan.no_load, fine_step_mm, ..candidates.first };
-            let touch = protocol.with(&settings).touch_settings();
+            let touch = protocol.with(&settings).touch_settings(limits);
             let expected = Expectation::of(&Plan { touch, ..plan.clone() }, limits, &sensitivities);
             (settings, plan, expected)
         })
@@ -64,7 +64,7 @@ pub(crate) fn choose(
         Ok(settings) => (settings, None),
         Err(OutOfReach { nearest, value }) => (nearest, Some(value)),
     };
-    let plan = Plan::of(&protocol.with(&settings));
+    let plan = Plan::of(&protocol.with(&settings), limits);
     let Expectation { times, errors } = Expectation::of(&plan, limits, &sensitivities);
     let Expected { parts, together, worst_step } = errors.at(&settings);
     let worst = plan.steps[worst_step].id.clone();
@@ -191,9 +191,9 @@ impl Candidates {
     }
 
     /// A plan for each policy of the reference.
-    fn plans(&self, protocol: &Protocol) -> Vec<Plan> {
+    fn plans(&self, protocol: &Protocol, limits: &RigLimits) -> Vec<Plan> {
         let of = |&no_load: &NoLoadPolicy| {
-            Plan::of(&protocol.with(&AimSettings { no_load, ..self.first }))
+            Plan::of(&protocol.with(&AimSettings { no_load, ..self.first }), limits)
         };
         self.no_load.iter().map(of).collect()
     }

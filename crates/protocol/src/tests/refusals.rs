@@ -50,6 +50,37 @@ fn a_number_in_another_unit_is_told_what_it_would_be() {
     insta::assert_snapshot!(complaints(&changes, &limits()));
 }
 
+/// The way of two readings of 26 ms and of a stop of 30 ms, over a coarse step.
+#[test]
+fn a_descent_is_as_fast_as_the_coarse_step_allows_and_needs_a_stream() {
+    let asked = |keys: &str, limits: &RigLimits| {
+        complaints(&[("[approach]\n", &format!("[approach]\n{keys}\n"))], limits)
+    };
+    let with = |overhead_s| {
+        let stream = ReadingStream { overhead_s, ..limits().analyzer.stream };
+        let analyzer = AnalyzerRange { stream, ..limits().analyzer };
+        RigLimits { analyzer, ..limits() }
+    };
+    let descent = "method = \"descent\"";
+    for (keys, limits, expected) in [
+        ("speed_mm_per_s = 1", limits(), "for the method \"descent\" only"),
+        (&*format!("{descent}\nspeed_mm_per_s = 9"), limits(), "limits.contact_speed_mm_per_s"),
+        (descent, with(None), "stream_overhead_s"),
+        (descent, with(Some(0.5)), "no faster than the search in steps"),
+        (&*format!("{descent}\nspeed_mm_per_s = 0.9"), with(Some(0.1)), "above 0.38 mm/s"),
+    ] {
+        let found = asked(keys, &limits);
+        assert!(found.contains(expected), "{keys}: {found}");
+    }
+    let text = changed(&[("[approach]\n", &format!("[approach]\n{descent}\n"))]);
+    let plan = |limits: &RigLimits| {
+        Plan::new(&Protocol::read("protocol.toml", &text), limits, None, &PaperLike).unwrap()
+    };
+    let speed = |limits: &RigLimits| plan(limits).touch.approach.descent_mm_per_s.unwrap();
+    assert!((speed(&limits()) - limits().motion.contact_speed_mm_per_s).abs() < 1e-9);
+    assert!((speed(&with(Some(0.1))) - 0.1 / (2.0 * 0.116 + 0.03)).abs() < 1e-9);
+}
+
 #[test]
 fn a_check_of_the_level_needs_a_survey() {
     let found = complaints(&[("survey_s = 10\n", "")], &limits());
@@ -78,7 +109,11 @@ fn a_protocol_that_contradicts_itself_is_refused() {
 fn a_protocol_that_the_bench_cannot_run_is_refused() {
     let limits = RigLimits {
         geometry: Geometry { surface_tolerance_mm: 0.5, ..limits().geometry },
-        analyzer: AnalyzerRange { frequency_hz: (128.0, 250.0), max_level_v: 1.0 },
+        analyzer: AnalyzerRange {
+            frequency_hz: (128.0, 250.0),
+            max_level_v: 1.0,
+            ..limits().analyzer
+        },
         ..limits()
     };
     let changes = [

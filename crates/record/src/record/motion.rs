@@ -89,6 +89,39 @@ pub struct LostSurface {
     pub pose: Pose,
     /// Every position of the search with its reading, in order.
     pub trail: Vec<SurfaceReading>,
+    /// Why a descent has not found the surface. The search in steps follows.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
+}
+
+/// A way down at even speed, with readings of the impedance one after the other.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Descent {
+    /// Address of the step.
+    pub step: String,
+    /// Pose of the sample.
+    pub pose: Pose,
+    /// The lowest position that it could have reached, mm.
+    pub target_mm: f64,
+    /// Its speed, mm/s.
+    pub speed_mm_per_s: f64,
+    /// Position of the linear stage at rest after it, mm.
+    pub read_back_mm: f64,
+    /// Why it ended: "contact", "target", "late", "flagged", "frozen", `not_clear` or `broken_off`.
+    pub end: String,
+    /// Positions that were read on the way.
+    pub way: Vec<WayPoint>,
+    /// The readings, in order. The first 8 are those of the clear probe, with which the others are compared.
+    pub readings: Vec<ReadingRecord>,
+}
+
+/// A position of a moving axis.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct WayPoint {
+    /// When it was read, s on the rig's clock.
+    pub at_s: f64,
+    /// The position, mm.
+    pub position_mm: f64,
 }
 
 /// After the sweep of a touch the surface was looked for again, so that lost steps are found.

@@ -115,7 +115,7 @@ impl Topic {
             "prompt_asked" | "prompt_answered" | "refusal_asked" | "refusal_answered"
             | "operator" => Self::Person,
             "intent" | "moved" => Self::Motion,
-            "surface_found" | "surface_not_found" | "surface_checked" | "sweep"
+            "descended" | "surface_found" | "surface_not_found" | "surface_checked" | "sweep"
             | "touch_result" | "touch_refused" => Self::Measurement,
             "fault" | "retract_tried" | "black_box" | "stalled" | "clock_jumped" => Self::Fault,
             "state_changed" => Self::State,

@@ -4,8 +4,9 @@ use rig_analyzer::{Analyzer, AnalyzerError};
 use rig_engine::{Device, Failure, FailureKind, Operation, Report};
 use rig_interlock::Outcome;
 use rig_link::StopSignal;
-use rig_model::{Deg, Mm, Unit, with_causes};
+use rig_model::{Deg, DriveLevel, Mm, Reading, SweepPoint, Unit, with_causes};
 use rig_stage::{AxisStatus, BusError, HaltFrames, LineFault, Stage, StageError};
+use tokio::sync::mpsc;
 
 use super::{
     DeviceError,
@@ -28,6 +29,8 @@ pub(super) struct Axes {
 pub(super) struct GatedAnalyzer {
     pub(super) analyzer: Analyzer,
     pub(super) gate: Gate,
+    /// Readings of a descent.
+    pub(super) readings: mpsc::UnboundedSender<Reading>,
 }
 
 impl Axes {
@@ -89,6 +92,10 @@ impl Axes {
                 let moved = self.rotary.move_to(target, speed_deg_per_s, stop).await;
                 moved.map(Report::RotaryAt).map_err(rotary)
             }
+            &Operation::Descend { target, speed_mm_per_s, .. } => {
+                let descended = self.linear.descend_to(target, speed_mm_per_s, stop).await;
+                descended.map(|(at, way)| Report::Descended { at, way }).map_err(linear)
+            }
             Operation::StopMotion => {
                 // Both axes get the command, even if the first one fails.
                 let stopped_linear = self.linear.stop().await;
@@ -107,10 +114,29 @@ impl Axes {
 impl Perform for GatedAnalyzer {
     async fn perform(&mut self, operation: &Operation, stop: &StopSignal) -> Ended {
         not_after_a_stop(Device::Analyzer, stop)?;
+        if let Operation::Descend { point, level, .. } = operation {
+            return self.stream(point, *level, stop).await;
+        }
         self.gate.admit(operation)?;
         let ended = measure(&mut self.analyzer, operation, stop).await;
         self.gate.ended(operation, &ended, stop.is_raised());
         ended
+    }
+}
+
+impl GatedAnalyzer {
+    /// The readings of a descent. A stream that breaks off is none of the interlock's faults: the descent ends with
+    /// it, and the next measurement finds the analyzer again.
+    async fn stream(&mut self, point: &SweepPoint, level: DriveLevel, stop: &StopSignal) -> Ended {
+        self.gate.admit_stream()?;
+        let readings = &self.readings;
+        let streamed = match self.analyzer.configure(level).await {
+            // The shell may have gone away.
+            Ok(()) => self.analyzer.stream(point, stop, |one| _ = readings.send(one)).await,
+            Err(error) => Err(error),
+        };
+        self.gate.stream_ended();
+        streamed.map(|()| Report::Measured(Vec::new())).map_err(analyzer_failure)
     }
 }
 

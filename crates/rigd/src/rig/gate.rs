@@ -46,17 +46,28 @@ impl Gate {
     /// Admits an operation. After this it must be brought to its [`end`](Self::ended).
     pub(super) fn admit(&self, operation: &Operation) -> Result<(), Failure> {
         let admitted = self.interlock.borrow_mut().admit(self.clock.now(), &command(operation));
-        admitted.map_err(|refusal| Failure {
-            device: Device::Interlock,
-            kind: FailureKind::Refused,
-            detail: refusal.to_string(),
-        })
+        admitted.map_err(refused)
+    }
+
+    /// Admits the readings of a descent. After this they must be brought to their
+    /// [`end`](Self::stream_ended).
+    pub(super) fn admit_stream(&self) -> Result<(), Failure> {
+        let admitted = self.interlock.borrow_mut().admit(self.clock.now(), &PortCommand::Stream);
+        admitted.map_err(refused)
+    }
+
+    /// The readings of a descent have ended.
+    pub(super) fn stream_ended(&self) {
+        let (now, stream) = (self.clock.now(), PortCommand::Stream);
+        self.interlock.borrow_mut().ended(now, &stream, &Outcome::Interrupted);
     }
 
     /// An admitted operation has ended. `is_interrupted` says that its result is not used.
     pub(super) fn ended(&self, operation: &Operation, ended: &Ended, is_interrupted: bool) {
         let outcome = match ended {
-            Ok(Report::LinearAt(at) | Report::LinearHomed(at)) => Outcome::LinearAt(*at),
+            Ok(Report::LinearAt(at) | Report::LinearHomed(at) | Report::Descended { at, .. }) => {
+                Outcome::LinearAt(*at)
+            }
             Ok(Report::RotaryAt(at)) => Outcome::RotaryAt(*at),
             Ok(Report::Measured(_) | Report::Stopped) => Outcome::Done,
             Err(failure) if failure.kind == FailureKind::Interrupted => Outcome::Interrupted,
@@ -101,6 +112,12 @@ impl Gate {
     }
 }
 
+#[expect(clippy::needless_pass_by_value, reason = "for map_err")]
+fn refused(refusal: Refusal) -> Failure {
+    let (device, kind) = (Device::Interlock, FailureKind::Refused);
+    Failure { device, kind, detail: refusal.to_string() }
+}
+
 /// An operation as the interlock sees it.
 fn command(operation: &Operation) -> PortCommand {
     match *operation {
@@ -112,6 +129,9 @@ fn command(operation: &Operation) -> PortCommand {
         }
         Operation::MoveRotary { target, speed_deg_per_s } => {
             PortCommand::MoveRotary { to: target.position(), speed_deg_per_s }
+        }
+        Operation::Descend { target, speed_mm_per_s, .. } => {
+            PortCommand::Descend { to: target.position(), speed_mm_per_s }
         }
         Operation::Measure { .. } => PortCommand::Measure,
         Operation::StopMotion => PortCommand::Stop,

@@ -6,9 +6,10 @@ use rig_analyzer::{Analyzer, AnalyzerError, Dialect, TransportSettings};
 use rig_files::rig_file::{AnalyzerFile, AxisFile, Connection, PortFile, RigFile};
 use rig_interlock::Proven;
 use rig_link::{Clock, Endpoint, Port, Transcript};
-use rig_model::{Deg, Mm, Unit};
+use rig_model::{Deg, Mm, Reading, Unit};
 use rig_stage::{BusHandle, BusSettings, HaltFrames, RegisterMap, Stage, StageError};
 use rig_store::StoreError;
+use tokio::sync::mpsc;
 
 use super::{
     DeviceIdentity, Meters, Setting,
@@ -94,6 +95,8 @@ pub(super) fn device<E: Into<DeviceError>>(
 pub(super) struct Opened {
     pub(super) setting: Setting,
     pub(super) analyzer: GatedAnalyzer,
+    /// Its readings during a descent.
+    pub(super) streamed: mpsc::UnboundedReceiver<Reading>,
     pub(super) axes: Axes,
     pub(super) gate: Gate,
     pub(super) halt: Halt,
@@ -163,12 +166,14 @@ pub(super) async fn open_rig(
     let patience = Duration::from_secs_f64(file.recovery_patience_s);
     let gate = Gate::new(file.limits, proven, clock);
     let axes = Axes { linear, rotary, is_homing_up, gate: gate.clone() };
-    let analyzer = GatedAnalyzer { analyzer, gate: gate.clone() };
+    let (readings, streamed) = mpsc::unbounded_channel();
+    let analyzer = GatedAnalyzer { analyzer, gate: gate.clone(), readings };
     let frames = axes.halt_frames().map_err(device("bus", &file.bus))?;
     let halt = Halt { bus, frames };
     Ok(Opened {
         setting,
         analyzer,
+        streamed,
         axes,
         gate,
         halt,

@@ -7,7 +7,9 @@ mod values;
 
 use std::sync::Arc;
 
-use rig_engine::{Contact, Event, Fault, FinishedSweep, SweepPurpose, TouchOutcome, TouchResult};
+use rig_engine::{
+    Contact, Descended, Event, Fault, FinishedSweep, SweepPurpose, TouchOutcome, TouchResult,
+};
 use rig_link::{Flow, Frame, Transcript};
 use rig_model::{Clearance, Mm, Position};
 use rig_protocol::{Action, Plan, Prompt, Step, StepId, Touch};
@@ -16,8 +18,8 @@ use rig_store as store;
 use rig_store::Record;
 
 use self::values::{
-    circuit_of, clearance_of, ending_of, extra_of, fit_settings, phase_of, pose_of, reading_of,
-    size, tried,
+    circuit_of, clearance_of, descent_of, ending_of, extra_of, fit_settings, phase_of, pose_of,
+    reading_of, size, tried,
 };
 use super::{Setting, resume};
 use crate::{aim, hint, protocol_file::LoadedProtocol};
@@ -152,6 +154,7 @@ impl Recorder {
             &Event::RotaryMoved { target, read_back } => {
                 moved(store::Axis::RotaryDeg, target.value(), read_back.value(), false)
             }
+            Event::Descended(descended) => self.descended(descended)?,
             Event::SurfaceFound { .. }
             | Event::SurfaceNotFound { .. }
             | Event::SurfaceChecked { .. } => self.search(event)?,
@@ -218,14 +221,20 @@ impl Recorder {
                     trail: tried(trail),
                 })
             }
-            Event::SurfaceNotFound { trail } => {
-                Record::SurfaceNotFound(store::LostSurface { step, pose, trail: tried(trail) })
+            Event::SurfaceNotFound { trail, reason } => {
+                let (trail, reason) = (tried(trail), reason.clone());
+                Record::SurfaceNotFound(store::LostSurface { step, pose, trail, reason })
             }
             Event::SurfaceChecked { trail } => {
                 Record::SurfaceChecked(store::CheckedSurface { step, pose, trail: tried(trail) })
             }
             _ => return None,
         })
+    }
+
+    fn descended(&mut self, descended: &Descended) -> Option<Record> {
+        self.linear = Some(descended.read_back);
+        Some(Record::Descended(descent_of(self.step_id()?, self.pose()?, descended)))
     }
 
     fn fault(&self, fault: &Fault, clearance: Clearance) -> Record {

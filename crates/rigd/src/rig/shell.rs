@@ -28,7 +28,7 @@ use super::{
     heartbeat::{BEAT, Heartbeat, Noticed},
     log::{Log, unwritable},
     open::{Opened, open_rig},
-    owners::Owners,
+    owners::{Owners, Said},
     proof::{Proof, Purpose, Uncommissioned},
     pulse::{Doing, Pulse},
     record,
@@ -121,7 +121,7 @@ impl Shell {
             Purpose::Commissioning => proof.proven.min(Proven::Signs),
         };
         let opened = open_rig(rig, bench, clock, proven).await?;
-        let Opened { setting, analyzer, axes, gate, halt, .. } = opened;
+        let Opened { setting, analyzer, streamed, axes, gate, halt, .. } = opened;
         let Opened { simulation, black_boxes, known_samples, patience, .. } = opened;
         let pulse = Arc::new(Pulse::default());
         let log = Log::open(store, name, clock, &pulse, &setting.meters).map_err(data_error)?;
@@ -132,7 +132,7 @@ impl Shell {
         let mut shell = Self {
             engine,
             setting,
-            owners: Owners::new(axes, analyzer, halt),
+            owners: Owners::new(axes, analyzer, streamed, halt),
             gate,
             intent: None,
             person: uncommissioned
@@ -190,10 +190,14 @@ impl Shell {
             let wake = tokio::select! {
                 biased;
                 request = inbox.recv(), if closing.is_none() => Wake::Request(request),
-                ended = self.owners.ended() => ended.map_or(Wake::Beat, |(id, ended)| {
-                    self.spans.end(id, &ended);
-                    Wake::Input(Input::Done(id, ended))
-                }),
+                said = self.owners.said() => match said {
+                    Said::Free => Wake::Beat,
+                    Said::Ended(id, ended) => {
+                        self.spans.end(id, &ended);
+                        Wake::Input(Input::Done(id, ended))
+                    }
+                    Said::Read(id, reading) => Wake::Input(Input::Read(id, reading)),
+                },
                 () = until(self.clock, self.engine.deadline()) => Wake::Input(Input::Tick),
                 () = beat(self.is_virtual_time) => {
                     self.setting.meters.woke_late(waits_from.elapsed().saturating_sub(BEAT));
@@ -321,6 +325,7 @@ impl Shell {
                 Effect::Note(event) => self.note(&event),
                 Effect::Commit => self.commit_intent(),
                 Effect::Interrupt => self.owners.interrupt(),
+                Effect::EndDescent => self.owners.end_descent(),
                 Effect::Do(id, operation) => self.start(id, operation),
             }
         }

@@ -85,6 +85,12 @@ impl<D: Perform> Slot<D> {
         }
     }
 
+    /// Has the operation under way end early, in order. `false` if it had not begun, and never will.
+    pub(super) fn end(&mut self) -> bool {
+        self.stop.raise();
+        self.waiting.take().is_none()
+    }
+
     pub(super) const fn is_busy(&self) -> bool {
         self.in_flight.is_some()
     }

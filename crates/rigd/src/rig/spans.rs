@@ -89,7 +89,7 @@ impl Spans {
             otel.status_code = Empty
         );
         match operation {
-            Operation::MoveLinear { target, .. } => {
+            Operation::MoveLinear { target, .. } | Operation::Descend { target, .. } => {
                 span.record("rig.to_mm", target.position().value())
             }
             Operation::MoveRotary { target, .. } => {
@@ -120,6 +120,7 @@ const fn word(operation: &Operation) -> &'static str {
         Operation::PrepareRotary => "prepare rotary",
         Operation::FindLinear { .. } => "find linear",
         Operation::MoveLinear { .. } => "move linear",
+        Operation::Descend { .. } => "descend",
         Operation::MoveRotary { .. } => "move rotary",
         Operation::Measure { .. } => "measure",
         Operation::StopMotion => "stop motion",

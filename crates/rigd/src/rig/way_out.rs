@@ -272,7 +272,7 @@ async fn retract(
                     drop(bus.halt(frames.clone()));
                 }
                 // Nothing is lowered.
-                Effect::Commit => {}
+                Effect::Commit | Effect::EndDescent => {}
             }
         }
         if engine.snapshot().state == RigState::Latched {

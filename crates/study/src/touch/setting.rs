@@ -64,7 +64,7 @@ pub(super) const TOGETHER: &str = "together";
 use File::{Protocol, Rig, Scene as Bench};
 
 /// Changes of one knob after the other, and some together; the first has none.
-pub(super) const SETTINGS: [Setting; 48] = [
+pub(super) const SETTINGS: [Setting; 51] = [
     one(SHIPPED, "", &[]),
     one(
         "before the aim",
@@ -129,6 +129,30 @@ pub(super) const SETTINGS: [Setting; 48] = [
     one("travel, mm/s", "10", &[(Rig, "limits.travel_speed_mm_per_s", "10")]),
     one("in contact, mm/s", "0.5", &[(Rig, "limits.contact_speed_mm_per_s", "0.5")]),
     one("in contact, mm/s", "2", &[(Rig, "limits.contact_speed_mm_per_s", "2")]),
+    one(
+        "descent, mm/s",
+        "0.5",
+        &[
+            (Protocol, "approach.method", "\"descent\""),
+            (Protocol, "approach.speed_mm_per_s", "0.5"),
+        ],
+    ),
+    one(
+        "descent, mm/s",
+        "1",
+        &[(Protocol, "approach.method", "\"descent\""), (Protocol, "approach.speed_mm_per_s", "1")],
+    ),
+    one(
+        "descent, mm/s",
+        "2, in contact too",
+        &[
+            (Protocol, "approach.method", "\"descent\""),
+            (Protocol, "approach.speed_mm_per_s", "2"),
+            // So that two readings and a stop press no deeper.
+            (Protocol, "approach.coarse_step_mm", "0.2"),
+            (Rig, "limits.contact_speed_mm_per_s", "2"),
+        ],
+    ),
     one(
         TOGETHER,
         "fine step 0.03 mm, contact sweep 0.1 Hz",

@@ -2,6 +2,7 @@
 
 use super::{Labels, SurfaceFacts, pose_is_taken};
 use crate::{
+    descent,
     finding::{Check, Findings},
     motion::{Motion, Probe, ROUNDING},
     record::{
@@ -35,11 +36,19 @@ impl Labels {
         let SurfaceFound { step, pose, position_mm, sigma_mm, trail } = found;
         let search = ("approach", &**step, pose, &**trail);
         self.searched(seq, rig_us, search, motion, settings, findings);
-        if let Some(settings) = settings {
-            surface::check(seq, found, &settings.protocol, findings);
+        let descended = self.descended.take();
+        let clear = match (&descended, settings) {
+            (Some(descended), _) => descent::clear_impedance(descended),
+            (None, Some(settings)) => {
+                surface::check(seq, found, &settings.protocol, findings);
+                surface::clear_impedance(trail)
+            }
+            (None, None) => surface::clear_impedance(trail),
+        };
+        if let (Some(descended), Some(settings)) = (&descended, settings) {
+            self.surface_of_descent(seq, found, descended, settings, findings);
         }
         let (position_mm, sigma_mm) = (*position_mm, *sigma_mm);
-        let clear = surface::clear_impedance(trail);
         self.surface = Some(SurfaceFacts { step: step.clone(), position_mm, sigma_mm, clear });
         (self.indented_mm, self.again) = (None, None);
     }

@@ -1,7 +1,7 @@
 //! Values of the engine in the types of the journal.
 
-use rig_engine::{FinishedSweep, RunStatus};
-use rig_model::{Clearance, Direction, Mm, Position, Reading, ReadingFlag};
+use rig_engine::{Descended, FinishedSweep, RunStatus};
+use rig_model::{Clearance, Direction, Mm, Position, Reading, ReadingFlag, RigTime};
 use rig_protocol::{Phase, Pose};
 use rig_resonance::{Circuit, Extra, Past, Timing};
 use rig_store as store;
@@ -41,6 +41,23 @@ pub(super) const fn clearance_of(clearance: Clearance) -> store::Clearance {
 
 pub(super) fn tried((position, reading): &(Position<Mm>, Reading)) -> store::SurfaceReading {
     store::SurfaceReading { position_mm: position.value(), reading: reading_of(reading) }
+}
+
+pub(super) fn descent_of(step: String, pose: store::Pose, descended: &Descended) -> store::Descent {
+    let way_point = |(at, position): &(RigTime, Position<Mm>)| store::WayPoint {
+        at_s: at.as_seconds(),
+        position_mm: position.value(),
+    };
+    store::Descent {
+        step,
+        pose,
+        target_mm: descended.target.value(),
+        speed_mm_per_s: descended.speed_mm_per_s,
+        read_back_mm: descended.read_back.value(),
+        end: descended.end.name().to_owned(),
+        way: descended.way.iter().map(way_point).collect(),
+        readings: descended.readings.iter().map(reading_of).collect(),
+    }
 }
 
 pub(super) fn circuit_of(circuit: &Circuit) -> store::Circuit {

@@ -1,0 +1,163 @@
+//! The descent of a touch, and the search in steps that follows where it does not find the surface.
+
+use std::time::Duration;
+
+use rig_model::{Impedance, Mm, Position, Reading, RigTime};
+use rig_protocol::Approach;
+
+use super::{Phase, TouchMachine};
+use crate::{
+    Event, Fault, Operation, TouchResult,
+    descent::{Descent, DescentSetting, DescentStep, Vigil},
+    machine::{MachineContext, MachineEvent, MachineStep},
+    search::{Near, Search},
+};
+
+/// The interlock knows the surface from the tilt as it is read back, the engine from the one that was asked for, mm.
+const MARGIN_MM: f64 = 0.02;
+
+impl TouchMachine {
+    pub(super) fn begin_descent(
+        &mut self,
+        (approach, speed_mm_per_s): (Approach, f64),
+        baseline: Impedance,
+        context: &mut MachineContext<'_>,
+    ) -> MachineStep<TouchResult> {
+        let (limits, pose, expected) = (context.limits, self.touch.pose, self.expected(context));
+        let floor = Search::floor(&approach, expected);
+        // The interlock in front of the ports admits no longer step below the highest surface.
+        let deepest = expected.offset(MARGIN_MM - limits.motion.max_indentation_mm);
+        let (point, _) = context.listening(&self.no_load).stream();
+        let setting = DescentSetting {
+            approach: &approach,
+            expected,
+            floor: if floor < deepest { deepest } else { floor },
+            highest: limits.highest_surface(pose.direction, pose.angle),
+            near: self.near(&approach, expected, context),
+            speed_mm_per_s,
+            point,
+            stream: limits.analyzer.stream,
+            baseline,
+        };
+        let (descent, step) = Descent::begin(&setting, &self.no_load);
+        self.phase = Phase::Descending(Box::new(descent));
+        self.follow_descent(step, context)
+    }
+
+    /// Takes an event of the descent.
+    pub(super) fn descending(
+        &mut self,
+        event: MachineEvent,
+        context: &mut MachineContext<'_>,
+    ) -> MachineStep<TouchResult> {
+        let Phase::Descending(descent) = &mut self.phase else {
+            return MachineStep::Fault(event.out_of_order("a descent"));
+        };
+        let step = match event {
+            MachineEvent::LinearAt(read_back) => {
+                let step = descent.arrived(read_back);
+                self.arrived(read_back, context.now);
+                let due_s = context.listening(&self.no_load).stream_due_s();
+                if due_s > 0.0 {
+                    return MachineStep::Wait(Duration::from_secs_f64(due_s));
+                }
+                step
+            }
+            // The way down after the vibration has decayed.
+            MachineEvent::Waited => descent.go_down(),
+            MachineEvent::Descended { at, way } => {
+                let tolerance_mm = context.limits.linear.tolerance();
+                let (descended, step) = descent.ended(at, way, tolerance_mm);
+                context.notes.push(Event::Descended(Box::new(descended)));
+                self.arrived(at, context.now);
+                step
+            }
+            MachineEvent::Readings(readings) => descent.read_at_rest(&readings),
+            event => return MachineStep::Fault(event.out_of_order("a descent")),
+        };
+        self.follow_descent(step, context)
+    }
+
+    fn follow_descent(
+        &mut self,
+        step: DescentStep,
+        context: &mut MachineContext<'_>,
+    ) -> MachineStep<TouchResult> {
+        let Phase::Descending(descent) = &self.phase else {
+            return MachineStep::Fault(MachineEvent::Begin.out_of_order("a descent"));
+        };
+        let (trail, reference) = (descent.trail().to_vec(), descent.reference());
+        let (point, level) = context.listening(&self.no_load).stream();
+        match step {
+            DescentStep::MoveTo(to) => {
+                context.move_linear(to, context.limits.motion.travel_speed_mm_per_s)
+            }
+            DescentStep::GoDown(to) => {
+                let speed_mm_per_s = context.plan.touch.approach.descent_mm_per_s;
+                match (context.limits.linear.target(to), speed_mm_per_s) {
+                    (Ok(target), Some(speed_mm_per_s)) => {
+                        let descend = Operation::Descend { target, speed_mm_per_s, point, level };
+                        MachineStep::Do(descend)
+                    }
+                    (Err(error), _) => MachineStep::Fault(Fault::LinearTarget(error)),
+                    _ => MachineStep::Fault(MachineEvent::Begin.out_of_order("a descent")),
+                }
+            }
+            DescentStep::ReadAtRest(readings) => {
+                MachineStep::Do(Operation::Measure { points: vec![point; readings], level })
+            }
+            DescentStep::Found(surface) => {
+                self.baseline = reference.or(self.baseline);
+                self.found(surface, trail, context)
+            }
+            DescentStep::GiveUp(reason) => {
+                let touched = descent.touched();
+                context.surface_not_found(trail, Some(reason));
+                self.search_in_steps(touched, context)
+            }
+            DescentStep::Fault(fault) => {
+                context.surface_not_found(trail, None);
+                MachineStep::Fault(fault)
+            }
+        }
+    }
+
+    /// Searches from a coarse step above where the descent has touched, or from where no surface is expected.
+    fn search_in_steps(
+        &mut self,
+        touched: Option<Position<Mm>>,
+        context: &mut MachineContext<'_>,
+    ) -> MachineStep<TouchResult> {
+        let Some(baseline) = self.baseline else {
+            return MachineStep::Fault(MachineEvent::Begin.out_of_order("a search"));
+        };
+        let (approach, expected) = (self.approach(context), self.expected(context));
+        let near = touched.map(|at| {
+            let pose = self.touch.pose;
+            let highest = context.limits.highest_surface(pose.direction, pose.angle);
+            let above_mm = 0.5 * approach.coarse_step_mm;
+            let start = at.offset(approach.coarse_step_mm);
+            Near { start, surface: at.offset(above_mm), sigma_mm: above_mm, highest }
+        });
+        let (search, step) = Search::begin_after_contact(approach, expected, baseline, near);
+        self.phase = Phase::Searching(search);
+        self.follow(step, context)
+    }
+
+    /// By when the first reading of a descent that begins now must come.
+    pub(crate) fn first_reading_by(&self, now: RigTime) -> Option<RigTime> {
+        match &self.phase {
+            Phase::Descending(descent) => Some(descent.begins(now)),
+            _ => None,
+        }
+    }
+
+    /// A reading of the stream has come, or none has in time.
+    pub(crate) fn streamed(&mut self, now: RigTime, reading: Option<Reading>) -> Vigil {
+        match (&mut self.phase, reading) {
+            (Phase::Descending(descent), Some(reading)) => descent.read(now, reading),
+            (Phase::Descending(descent), None) => descent.is_late(),
+            _ => Vigil::Halt,
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! The surface from the onset of a contact, by trying: for each place and each law of the contact, the current of
+//! the sensor is followed in small steps of time.
+
+use std::{f64::consts::TAU, ops::RangeInclusive};
+
+use num_complex::Complex64;
+
+use super::parts;
+use crate::record::{Descended, Reading};
+
+/// Exponents and loss factor of contacts, and the strengths at 0.05 mm, Hz: the first, the ratio to the next, and
+/// their number. At other places than the stated one, this many strengths each way from the best one there.
+const EXPONENTS: [f64; 3] = [0.38, 0.48, 0.58];
+const LOSS: f64 = 0.1;
+const DEPTH_MM: f64 = 0.05;
+const STRENGTHS: (f64, f64, i32) = (0.1, 1.15, 52);
+const NEAR_STRENGTHS: i32 = 6;
+/// Places that are tried around the stated one, mm: each way, and in between.
+const PLACES: (i32, f64) = (10, 0.005);
+const NEAR_PLACES: (i32, f64) = (3, 0.0015);
+/// Steps of time, s.
+const STEP_S: f64 = 0.7e-3;
+/// The readings before the stated surface that are compared.
+const CLEAR_READINGS: usize = 10;
+/// The weight of a reading falls with its change by this part, because the model is no truer.
+const MODEL_PART: f64 = 0.04;
+const NOISE: f64 = 0.012;
+
+/// The free sensor.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Free {
+    pub(crate) resonance_hz: f64,
+    pub(crate) quality: f64,
+    pub(crate) capacitance_f: f64,
+    pub(crate) ratio: f64,
+    pub(crate) loss: f64,
+}
+
+/// The way of the probe: a line down to its rest.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Way {
+    at_s: f64,
+    at_mm: f64,
+    speed: f64,
+    rest_mm: f64,
+}
+
+impl Way {
+    /// The median line of the speed of the descent through its positions; `None` if there are fewer than three.
+    pub(crate) fn of(descended: &Descended) -> Option<Self> {
+        let (speed, rest_mm) = (descended.speed_mm_per_s, descended.read_back_mm);
+        let first = descended.way.first()?;
+        // The first may be of a stage that speeds up, and the last of one that slows down.
+        let even =
+            descended.way.iter().skip(1).filter(|one| rest_mm + 0.02 * speed < one.position_mm);
+        let mut starts: Vec<f64> =
+            even.map(|one| one.position_mm + speed * (one.at_s - first.at_s)).collect();
+        starts.sort_by(f64::total_cmp);
+        let at_mm = *starts.get(starts.len() / 2)?;
+        (starts.len() > 1).then_some(Self { at_s: first.at_s, at_mm, speed, rest_mm })
+    }
+
+    fn position_mm(&self, at_s: f64) -> f64 {
+        (self.at_mm - self.speed * (at_s - self.at_s)).max(self.rest_mm)
+    }
+
+    /// When the probe passes a position.
+    fn passes_s(&self, at_mm: f64) -> f64 {
+        self.at_s + (self.at_mm - at_mm) / self.speed
+    }
+}
+
+/// A contact that is tried.
+#[derive(Debug, Clone, Copy)]
+struct Trial {
+    surface_mm: f64,
+    exponent: f64,
+    strength_hz: f64,
+}
+
+/// The readings near the stated surface: begin and end, s, and admittance over that of the clear probe.
+type Window = (f64, f64, Complex64);
+
+/// The place of the surface that explains the readings best, mm.
+pub(super) fn surface_mm(
+    free: &Free,
+    readings: &[&Reading],
+    [clear_re, clear_im]: [f64; 2],
+    way: &Way,
+    stated_mm: f64,
+) -> f64 {
+    let clear = Complex64::new(clear_re, clear_im);
+    let all: Vec<Window> = readings
+        .iter()
+        .filter_map(|reading| {
+            let [re, im] = parts(reading)?;
+            let admittance = clear / Complex64::new(re, im);
+            Some((reading.begin_s(), reading.end_s(), admittance))
+        })
+        .collect();
+    let before = all.iter().take_while(|one| one.1 < way.passes_s(stated_mm)).count();
+    let windows = &all[before.saturating_sub(CLEAR_READINGS)..];
+    let drive_hz = readings.first().map_or(free.resonance_hz, |reading| reading.frequency_hz);
+    let least = |surface_mm: f64, strengths: RangeInclusive<i32>| {
+        least_cost(strengths, |strength_hz, exponent| {
+            cost(free, drive_hz, windows, way, &Trial { surface_mm, exponent, strength_hz })
+        })
+    };
+    let (strength, _) = least(stated_mm, 0..=STRENGTHS.2);
+    let near = strength - NEAR_STRENGTHS..=strength + NEAR_STRENGTHS;
+    let best_near = |around_mm: f64, (places, step_mm): (i32, f64)| {
+        let place = |index: i32| around_mm + f64::from(index) * step_mm;
+        let cost = |surface_mm: f64| least(surface_mm, near.clone()).1;
+        let tried = (-places..=places).map(|index| (place(index), cost(place(index))));
+        tried.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(around_mm, |best| best.0)
+    };
+    best_near(best_near(stated_mm, PLACES), NEAR_PLACES)
+}
+
+/// The strength, by its number, and the least misfit of all contacts of these strengths.
+fn least_cost(strengths: RangeInclusive<i32>, cost: impl Fn(f64, f64) -> f64) -> (i32, f64) {
+    let (first_hz, ratio, _) = STRENGTHS;
+    let of = |index: i32, exponent: f64| cost(first_hz * ratio.powi(index), exponent);
+    let tried = strengths.flat_map(|index| EXPONENTS.map(|exponent| (index, of(index, exponent))));
+    tried.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, f64::INFINITY))
+}
+
+fn cost(free: &Free, drive_hz: f64, windows: &[Window], way: &Way, trial: &Trial) -> f64 {
+    let omega = TAU * drive_hz;
+    let natural = TAU * free.resonance_hz;
+    let static_part = free.capacitance_f * Complex64::new(free.loss, 1.0) * omega;
+    // V/2L of the series branch whose capacitance is a part of the static one.
+    let force = 0.5 * natural * natural * free.capacitance_f * free.ratio;
+    let rate = |at_s: f64| {
+        let depth_mm = trial.surface_mm - way.position_mm(at_s);
+        let damping = natural / (2.0 * free.quality);
+        let detuned = Complex64::new(-damping, natural - omega);
+        if depth_mm <= 0.0 {
+            return detuned;
+        }
+        let rise = TAU * trial.strength_hz * (depth_mm / DEPTH_MM).powf(trial.exponent);
+        // The resonance grows with the root of the stiffness.
+        let risen = natural * ((1.0 + 2.0 * rise / natural).sqrt() - 1.0);
+        detuned + risen * Complex64::new(-LOSS, 1.0)
+    };
+    let free_current = -force / rate(f64::NEG_INFINITY);
+    let clear = static_part + free_current;
+    let (mut now_s, mut current) = (way.passes_s(trial.surface_mm), free_current);
+    let mut sum = 0.0;
+    for &(begin_s, end_s, measured) in windows {
+        let untouched_s = (now_s.min(end_s) - begin_s).max(0.0);
+        let mut mean = free_current * untouched_s;
+        while now_s < end_s {
+            // Not beyond the next edge of a window.
+            let edge_s = if now_s < begin_s { begin_s } else { end_s };
+            let step_s = STEP_S.min(edge_s - now_s).max(1e-9);
+            let rate = rate(now_s + 0.5 * step_s);
+            let settled = -force / rate;
+            let next = settled + (current - settled) * (rate * step_s).exp();
+            if begin_s <= now_s {
+                mean += 0.5 * (current + next) * step_s;
+            }
+            (current, now_s) = (next, now_s + step_s);
+        }
+        let expected = (static_part + mean / (end_s - begin_s)) / clear;
+        let model = MODEL_PART * (1.0 - 1.0 / measured).norm().min(1.0);
+        sum += (expected / measured - 1.0).norm_sqr() / (NOISE * NOISE + model * model);
+    }
+    sum
+}
