@@ -182,7 +182,7 @@ def commission(rig, data):
     for step in ("stop", "signs", "geometry", "scale"):
         sha256 = digest(values + geometry if step == "geometry" else values)
         text = [
-            "format = 1", f'step = "{step}"', 'verdict = "accepted"', 'made = "now"', f"made_unix_s = {now}",
-            f"expires_unix_s = {now + 3600}", 'person = "a test"', 'software = "a test"', 'session = "none"',
+            "format = 1", f'kind = "{step}"', 'verdict = "accepted"', 'made = "now"', f"made_unix_s = {now}",
+            f"expires_unix_s = {now + 3600}", 'person = "a test"', 'software = "a test"', 'journal = []',
             f"drives = {drives!r}", f'keys_sha256 = "{sha256}"']
         (folder / f"{step}-1.toml").write_text("\n".join(text))

@@ -7,7 +7,7 @@ use rig_files::{
 use rig_model::{Axis, Unit};
 use rig_record::{Digest, DigestPart};
 
-use crate::Step;
+use crate::Kind;
 
 /// The keys of a rig file on which calibrations rest, as digests, and its drives.
 ///
@@ -37,12 +37,10 @@ impl Basis {
         Self { axes, geometry: digest(&keys), drives }
     }
 
-    /// SHA-256 of the keys on which a step rests.
-    pub fn sha256(&self, step: Step) -> String {
-        match step {
-            Step::Stop | Step::Signs | Step::Scale => self.axes.to_string(),
-            Step::Geometry => self.geometry.to_string(),
-        }
+    /// SHA-256 of the keys on which a calibration rests.
+    pub fn sha256(&self, kind: Kind) -> String {
+        let digest = if kind.rests_on_geometry() { &self.geometry } else { &self.axes };
+        digest.to_string()
     }
 
     /// The drives: make, address and port, the linear stage first. Few drives report an identity.

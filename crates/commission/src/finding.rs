@@ -1,5 +1,7 @@
 //! What a step has found.
 
+use crate::metrology::ScrewError;
+
 /// A quantity that was found, with its standard uncertainty.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Value {
@@ -49,19 +51,33 @@ pub struct Finding {
     pub verdict: Verdict,
     /// The quantities that were found.
     pub values: Vec<Value>,
+    /// Their covariance, in their order; empty if each has an error of its own.
+    pub covariance: Vec<Vec<f64>>,
+    /// The error of the linear screw.
+    pub screw: Vec<ScrewError>,
 }
 
 impl Finding {
     /// The bench as the rig file says, or the changes that the rig file needs.
-    pub(crate) fn of(values: Vec<Value>, changes: Vec<Change>) -> Self {
+    pub fn of(values: Vec<Value>, changes: Vec<Change>) -> Self {
         let verdict =
             if changes.is_empty() { Verdict::Accepted } else { Verdict::RigFile(changes) };
-        Self { verdict, values }
+        Self { verdict, values, covariance: Vec::new(), screw: Vec::new() }
+    }
+
+    /// The same with the covariance of its values.
+    pub fn with_covariance(self, covariance: Vec<Vec<f64>>) -> Self {
+        Self { covariance, ..self }
+    }
+
+    /// The same with the error of the linear screw.
+    pub fn with_screw(self, screw: Vec<ScrewError>) -> Self {
+        Self { screw, ..self }
     }
 
     /// Nothing is known.
     pub(crate) fn failed(why: String) -> Self {
-        Self { verdict: Verdict::Failed(why), values: Vec::new() }
+        Self { verdict: Verdict::Failed(why), ..Self::of(Vec::new(), Vec::new()) }
     }
 }
 

@@ -17,7 +17,10 @@
 mod agreement;
 mod basis;
 mod bench;
+mod change;
 mod finding;
+mod kind;
+pub mod metrology;
 pub mod procedure;
 mod question;
 mod record;
@@ -26,7 +29,9 @@ mod step;
 
 pub use basis::Basis;
 pub use bench::{Bench, Jog, JogAxis, Jogged};
+pub use change::BenchChange;
 pub use finding::{Change, Finding, Value, Verdict};
+pub use kind::Kind;
 pub use question::{Answer, Asked, Choice, NotAnAnswer};
 pub use record::{Calibration, Circumstances, UnreadableCalibration, Unwritable, file_name};
 pub use standing::{Standing, Why};

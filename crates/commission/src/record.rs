@@ -2,10 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Basis, Change, Finding, Step, Value, Verdict};
+use crate::{Basis, BenchChange, Change, Finding, Kind, Value, Verdict, metrology::ScrewError};
 
 /// The version of the file.
 const FORMAT: u32 = 1;
+
+/// The verdict after a change of the bench.
+const VOID: &str = "void";
 
 /// How long a calibration holds, s: a year. What changes on the bench ends it earlier.
 const HOLDS_S: i64 = 365 * 86_400;
@@ -21,8 +24,8 @@ pub struct Circumstances {
     pub person: String,
     /// Name and version of the program.
     pub software: String,
-    /// The session of the journal with the steps of the axes.
-    pub session: String,
+    /// The session of the journal with the motions, or the runs that were evaluated.
+    pub journal: Vec<String>,
     /// Temperature at the bench, °C, if it was told.
     pub temperature_c: Option<f64>,
 }
@@ -32,11 +35,11 @@ pub struct Circumstances {
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
     format: u32,
-    /// The step that made it.
-    pub step: Step,
-    /// `accepted`, `rig file` if that must be changed, or `failed`.
+    /// What it shows.
+    pub kind: Kind,
+    /// `accepted`, `rig file` if that must be changed, `failed`, or `void` after a change of the bench.
     pub verdict: String,
-    /// Why it failed.
+    /// Why it failed, or what was changed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
     made: String,
@@ -44,12 +47,18 @@ pub struct Calibration {
     expires_unix_s: i64,
     person: String,
     software: String,
-    session: String,
+    journal: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     temperature_c: Option<f64>,
     drives: [String; 2],
     /// SHA-256 of the keys of the rig file on which it rests.
     keys_sha256: String,
+    /// Covariance of the values, in their order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub covariance: Vec<Vec<f64>>,
+    /// The error of the linear screw: height, error and standard deviation, mm.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub screw_mm: Vec<[f64; 3]>,
     /// What was found.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub values: Vec<ValueFile>,
@@ -105,8 +114,8 @@ pub struct Unwritable(#[from] toml::ser::Error);
 
 impl Calibration {
     /// The record of a finding.
-    pub fn new(step: Step, finding: Finding, basis: &Basis, around: Circumstances) -> Self {
-        let Finding { verdict, values } = finding;
+    pub fn new(kind: Kind, finding: Finding, basis: &Basis, around: Circumstances) -> Self {
+        let Finding { verdict, values, covariance, screw } = finding;
         let (verdict, reason, changes) = match verdict {
             Verdict::Accepted => ("accepted", None, Vec::new()),
             Verdict::RigFile(changes) => ("rig file", None, changes),
@@ -114,7 +123,7 @@ impl Calibration {
         };
         Self {
             format: FORMAT,
-            step,
+            kind,
             verdict: verdict.to_owned(),
             reason,
             made: around.made,
@@ -122,13 +131,21 @@ impl Calibration {
             expires_unix_s: around.unix_s + HOLDS_S,
             person: around.person,
             software: around.software,
-            session: around.session,
+            journal: around.journal,
             temperature_c: around.temperature_c,
             drives: basis.drives().clone(),
-            keys_sha256: basis.sha256(step),
+            keys_sha256: basis.sha256(kind),
+            covariance,
+            screw_mm: screw.iter().map(screw_row).collect(),
             values: values.into_iter().map(ValueFile::from).collect(),
             changes: changes.into_iter().map(ChangeFile::from).collect(),
         }
+    }
+
+    /// The record that a change of the bench has voided what was shown.
+    pub fn void(kind: Kind, change: BenchChange, basis: &Basis, around: Circumstances) -> Self {
+        let finding = Finding::failed(change.text().to_owned());
+        Self { verdict: VOID.to_owned(), ..Self::new(kind, finding, basis, around) }
     }
 
     /// Reads the text of a file.
@@ -157,9 +174,14 @@ impl Calibration {
         self.verdict == "accepted"
     }
 
+    /// Whether it says that the bench was changed.
+    pub(crate) fn is_void(&self) -> bool {
+        self.verdict == VOID
+    }
+
     /// Whether it was made with these keys.
     pub(crate) fn has_keys_of(&self, basis: &Basis) -> bool {
-        self.keys_sha256 == basis.sha256(self.step)
+        self.keys_sha256 == basis.sha256(self.kind)
     }
 
     /// Whether it was made with these drives.
@@ -188,9 +210,13 @@ impl Calibration {
 }
 
 /// The name of the file of a calibration made at this time, UTC, such as `scale-20261125T153000Z.toml`. The names
-/// of a step sort by time.
-pub fn file_name(step: Step, compact_utc: &str) -> String {
-    format!("{}-{compact_utc}.toml", step.name())
+/// of a kind sort by time.
+pub fn file_name(kind: Kind, compact_utc: &str) -> String {
+    format!("{}-{compact_utc}.toml", kind.name())
+}
+
+fn screw_row(error: &ScrewError) -> [f64; 3] {
+    [error.height_mm, error.error_mm, error.sigma_mm]
 }
 
 impl From<Value> for ValueFile {
@@ -228,16 +254,16 @@ mod tests {
             made: "2026-11-18T09:06:40Z".to_owned(),
             person: "ada".to_owned(),
             software: "rigd 0".to_owned(),
-            session: "019".to_owned(),
+            journal: vec!["019".to_owned()],
             temperature_c: Some(21.5),
         };
         let calibration =
-            Calibration::new(Step::Scale, Finding::of(values, vec![change]), &basis, around);
+            Calibration::new(Kind::Scale, Finding::of(values, vec![change]), &basis, around);
         let written = calibration.to_toml().unwrap();
         assert_eq!(Calibration::read(&written).unwrap(), calibration);
         assert!(!calibration.is_accepted());
         for (from, to) in
-            [("format = 1", "format = 2"), ("person", "persons"), ("step = ", "step ")]
+            [("format = 1", "format = 2"), ("person", "persons"), ("kind = ", "kind ")]
         {
             assert!(Calibration::read(&written.replacen(from, to, 1)).is_err(), "{to}");
         }

@@ -1,6 +1,6 @@
 //! Which steps of commissioning a rig has behind it.
 
-use crate::{Basis, Calibration, Step};
+use crate::{Basis, Calibration, Kind, Step};
 
 /// Why a step is missing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -17,6 +17,8 @@ pub enum Why {
     RigFile,
     /// Its record has expired.
     Expired,
+    /// The bench was changed since.
+    Changed,
 }
 
 impl Why {
@@ -29,6 +31,7 @@ impl Why {
             Self::Failed => "failed",
             Self::RigFile => "it says that the rig file must be changed",
             Self::Expired => "expired",
+            Self::Changed => "the bench was changed since",
         }
     }
 }
@@ -79,7 +82,7 @@ fn standing(
     basis: &Basis,
     unix_s: i64,
 ) -> Result<Calibration, Why> {
-    let of_step = || records.iter().filter(|record| record.step == step);
+    let of_step = || records.iter().filter(|record| record.kind == Kind::from(step));
     let fitting =
         of_step().filter(|record| record.has_drives_of(basis) && record.has_keys_of(basis));
     // Of two within one second, the later one in the order of the names.
@@ -94,6 +97,8 @@ fn standing(
         Err(Why::Expired)
     } else if last.is_accepted() {
         Ok(last.clone())
+    } else if last.is_void() {
+        Err(Why::Changed)
     } else if last.changes.is_empty() {
         Err(Why::Failed)
     } else {

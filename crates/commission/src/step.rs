@@ -1,10 +1,7 @@
 //! The steps of commissioning, in their order.
 
-use serde::{Deserialize, Serialize};
-
 /// A step of commissioning. Each rests on those before it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Step {
     /// The emergency stop keeps both axes still.
     Stop,
@@ -25,14 +22,9 @@ impl Step {
         match self {
             Self::Stop => "stop",
             Self::Signs => "signs",
-            Self::Scale => "scale",
             Self::Geometry => "geometry",
+            Self::Scale => "scale",
         }
-    }
-
-    /// The step of a name.
-    pub fn of_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|step| step.name() == name)
     }
 
     /// What it shows.
@@ -58,24 +50,6 @@ impl Step {
             }
             Self::Scale => "10 mm on a dial gauge within 0.3 %; ±30° on an angle gauge within 0.3°",
             Self::Geometry => "three lengths within 0.5 mm of the rig file",
-        }
-    }
-
-    /// What a person does when it fails.
-    pub const fn remedy(self) -> &'static str {
-        match self {
-            Self::Stop => {
-                "let nothing else move; wire the stop so that it takes the power from both motors"
-            }
-            Self::Signs => {
-                "look at the axis from close by, with a mark on its edge, and begin the step again"
-            }
-            Self::Scale => {
-                "see that the gauge stands still and square, that nothing slips, and begin the step again"
-            }
-            Self::Geometry => {
-                "measure again with a rule that reaches the axis, and begin the step again"
-            }
         }
     }
 

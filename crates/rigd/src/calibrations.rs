@@ -8,7 +8,8 @@ use std::{
 
 use jiff::Timestamp;
 use rig_commission::{
-    Basis, Calibration, Circumstances, Finding, Standing, Step, UnreadableCalibration, file_name,
+    Basis, BenchChange, Calibration, Circumstances, Finding, Kind, Standing, UnreadableCalibration,
+    file_name,
 };
 use rig_files::rig_file::RigFile;
 
@@ -79,39 +80,63 @@ pub fn read(data: &Path) -> Result<Vec<Calibration>, CalibrationsError> {
 pub struct Witness {
     /// Name of the person.
     pub person: String,
-    /// The session with the steps of the axes.
-    pub session: String,
+    /// The session of the journal with the motions, or the runs that were evaluated.
+    pub journal: Vec<String>,
     /// °C, if it was told.
     pub temperature_c: Option<f64>,
 }
 
-/// Writes the calibration of a step that has just ended, waits for the disk, and returns it with its path.
+/// Writes a calibration that has just ended, waits for the disk, and returns its path.
 ///
 /// # Errors
 /// [`CalibrationsError`]. There is then no new file.
 pub fn write(
     rig: &RigFile,
     data: &Path,
-    (step, finding): (Step, Finding),
+    (kind, finding): (Kind, Finding),
     witness: Witness,
-) -> Result<(Calibration, PathBuf), CalibrationsError> {
+) -> Result<PathBuf, CalibrationsError> {
+    let record = |around| Calibration::new(kind, finding, &Basis::of(rig), around);
+    keep(data, kind, witness, record)
+}
+
+/// Writes that a change of the bench has voided a calibration, and returns the path of the record.
+///
+/// # Errors
+/// [`CalibrationsError`]. There is then no new file.
+pub fn void(
+    rig: &RigFile,
+    data: &Path,
+    (kind, change): (Kind, BenchChange),
+    witness: Witness,
+) -> Result<PathBuf, CalibrationsError> {
+    let record = |around| Calibration::void(kind, change, &Basis::of(rig), around);
+    keep(data, kind, witness, record)
+}
+
+fn keep(
+    data: &Path,
+    kind: Kind,
+    witness: Witness,
+    record: impl FnOnce(Circumstances) -> Calibration,
+) -> Result<PathBuf, CalibrationsError> {
     let now = Timestamp::now();
-    let around = Circumstances {
+    let Witness { person, journal, temperature_c } = witness;
+    let calibration = record(Circumstances {
         unix_s: now.as_second(),
         made: now.strftime("%Y-%m-%dT%H:%M:%SZ").to_string(),
-        person: witness.person,
+        person,
         software: SOFTWARE.to_owned(),
-        session: witness.session,
-        temperature_c: witness.temperature_c,
-    };
-    let calibration = Calibration::new(step, finding, &Basis::of(rig), around);
+        journal,
+        temperature_c,
+    });
     let folder = data.join(FOLDER);
-    // Names of one step sort by time, also within a second.
-    let path = folder.join(file_name(step, &now.strftime("%Y%m%dT%H%M%S.%6fZ").to_string()));
+    // Names of one kind sort by time, also within a second.
+    let path = folder.join(file_name(kind, &now.strftime("%Y%m%dT%H%M%S.%6fZ").to_string()));
     let text = calibration.to_toml()?;
     let failed = |source| CalibrationsError::File { path: path.clone(), source };
     store(&folder, &path, &text).map_err(failed)?;
-    Ok((calibration, path))
+    Ok(path)
 }
 
 /// A file that is there is whole.

@@ -221,3 +221,50 @@ fn a_change_of_the_rig_file_asks_for_the_steps_that_rest_on_it_and_an_interrupti
     fs::write(&path, &text).unwrap();
     held([true; 4]);
 }
+
+#[test]
+fn touches_on_a_hard_block_find_the_geometry_within_its_stated_uncertainty() {
+    let truth = Truth { mm_per_step: 0.001, zero_mm: 0.0, deg_per_step: 0.01, zero_deg: 0.0 };
+    let bench = Bench::new(truth, 7, 0.0);
+    let path = bench.folder.path().join("scene.toml");
+    let mut scene = fs::read_to_string(&path).unwrap();
+    // A block lies flat, and is not another one at each tilt.
+    for (old, new) in [
+        ("mounting_mm = 0.06", "mounting_mm = 0"),
+        ("slope_deg = 1", "slope_deg = 0"),
+        ("stiffness_rel = 0.03", "stiffness_rel = 0"),
+        (
+            "[place]",
+            "[[samples]]\nname = \"block\"\nstiffness_mpa = 100\nmax_indentation_mm = 0.5\n\n[place]",
+        ),
+    ] {
+        assert!(scene.contains(old), "{old}");
+        scene = scene.replacen(old, new, 1);
+    }
+    fs::write(&path, scene).unwrap();
+    let protocol = fs::read_to_string(config("protocols/block.toml")).unwrap();
+    let once = bench.folder.path().join("block.toml");
+    fs::write(&once, protocol.replacen("repeats = 3", "repeats = 1", 1)).unwrap();
+    let run = bench.rigd(&["run", once.to_str().unwrap()]);
+    assert!(matches!(run.status.code(), Some(0 | 6)), "{}", stderr(&run));
+    let found = bench.rigd(&["commission", "blocks", "latest"]);
+    assert!(matches!(found.status.code(), Some(0 | 2)), "{}", stderr(&found));
+    let folder = bench.folder.path().join("data/calibrations");
+    let record = fs::read_dir(folder).unwrap().next().unwrap().unwrap().path();
+    let record: toml::Table = fs::read_to_string(record).unwrap().parse().unwrap();
+    assert_eq!(record["kind"].as_str(), Some("blocks"));
+    assert!(record["screw_mm"].as_array().unwrap().len() > 5);
+    // From the scene.
+    let truths = [10.03, 4.02, 0.32, 0.0];
+    for (value, truth) in record["values"].as_array().unwrap().iter().zip(truths) {
+        let (found, sigma) =
+            (value["value"].as_float().unwrap(), value["standard_uncertainty"].as_float().unwrap());
+        assert!((found - truth).abs() < 4.0 * sigma && sigma < 1.0, "{value}, {truth} in truth");
+    }
+    // A change of the bench voids what rests on it, and nothing else.
+    let changed = bench.rigd(&["commission", "changed", "stop"]);
+    assert!(changed.status.success(), "{}", stderr(&changed));
+    let shown = bench.rigd(&["commission", "show"]);
+    let said = String::from_utf8(shown.stdout).unwrap();
+    assert!(said.contains("missing: the bench was changed since"), "{said}");
+}

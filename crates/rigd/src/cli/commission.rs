@@ -1,11 +1,14 @@
 //! `rigd commission`: shows a new bench to be as its rig file says, one step at a time.
 
+mod blocks;
 mod guide;
 
 use std::path::Path;
 
 use clap::{Args, Subcommand, ValueEnum};
-use rig_commission::{Jog, JogAxis, Standing, Step, Verdict, procedure};
+use rig_commission::{
+    BenchChange, Jog, JogAxis, Kind, Standing, Step, Verdict, metrology::NoGeometry, procedure,
+};
 use serde::Serialize;
 
 use self::guide::Guide;
@@ -45,6 +48,21 @@ enum CommissionCommand {
     Jog(JogArgs),
     /// Say which steps the rig has behind it, and which are missing
     Show(ShowArgs),
+    /// Find the geometry by the touches of runs on hard blocks
+    Blocks(blocks::BlocksArgs),
+    /// Say that the bench was changed: what rests on it is asked for again
+    Changed(ChangedArgs),
+    /// List the changes of a bench, and what each one voids
+    Changes,
+}
+
+#[derive(Debug, Args)]
+struct ChangedArgs {
+    /// Name of the change, from `rigd commission changes`
+    #[arg(value_parser = clap::builder::PossibleValuesParser::new(BenchChange::ALL.map(BenchChange::name)))]
+    change: String,
+    #[command(flatten)]
+    bench: BenchArgs,
 }
 
 #[derive(Debug, Args)]
@@ -121,8 +139,10 @@ pub(super) enum CommissionFailure {
     NotAnAnswer(#[from] rig_commission::NotAnAnswer),
     #[error("the input ended before this was answered: {question}")]
     Unanswered { question: &'static str },
-    #[error("step {} failed: {why}", step.name())]
-    Failed { step: Step, why: String },
+    #[error("step {} failed: {why}", kind.name())]
+    Failed { kind: Kind, why: String },
+    #[error(transparent)]
+    NoGeometry(#[from] NoGeometry),
     #[error("the bench is not as the rig file says: {changes}")]
     RigFile { changes: String },
     #[error("{axis}: {trouble}")]
@@ -139,7 +159,8 @@ impl CommissionFailure {
 
     pub(super) const fn advice(&self) -> Option<&'static str> {
         match self {
-            Self::Failed { step, .. } => Some(step.remedy()),
+            Self::Failed { kind, .. } => Some(kind.remedy()),
+            Self::NoGeometry(_) => Some(Kind::Blocks.remedy()),
             Self::RigFile { .. } => Some(
                 "change the rig file, and begin `rigd commission` again: the steps that it changes are made anew",
             ),
@@ -154,6 +175,9 @@ pub(super) fn commission(args: &CommissionArgs) -> Result<(), Failure> {
         Some(CommissionCommand::Again(again)) => walk(&again.walk, Some(again.step.into())),
         Some(CommissionCommand::Jog(args)) => jog(args),
         Some(CommissionCommand::Show(args)) => show(args),
+        Some(CommissionCommand::Blocks(args)) => blocks::blocks(args),
+        Some(CommissionCommand::Changed(args)) => changed(args),
+        Some(CommissionCommand::Changes) => print(&changes()),
     }
 }
 
@@ -250,6 +274,31 @@ fn show(args: &ShowArgs) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Writes down that the bench was changed.
+fn changed(args: &ChangedArgs) -> Result<(), Failure> {
+    let (data, rig) = (args.bench.data.dir(), args.bench.rig.load()?);
+    let change = BenchChange::ALL.into_iter().find(|change| change.name() == args.change);
+    for (change, kind) in
+        change.iter().flat_map(|change| change.voids().iter().map(move |kind| (*change, *kind)))
+    {
+        let person = args.bench.operator.name().as_str().to_owned();
+        let witness = Witness { person, journal: Vec::new(), temperature_c: None };
+        let path = calibrations::void(&rig.file, &data, (kind, change), witness)
+            .map_err(CommissionFailure::from)?;
+        say(&format!("Record: {}", path.display()));
+    }
+    Ok(())
+}
+
+/// What each change of a bench voids.
+fn changes() -> String {
+    let rows = BenchChange::ALL.map(|change| {
+        let voids: Vec<_> = change.voids().iter().map(|kind| kind.name()).collect();
+        (change.name(), format!("{}: {}", change.text(), voids.join(", ")))
+    });
+    facts(&rows)
+}
+
 fn views(standing: &Standing) -> Vec<StepView> {
     let view = |(step, found): &(Step, Result<rig_commission::Calibration, _>)| {
         let why = found.as_ref().err().map(|why: &rig_commission::Why| why.text());
@@ -277,10 +326,10 @@ impl From<StepName> for Step {
 }
 
 /// The result of a step for a person, or the failure that ends the command.
-fn judged(step: Step, verdict: Verdict) -> Result<(), Failure> {
+fn judged(kind: Kind, verdict: Verdict) -> Result<(), Failure> {
     match verdict {
         Verdict::Accepted => Ok(()),
-        Verdict::Failed(why) => Err(CommissionFailure::Failed { step, why }.into()),
+        Verdict::Failed(why) => Err(CommissionFailure::Failed { kind, why }.into()),
         Verdict::RigFile(changes) => {
             let changes: Vec<_> = changes.iter().map(ToString::to_string).collect();
             Err(CommissionFailure::RigFile { changes: changes.join("; ") }.into())
@@ -307,11 +356,12 @@ impl Guide {
             let (name, value, sigma) = (value.name, value.value, value.standard_uncertainty);
             say(&format!("{name} = {value:.4} ± {sigma:.4} {unit}"));
         }
-        let witness = Witness { person: self.person(), session: self.session(), temperature_c };
-        let (_, path) = calibrations::write(file, data, (step, finding), witness)
+        let journal = vec![self.session()];
+        let witness = Witness { person: self.person(), journal, temperature_c };
+        let path = calibrations::write(file, data, (step.into(), finding), witness)
             .map_err(CommissionFailure::from)?;
         say(&format!("Record: {}", path.display()));
         self.read_calibrations().await?;
-        judged(step, verdict)
+        judged(step.into(), verdict)
     }
 }

@@ -1,19 +1,19 @@
 //! Simulated devices on ports of this computer, and the program on them.
 
+#[path = "commissioned.rs"]
+mod commissioned;
+
 use std::{
     fs,
     path::{Path, PathBuf},
     process::{Command, Output},
 };
 
-use rig_commission::{Finding, Verdict};
-use rig_files::rig_file::RigFile;
 use rig_model::DriveMake;
 use rig_sim::{
     AxisWiring, LineTransport, PortId, SimHandle, SimRig, Wiring,
     faults::{Fault, FaultKind, FaultTrigger},
 };
-use rigd::calibrations::{self, Witness};
 use serde_json::Value;
 use tempfile::TempDir;
 use tokio::{net::TcpListener, task::JoinSet};
@@ -75,7 +75,7 @@ impl Bench {
             assert!(text.contains(old), "{old:?} is not in the file");
             text = text.replacen(old, new, 1);
         }
-        commission(&text, &data);
+        commissioned::commission(&text, &data);
         fs::write(&rig, text).unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_rigd"));
         // Where `rigd safe` finds the calibrations without `--data`.
@@ -114,21 +114,6 @@ impl Bench {
     pub(crate) fn places(&self) -> (f64, f64) {
         let truth = self.sim.with(|now, rig| rig.world().truth(now));
         (truth.tip_mm, truth.tilt_deg)
-    }
-}
-
-/// Writes the records of a rig that is commissioned. A file with faults has none.
-pub(crate) fn commission(rig: &str, data: &Path) {
-    let Ok(rig) = RigFile::read("rig.toml", rig) else { return };
-    let standing = calibrations::standing(&rig, data).unwrap();
-    for (step, _) in standing.missing() {
-        let finding = Finding { verdict: Verdict::Accepted, values: Vec::new() };
-        let witness = Witness {
-            person: "Ada".to_owned(),
-            session: "in a test".to_owned(),
-            temperature_c: None,
-        };
-        calibrations::write(&rig, data, (step, finding), witness).unwrap();
     }
 }
 

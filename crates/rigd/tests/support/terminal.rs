@@ -1,5 +1,8 @@
 //! rigd at a terminal of a given width, on a bench whose prompts a person answers.
 
+#[path = "commissioned.rs"]
+mod commissioned;
+
 use std::{
     fs,
     io::{Read, Write},
@@ -108,6 +111,7 @@ impl Bench {
             text = text.replace(from, &to);
         }
         let (rig, protocol) = (folder.join("rig.toml"), folder.join("protocol.toml"));
+        commissioned::commission(&text, &folder.join("data"));
         fs::write(&rig, text).unwrap();
         fs::write(&protocol, protocol_toml).unwrap();
         Self { person: sim.technician(), rig, protocol, _sim: sim, _server: server }

@@ -1,0 +1,76 @@
+//! What a change of the bench voids.
+
+use crate::Kind;
+
+/// A change of the bench that calibrations do not see by themselves. Changes of the rig file, of a drive's address and of
+/// the port are seen by the keys and the drives of a record.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BenchChange {
+    /// A drive, a motor, a coupling or a screw was exchanged, or a setting of a drive was changed.
+    Drive,
+    /// The emergency stop or its wiring was changed.
+    Stop,
+    /// The sensor was clamped again.
+    Sensor,
+    /// The probe was exchanged.
+    Probe,
+    /// The holder of the samples was taken off.
+    Holder,
+    /// The probe was pressed into something, by a fault or by hand.
+    Collision,
+    /// The bench was moved, or its temperature has changed by more than 3 °C.
+    Place,
+}
+
+impl BenchChange {
+    /// All of them.
+    pub const ALL: [Self; 7] = [
+        Self::Drive,
+        Self::Stop,
+        Self::Sensor,
+        Self::Probe,
+        Self::Holder,
+        Self::Collision,
+        Self::Place,
+    ];
+
+    /// Its name in commands and records.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Drive => "drive",
+            Self::Stop => "stop",
+            Self::Sensor => "sensor",
+            Self::Probe => "probe",
+            Self::Holder => "holder",
+            Self::Collision => "collision",
+            Self::Place => "place",
+        }
+    }
+
+    /// What was changed, for a person.
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::Drive => {
+                "a drive, motor, coupling or screw was exchanged, or a setting of a drive changed"
+            }
+            Self::Stop => "the emergency stop or its wiring was changed",
+            Self::Sensor => "the sensor was clamped again",
+            Self::Probe => "the probe was exchanged",
+            Self::Holder => "the holder of the samples was taken off",
+            Self::Collision => "the probe was pressed into something",
+            Self::Place => "the bench was moved, or its temperature has changed by more than 3 °C",
+        }
+    }
+
+    /// The records that no longer hold.
+    pub const fn voids(self) -> &'static [Kind] {
+        match self {
+            Self::Drive => &Kind::ALL,
+            Self::Stop => &[Kind::Stop],
+            Self::Sensor | Self::Probe | Self::Holder | Self::Collision => {
+                &[Kind::Geometry, Kind::Blocks]
+            }
+            Self::Place => &[Kind::Blocks],
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! The kinds of calibration.
+
+use serde::{Deserialize, Serialize};
+
+use crate::Step;
+
+/// What a calibration shows: that of a step of commissioning, or a measurement on a bench that is commissioned.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// The emergency stop keeps both axes still.
+    Stop,
+    /// Each axis moves in the direction that the rig file says.
+    Signs,
+    /// Surface and rotary axis are where the rig file says, by a rule.
+    Geometry,
+    /// Each axis moves as far as the rig file says, and the table is level at zero.
+    Scale,
+    /// Surface, rotary axis, probe and the zero of the rotary stage by touches on hard blocks, and the error of the
+    /// linear screw.
+    Blocks,
+}
+
+impl Kind {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Stop, Self::Signs, Self::Geometry, Self::Scale, Self::Blocks];
+
+    /// Its name in commands and files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Stop => "stop",
+            Self::Signs => "signs",
+            Self::Geometry => "geometry",
+            Self::Scale => "scale",
+            Self::Blocks => "blocks",
+        }
+    }
+
+    /// Whether it rests on the geometry of the rig file, and not only on its axes.
+    pub(crate) const fn rests_on_geometry(self) -> bool {
+        matches!(self, Self::Geometry | Self::Blocks)
+    }
+
+    /// What a person does when it fails.
+    pub const fn remedy(self) -> &'static str {
+        match self {
+            Self::Stop => {
+                "let nothing else move; wire the stop so that it takes the power from both motors"
+            }
+            Self::Signs => {
+                "look at the axis from close by, with a mark on its edge, and begin the step again"
+            }
+            Self::Geometry => {
+                "measure again with a rule that reaches the axis, and begin the step again"
+            }
+            Self::Scale => {
+                "see that the gauge stands still and square, that nothing slips, and begin the step again"
+            }
+            Self::Blocks => "see that the block is clean and lies flat, and run its protocol again",
+        }
+    }
+}
+
+impl From<Step> for Kind {
+    fn from(step: Step) -> Self {
+        match step {
+            Step::Stop => Self::Stop,
+            Step::Signs => Self::Signs,
+            Step::Geometry => Self::Geometry,
+            Step::Scale => Self::Scale,
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! Touches on benches whose screw is none of those that the fit assumes.
+
+use rig_model::random::{Stream, normal_at};
+
+use super::*;
+
+/// What is true of a bench.
+struct Truth {
+    geometry: [f64; 4],
+    screw: Screw,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Screw {
+    None,
+    /// Amplitude, pitch, mm; phase.
+    Periodic(f64, f64, f64),
+    /// Random at places of this distance, straight between them: standard deviation, mm, and seed.
+    Broken(f64, f64, u64),
+}
+
+const NOISE: TouchNoise = TouchNoise { height_mm: 0.001, tilt_deg: 0.01 };
+const TILTS: [f64; 7] = [-45.0, -30.0, -15.0, 0.0, 15.0, 30.0, 45.0];
+
+impl Screw {
+    fn error(self, at_mm: f64) -> f64 {
+        match self {
+            Self::None => 0.0,
+            Self::Periodic(amplitude, pitch, phase) => {
+                amplitude * (std::f64::consts::TAU * at_mm / pitch + phase).sin()
+            }
+            Self::Broken(sigma, length, seed) => {
+                let cell = (at_mm / length).floor();
+                #[expect(clippy::cast_possible_truncation, reason = "a travel has few cells")]
+                let draw =
+                    |cell: f64| sigma * normal_at(seed, [7, (cell as i64).cast_unsigned(), 0]);
+                let part = at_mm / length - cell;
+                (1.0 - part) * draw(cell) + part * draw(cell + 1.0)
+            }
+        }
+    }
+}
+
+/// Touches of a bench: the height at which the ball meets the plane, found without the formula of the fit.
+fn touches(truth: &Truth, blocks_mm: &[f64], chance: &mut Stream) -> Vec<BlockTouch> {
+    let [surface, from_axis, beside, zero] = truth.geometry;
+    let mut all = Vec::new();
+    for raised_mm in blocks_mm {
+        for tilt_deg in TILTS {
+            for _ in 0..3 {
+                let at_deg = tilt_deg + NOISE.tilt_deg * chance.normal() + zero;
+                let (sin, cos) = at_deg.to_radians().sin_cos();
+                // The centre of the ball has the distance D + b from the axis along the normal (sin, cos).
+                let centre = (from_axis + raised_mm - beside * sin) / cos;
+                let true_mm = surface + centre - from_axis;
+                // The drive counts the true height plus the error of its screw.
+                let height_mm =
+                    true_mm + truth.screw.error(true_mm) + NOISE.height_mm * chance.normal();
+                all.push(BlockTouch { tilt_deg, height_mm, raised_mm: *raised_mm });
+            }
+        }
+    }
+    all
+}
+
+fn found(fitted: &BlockGeometry) -> [f64; 4] {
+    [fitted.surface_mm, fitted.surface_and_radius_mm, fitted.probe_beside_pivot_mm, fitted.zero_deg]
+}
+
+/// Fits many benches; gives root mean squares and coverages of 95 % intervals, for each unknown.
+fn campaign(blocks_mm: &[f64], screw: impl Fn(u64, &mut Stream) -> Screw) -> [(f64, f64); 4] {
+    let benches = 60;
+    let mut squares = [0.0; 4];
+    let mut inside = [0.0; 4];
+    for seed in 0..benches {
+        let chance = &mut Stream::new(seed, 3);
+        let around = |middle: f64, width: f64, chance: &mut Stream| {
+            middle + width * (2.0 * chance.uniform() - 1.0)
+        };
+        let geometry = [
+            around(10.0, 0.5, chance),
+            around(4.5, 1.0, chance),
+            around(0.3, 1.0, chance),
+            around(0.0, 1.0, chance),
+        ];
+        let truth = Truth { geometry, screw: screw(seed, chance) };
+        let fitted = fit(&touches(&truth, blocks_mm, chance), &NOISE, &[]).unwrap();
+        for (k, (found, sigma)) in found(&fitted).into_iter().zip(fitted.sigmas()).enumerate() {
+            // The error of the screw at the surface is a part of the height of the surface.
+            let expected = geometry[k] + if k == 0 { truth.screw.error(geometry[0]) } else { 0.0 };
+            squares[k] += (found - expected).powi(2) / benches as f64;
+            inside[k] +=
+                f64::from(u8::from((found - expected).abs() < 1.96 * sigma)) / benches as f64;
+        }
+    }
+    std::array::from_fn(|k| (squares[k].sqrt(), inside[k]))
+}
+
+#[test]
+fn without_an_error_of_the_screw_the_geometry_is_found_to_micrometres() {
+    let [surface, from_axis, beside, zero] = campaign(&[0.0], |_, _| Screw::None);
+    let all = format!("{surface:?} {from_axis:?} {beside:?} {zero:?}");
+    assert!(surface.0 < 0.002 && from_axis.0 < 0.008 && beside.0 < 0.015 && zero.0 < 0.15, "{all}");
+    assert!([surface, from_axis, beside, zero].iter().all(|found| found.1 > 0.9), "{all}");
+}
+
+#[test]
+fn stated_uncertainties_cover_the_truth_for_screws_that_the_fit_does_not_assume() {
+    let periodic = |_: u64, chance: &mut Stream| {
+        Screw::Periodic(0.01, 2.0, std::f64::consts::TAU * chance.uniform())
+    };
+    let broken = |seed: u64, _: &mut Stream| Screw::Broken(0.014, 0.3, seed);
+    for blocks in [&[0.0][..], &[0.0, 10.0]] {
+        for (name, found) in
+            [("periodic", campaign(blocks, periodic)), ("broken", campaign(blocks, broken))]
+        {
+            println!("{name}, {} blocks: {found:?}", blocks.len());
+            for (k, (_, covered)) in found.iter().enumerate().skip(1) {
+                assert!(
+                    *covered >= 0.85,
+                    "{name}, {} blocks, unknown {k}: {found:?}",
+                    blocks.len()
+                );
+            }
+        }
+    }
+    // A second block finds the zero of the rotary stage.
+    let (one, two) = (campaign(&[0.0], broken)[3].0, campaign(&[0.0, 10.0], broken)[3].0);
+    assert!(4.0 * two < one, "{one}° on one block, {two}° on two");
+}
+
+#[test]
+fn the_map_of_the_screw_makes_a_depth_less_wrong() {
+    let (mut raw, mut mapped) = (0.0, 0.0);
+    for seed in 0..20 {
+        let chance = &mut Stream::new(seed, 9);
+        let screw = Screw::Periodic(0.01, 2.0, std::f64::consts::TAU * chance.uniform());
+        let truth = Truth { geometry: [10.0, 4.5, 0.3, 0.1], screw };
+        let ends = [10.2, 9.7 + 0.8];
+        let fitted = fit(&touches(&truth, &[0.0], chance), &NOISE, &ends).unwrap();
+        let way = |error: [f64; 2]| error[1] - error[0];
+        let is = way(ends.map(|end| screw.error(end)));
+        let map = way([fitted.screw[0].error_mm, fitted.screw[1].error_mm]);
+        raw += is.powi(2);
+        mapped += (is - map).powi(2);
+    }
+    assert!(mapped < 0.5 * raw, "{mapped} of {raw} mm²");
+}
+
+#[test]
+fn touches_that_cannot_give_a_geometry_are_refused() {
+    let truth = Truth { geometry: [10.0, 4.5, 0.3, 0.0], screw: Screw::None };
+    let all = touches(&truth, &[0.0], &mut Stream::new(1, 1));
+    let few: Vec<_> = all.iter().copied().filter(|touch| touch.tilt_deg.abs() < 20.0).collect();
+    assert!(matches!(fit(&few, &NOISE, &[]), Err(NoGeometry::TooFewTilts { found: 3, .. })));
+    let steep: Vec<_> =
+        (0..6).map(|i| BlockTouch { tilt_deg: 5.0 * f64::from(i), ..all[0] }).collect();
+    assert!(matches!(fit(&steep, &NOISE, &[]), Err(NoGeometry::TooNarrow { .. })));
+    let mut broken = all.clone();
+    broken[3].height_mm = f64::NAN;
+    assert_eq!(fit(&broken, &NOISE, &[]), Err(NoGeometry::NoSolution));
+    assert_eq!(fit(&[], &NOISE, &[]), Err(NoGeometry::TooFewTilts { found: 0, least: 5 }));
+}
