@@ -28,7 +28,7 @@ struct Known {
 #[derive(Debug, Default)]
 pub(crate) struct Campaign {
     /// Whether surfaces are found by descents.
-    pub(crate) is_descending: bool,
+    is_descending: bool,
     known: Mutex<HashMap<u64, Arc<OnceLock<Known>>>>,
 }
 
@@ -51,6 +51,10 @@ pub(crate) fn drawn(seed: u64) -> (u64, Vec<Trouble>) {
 }
 
 impl Campaign {
+    pub(crate) fn new(is_descending: bool) -> Self {
+        Self { is_descending, known: Mutex::default() }
+    }
+
     /// Plays a seed.
     pub(crate) fn play(&self, seed: u64, has_records: bool) -> Ended {
         let (number, troubles) = drawn(seed);

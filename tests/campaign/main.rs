@@ -152,7 +152,7 @@ fn faulted(arguments: &Arguments) -> ExitCode {
         Err(error) => return failed(&error),
     };
     let begun = Instant::now();
-    let campaign = Campaign { is_descending: arguments.descent, ..Campaign::default() };
+    let campaign = Campaign::new(arguments.descent);
     let counts = Mutex::new(Counts::default());
     each_seed(arguments, |seed| {
         let ended = campaign.play(seed, arguments.records);
