@@ -248,15 +248,10 @@ impl Complaint for ProtocolFault {
             Self::AimOutsideModel { .. } => {
                 "use smaller angles, or state the settings and remove [aim]".into()
             }
-            // Rounded up, so that the advice holds.
-            Self::AimTooAccurate { limit, .. } => format!(
-                "use at least {:.2}, or state smaller uncertainties if the bench is known better",
-                (limit * 100.0).ceil() / 100.0
-            ),
-            Self::AimTooFast { limit, .. } => format!(
-                "use at least {:.2}, or shorten dwell_s and the ways",
-                (limit * 100.0).ceil() / 100.0
-            ),
+            Self::AimTooAccurate { limit, .. } => {
+                at_least(*limit, "state smaller uncertainties if the bench is known better")
+            }
+            Self::AimTooFast { limit, .. } => at_least(*limit, "shorten dwell_s and the ways"),
             Self::MoreClassesThanSamples { samples, .. } => format!("use at most {samples}"),
             Self::FewerTrialsThanClasses { classes, .. } => format!("use at least {classes}"),
             Self::NoBlindAngle { min, .. } => format!("use at least {min}"),
@@ -264,6 +259,11 @@ impl Complaint for ProtocolFault {
         };
         Some(suggestion)
     }
+}
+
+/// The suggestion for an aim out of reach. The limit is rounded up, so that the advice holds.
+fn at_least(limit: f64, or: &str) -> String {
+    format!("use at least {:.2}, or {or}", (limit * 100.0).ceil() / 100.0)
 }
 
 /// The suggestion for a number outside its limits.

@@ -298,10 +298,25 @@ impl RunData {
         }
     }
 
+    /// Counts the time of a search, from its declaration to its end.
+    fn searched(&mut self, run_us: u64, record: &Record) {
+        match record {
+            Record::Intent(Intent { what: MoveReason::Approach, .. }) => {
+                self.search_us = Some(run_us);
+            }
+            // The search in steps follows a descent that has not found it.
+            Record::SurfaceNotFound(lost) if lost.reason.is_some() => {}
+            Record::SurfaceFound(_) | Record::SurfaceNotFound(_) => {
+                let begun_us = self.search_us.take().unwrap_or(run_us);
+                self.surfaces_s += run_us.saturating_sub(begun_us) as f64 / 1e6;
+            }
+            _ => {}
+        }
+    }
+
     fn take(&mut self, stored: &StoredRecord, record: Record) {
         let clock = self.clock(stored.epoch);
-        let begun_us = self.amendment.as_ref().map_or(0, |(_, begun_us)| *begun_us);
-        let run_us = begun_us + stored.run_us;
+        let run_us = stored.run_us + self.amendment.as_ref().map_or(0, |(_, begun_us)| *begun_us);
         let mut note = |step: Option<String>, kind, text| {
             self.log.push(LogEntry { run_us, step, kind, text });
         };
@@ -359,17 +374,10 @@ impl RunData {
             seam @ (Record::Resumed(_) | Record::GivenUp(_) | Record::Amended(_)) => {
                 self.seam(run_us, seam);
             }
-            Record::Intent(Intent { what: MoveReason::Approach, .. }) => {
-                self.search_us = Some(run_us);
+            search @ (Record::Intent(_) | Record::SurfaceFound(_) | Record::SurfaceNotFound(_)) => {
+                self.searched(run_us, &search);
             }
-            // The search in steps follows a descent that has not found it.
-            Record::SurfaceNotFound(lost) if lost.reason.is_some() => {}
-            Record::SurfaceFound(_) | Record::SurfaceNotFound(_) => {
-                let begun_us = self.search_us.take().unwrap_or(run_us);
-                self.surfaces_s += run_us.saturating_sub(begun_us) as f64 / 1e6;
-            }
-            Record::Intent(_)
-            | Record::Moved(_)
+            Record::Moved(_)
             | Record::Descended(_)
             | Record::SurfaceChecked(_)
             | Record::RefusalAsked(_)
