@@ -92,7 +92,7 @@ impl World {
     /// A whole reading with the noise of the scene, in ohm, and its end time.
     pub fn measure(&mut self, now: RigTime, cycles: u32) -> (Complex64, RigTime) {
         let done = self.begin_reading(now, cycles);
-        (self.end_reading().expect("it was begun"), done)
+        (self.end_reading().unwrap_or(Complex64::ZERO), done)
     }
 
     /// Brings a reading of a moving probe up to `now`, before anything changes.

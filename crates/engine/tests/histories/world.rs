@@ -333,22 +333,7 @@ impl World {
                 let report = self.stalled(&operation);
                 return self.handle(Input::Done(id, Ok(report)));
             }
-            Some(Trouble::Hangs) => {
-                self.hang_stream(&operation);
-                // Twice overdue: asked to end, and still silent.
-                for _ in 0..2 {
-                    self.now = self.engine.deadline().expect("every operation has a deadline");
-                    self.handle(Input::Tick);
-                    assert!(self.was_interrupted);
-                    if matches!(operation, Operation::Measure { .. }) {
-                        // The way out does not wait for it.
-                        assert!(matches!(self.in_flight, Some((_, Operation::StopMotion))));
-                        return;
-                    }
-                }
-                assert_eq!(self.engine.snapshot().state, RigState::Latched);
-                return;
-            }
+            Some(Trouble::Hangs) => return self.hang(&operation),
             Some(Trouble::Flags | Trouble::FlagsOnce) => {
                 if let Operation::Measure { points, .. } = &operation {
                     let flagged =
@@ -372,6 +357,22 @@ impl World {
         }
         let report = self.perform(&operation);
         self.handle(Input::Done(id, Ok(report)));
+    }
+
+    /// An operation that does not end: twice overdue, asked to end, and still silent.
+    fn hang(&mut self, operation: &Operation) {
+        self.hang_stream(operation);
+        for _ in 0..2 {
+            self.now = self.engine.deadline().expect("every operation has a deadline");
+            self.handle(Input::Tick);
+            assert!(self.was_interrupted);
+            if matches!(operation, Operation::Measure { .. }) {
+                // The way out does not wait for it.
+                assert!(matches!(self.in_flight, Some((_, Operation::StopMotion))));
+                return;
+            }
+        }
+        assert_eq!(self.engine.snapshot().state, RigState::Latched);
     }
 
     /// A trouble that lasts from here on.

@@ -187,19 +187,7 @@ impl Failure {
             | Self::NotSigned
             | Self::CableLength { .. }
             | Self::Daemon(DaemonError::Token(_) | DaemonError::WrongAnswer(_)) => 2,
-            Self::Refused(RequestRefusal::Resume(refusal)) => match &**refusal {
-                ResumeRefusal::Changed { .. }
-                | ResumeRefusal::OtherKind { .. }
-                | ResumeRefusal::Protocol(_) => 2,
-                ResumeRefusal::Store(StoreError::NoSuchRun { .. })
-                | ResumeRefusal::NoSuchTouch { .. } => 3,
-                _ => 1,
-            },
-            Self::Refused(RequestRefusal::Command(
-                CommandRefusal::LinearTarget(_)
-                | CommandRefusal::RotaryTarget(_)
-                | CommandRefusal::TooDeep { .. },
-            )) => 2,
+            Self::Refused(refusal) => code_of(refusal),
             Self::NoResonance { .. }
             | Self::NoResonances { .. }
             | Self::NoSweep { .. }
@@ -233,7 +221,6 @@ impl Failure {
             | Self::Data { .. }
             | Self::Store(_)
             | Self::Export(_)
-            | Self::Refused(_)
             | Self::Transcript { .. }
             | Self::Differs { .. }
             | Self::Ladder(_)
@@ -248,6 +235,26 @@ impl Failure {
             | Self::File { .. }
             | Self::System { .. } => 1,
         }
+    }
+}
+
+/// The exit code of a refused command.
+fn code_of(refusal: &RequestRefusal) -> u8 {
+    match refusal {
+        RequestRefusal::Resume(refusal) => match &**refusal {
+            ResumeRefusal::Changed { .. }
+            | ResumeRefusal::OtherKind { .. }
+            | ResumeRefusal::Protocol(_) => 2,
+            ResumeRefusal::Store(StoreError::NoSuchRun { .. })
+            | ResumeRefusal::NoSuchTouch { .. } => 3,
+            _ => 1,
+        },
+        RequestRefusal::Command(
+            CommandRefusal::LinearTarget(_)
+            | CommandRefusal::RotaryTarget(_)
+            | CommandRefusal::TooDeep { .. },
+        ) => 2,
+        _ => 1,
     }
 }
 

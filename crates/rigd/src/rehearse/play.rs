@@ -124,7 +124,8 @@ impl<'a> Play<'a> {
             }
         }
         let rig = simulated(self.rig, &self.protocol.plan);
-        let (handle, rig) = rig::open_in_memory(rig, &self.disk, self.bench.clone()).await?;
+        let opening = rig::open_in_memory(rig, &self.disk, self.bench.clone());
+        let (handle, rig) = Box::pin(opening).await?;
         self.bench = handle.simulation().cloned();
         let mut serving = pin!(rig.serve());
         let end = tokio::select! {

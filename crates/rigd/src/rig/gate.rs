@@ -19,8 +19,8 @@ pub(super) struct Gate {
 
 impl Gate {
     /// `proven` is what calibrations show of the drives.
-    pub(super) fn new(limits: RigLimits, proven: Proven, clock: Clock) -> Self {
-        Self { interlock: Rc::new(RefCell::new(Interlock::new(limits, proven))), clock }
+    pub(super) fn new(limits: &RigLimits, proven: Proven, clock: Clock) -> Self {
+        Self { interlock: Rc::new(RefCell::new(Interlock::new(*limits, proven))), clock }
     }
 
     /// Calibrations on the disk show this of the drives.
@@ -148,7 +148,7 @@ mod tests {
 
     #[tokio::test]
     async fn a_refused_operation_is_a_failure_of_the_interlock_with_its_reason() {
-        let gate = Gate::new(limits(), Proven::Bench, Clock::start());
+        let gate = Gate::new(&limits(), Proven::Bench, Clock::start());
         let turn = Operation::MoveRotary {
             target: limits().rotary.target(Position::new(30.0)).unwrap(),
             speed_deg_per_s: 10.0,

@@ -164,7 +164,7 @@ pub(super) async fn open_rig(
     };
     let is_homing_up = file.linear.is_homing_up;
     let patience = Duration::from_secs_f64(file.recovery_patience_s);
-    let gate = Gate::new(file.limits, proven, clock);
+    let gate = Gate::new(&file.limits, proven, clock);
     let axes = Axes { linear, rotary, is_homing_up, gate: gate.clone() };
     let (readings, streamed) = mpsc::unbounded_channel();
     let analyzer = GatedAnalyzer { analyzer, gate: gate.clone(), readings };

@@ -32,7 +32,9 @@ impl RigLoop {
     ) -> Result<(Self, watch::Receiver<Status>, Option<SimHandle>), OpenError> {
         let data_error = |source| OpenError::Data { data: PathBuf::from("memory"), source };
         let store = Store::open_in_memory(disk).map_err(data_error)?;
-        let (shell, status) = Shell::open(rig, store, bench, Purpose::Service).await?;
+        // On the heap: a campaign polls many rigs, each within the futures of its runs.
+        let opening = Box::pin(Shell::open(rig, store, bench, Purpose::Service));
+        let (shell, status) = opening.await?;
         let simulation = shell.simulation().map(Simulation::handle);
         Ok((Self { shell, inbox }, status, simulation))
     }

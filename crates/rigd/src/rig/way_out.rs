@@ -242,7 +242,7 @@ async fn retract(
         linear: stage(&bus, &file.linear, instruments.linear, file.limits.linear),
         rotary: stage(&bus, &file.rotary, instruments.rotary, file.limits.rotary),
         is_homing_up: file.linear.is_homing_up,
-        gate: Gate::new(file.limits, Proven::Bench, clock),
+        gate: Gate::new(&file.limits, Proven::Bench, clock),
     };
     let frames = axes.halt_frames().map_err(device("bus", &file.bus))?;
     // A line that takes longer gets them when it can.
