@@ -281,9 +281,9 @@ impl Walk {
                 motion.found_surface(found.position_mm, settings);
             }
             Record::SurfaceNotFound(lost) => {
-                labels.searches_in_steps();
                 let search = ("approach", &*lost.step, &lost.pose, &*lost.trail);
                 labels.searched(seq, rig_us, search, motion, settings, findings);
+                labels.searches_in_steps();
             }
             Record::SurfaceChecked(checked) => {
                 labels.surface_checked(seq, rig_us, &checked, motion, settings, findings);

@@ -95,7 +95,9 @@ impl Labels {
             pose_is_taken(seq, pose, motion, settings, findings);
         }
         let descent = motion.descent.as_ref().filter(|descent| descent.what == what);
+        // The readings at rest after a descent follow it without a wait.
         let approach = settings.map(|all| &all.protocol.approach);
+        let approach = approach.filter(|_| self.descended.is_none());
         surface::check_trail(seq, rig_us, trail, (descent, approach), findings);
         let readings: Vec<_> = trail.iter().map(|tried| tried.reading).collect();
         self.check_standstills(seq, &readings, findings);
