@@ -228,7 +228,7 @@ impl Compensation {
         let contact = Contact { pose, depth, law, friction };
         let spread = TouchSigmas {
             shift_hz: sigma_hz,
-            depth_mm: self.shared_depth_sigma_mm.hypot(self.depth_sigma_mm),
+            depth_mm: self.sigma_of_one_depth_mm(),
             angle_rad: self.angle_sigma_rad,
         };
         self.models.stiffness_of_touch(tier, shift_hz, spread, kind, &contact)
@@ -257,9 +257,14 @@ impl Compensation {
         Ok(TouchSensitivity {
             per_hz: relative(one.sigma_of_shift_mpa),
             per_mm,
-            of_depth: per_mm * self.depth_sigma_mm,
+            of_depth: per_mm * self.sigma_of_one_depth_mm(),
             of_angle: relative(one.sigma_of_angle_mpa) * self.angle_sigma_rad,
         })
+    }
+
+    /// Standard deviation of the depth of one touch, mm.
+    fn sigma_of_one_depth_mm(&self) -> f64 {
+        self.shared_depth_sigma_mm.hypot(self.depth_sigma_mm)
     }
 
     /// The logarithm of the stiffness of one touch in MPa, without its uncertainty.

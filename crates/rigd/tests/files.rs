@@ -41,7 +41,10 @@ fn check(args: &[&Path], code: i32, expected: &[&str]) {
 fn a_missing_file_is_told_with_those_that_are_there_and_exits_with_2() {
     let (rig, smoke) = (config("rigs/simulated.toml"), config("protocols/smoke.toml"));
     let none = config("protocols/smok.toml");
-    let there = ["smok.toml: no such file; ", "protocols holds smoke.toml, three-direction.toml"];
+    let there = [
+        "smok.toml: no such file; ",
+        "protocols holds block.toml, smoke.toml, three-direction.toml",
+    ];
     for command in ["run", "check", "serve"] {
         check(&[command.as_ref(), &none, "--rig".as_ref(), &rig], 2, &there);
     }
@@ -53,7 +56,7 @@ fn a_missing_file_is_told_with_those_that_are_there_and_exits_with_2() {
     check(&["run".as_ref(), &smoke, "--rig".as_ref(), &none], 2, &there);
     check(&["fit".as_ref(), &config("x.csv")], 2, &["x.csv: no such file; "]);
     check(&["check".as_ref(), &config("no/x.toml")], 2, &["there is no directory "]);
-    let folder = [": a directory, no file; ", " holds protocols/, rigs/, scenes/"];
+    let folder = [": a directory, no file; ", " holds instruments/, protocols/, rigs/, scenes/"];
     check(&["check".as_ref(), &config("")], 2, &folder);
     // Named by the rig file, where its place is.
     let scratch = TempDir::new().unwrap();
