@@ -54,12 +54,7 @@ impl Moment {
 
     /// The event of the rig.
     fn rig(&self, shared: &Shared) -> Option<Bytes> {
-        self.rig.get_or_init(|| self.rig_now(shared)).clone()
-    }
-
-    /// The event of the rig with the clocks as they are now.
-    fn rig_now(&self, shared: &Shared) -> Option<Bytes> {
-        event("rig", &rig::view(shared, &self.status))
+        self.rig.get_or_init(|| event("rig", &rig::view(shared, &self.status))).clone()
     }
 
     /// The event of the sweep from these indices on.
@@ -176,14 +171,16 @@ impl Cursor {
             self.moments.changed().await.ok()?;
             tokio::time::sleep_until(sent + self.watcher.interval()).await;
         }
-        let moment = Arc::clone(&self.moments.borrow_and_update());
+        let shared = Arc::clone(&self.moments.borrow_and_update());
+        // A shared moment may be older than the command that a client has given before it opens a stream.
+        let moment = if sent.is_none() {
+            Arc::new(Moment::new(self.shared.inner.rig.status().borrow().clone()))
+        } else {
+            shared
+        };
         self.sent = Some(Instant::now());
         self.next = self.news(&moment);
-        match sent {
-            // The clocks of a moment may be a second old.
-            None => moment.rig_now(&self.shared),
-            Some(_) => moment.rig(&self.shared),
-        }
+        moment.rig(&self.shared)
     }
 
     /// The part of a sweep since the last event.
