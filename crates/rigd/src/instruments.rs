@@ -24,6 +24,13 @@ pub struct Instruments {
 
 /// The makes that play the devices of a simulated rig.
 #[derive(Debug, Clone, Copy)]
+#[cfg_attr(
+    not(feature = "simulator"),
+    expect(
+        dead_code,
+        reason = "a program without the simulator only asks whether there are such makes"
+    )
+)]
 pub(crate) struct SimulatedMakes {
     /// The analyzer.
     pub analyzer: AnalyzerMake,

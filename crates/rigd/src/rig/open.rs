@@ -214,8 +214,10 @@ impl Ports {
         clock: Clock,
     ) -> Result<Self, OpenError> {
         if let Some(scene) = scene {
-            let simulation = Simulation::start(file, instruments.simulated()?, scene, bench)?;
-            return Ok(Self::simulated(file, simulation, clock).await);
+            let makes = instruments.simulated()?;
+            return Ok(
+                Self::simulated(file, Simulation::start(file, makes, scene, bench)?, clock).await
+            );
         }
         Ok(Self {
             analyzer: open_port(&file.analyzer.port, clock).await,
