@@ -41,9 +41,8 @@ impl AnalyzerMake {
     /// Longest time of a reading in a stream of readings at one frequency beside its integration, s: for the
     /// message, the trigger and the answer. `None` for an analyzer that measures whole traces.
     ///
-    /// # Source
-    /// A message of 60 bytes and its answer at 38400 baud take some 8 ms on a HIOKI; the others need as long for
-    /// a trigger as their manuals state for the shortest measurement beside its integration.
+    /// Estimates from the length of the messages at 38400 baud and from the speed of the instruments; no manual states
+    /// them, and `stream_overhead_s` of the rig file replaces them.
     pub const fn stream_overhead_s(self) -> Option<f64> {
         match self {
             Self::HiokiIm3536 => Some(0.01),
