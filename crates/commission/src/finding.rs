@@ -81,7 +81,7 @@ impl Finding {
     }
 }
 
-/// Rounds a value for a rig file to so many digits.
+/// Rounds a value for a rig file to `digits` significant digits.
 pub(crate) fn rounded(value: f64, digits: i32) -> f64 {
     if value == 0.0 {
         return 0.0;
