@@ -2,7 +2,7 @@
 """rigd as a service beside the queueserver and the HTTP server of bluesky, on one computer in one run: the round trip of a
 status, the time from the start until ready, memory, and the processor time of a durable event.
 
-    tests/speed/service.py target/release/rigd PYTHON [--port 60710]
+    tests/speed/service.py target/release/rigd PYTHON [--port 20710]
 
 PYTHON is that of an environment with bluesky, bluesky-queueserver, bluesky-httpserver, ophyd and pandas, which the HTTP
 server needs and does not ask for. `redis-server` must be installed, because the queueserver keeps its queue in it. The environment of the queueserver is opened before its memory is
@@ -30,7 +30,7 @@ ROOT = Path(__file__).resolve().parents[2]
 parser = argparse.ArgumentParser()
 parser.add_argument("rigd", type=Path)
 parser.add_argument("python", type=Path)
-parser.add_argument("--port", type=int, default=60710, help="the first of four")
+parser.add_argument("--port", type=int, default=20710, help="the first of four")
 options = parser.parse_args()
 ROUND_TRIPS, STARTS, PATIENCE_S = 500, 5, 120
 KEY = "a" * 32

@@ -26,6 +26,7 @@ mod meters;
 mod open;
 mod owners;
 mod pace;
+mod priority;
 mod proof;
 mod pulse;
 mod record;

@@ -13,7 +13,7 @@ use rig_store::Store;
 use tokio::sync::{mpsc, watch};
 
 use super::{
-    OpenError, Request, Status,
+    OpenError, Request, Status, priority,
     proof::Purpose,
     pulse::{self, Pulse},
     shell::Shell,
@@ -40,6 +40,7 @@ pub(super) fn run(
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .start_paused(is_virtual_time)
+        .on_thread_start(priority::come_after)
         .build();
     let runtime = match runtime {
         Ok(runtime) => runtime,
@@ -63,6 +64,10 @@ pub(super) fn run(
                 if let Err(source) = pulse::watch_over(&pulse, watched.clone(), is_virtual_time) {
                     _ = opened.send(Err(OpenError::Thread { source }));
                     return;
+                }
+                // In virtual time a rig computes without a pause.
+                if !is_virtual_time {
+                    priority::come_first();
                 }
                 _ = opened.send(Ok((status, handle, Arc::downgrade(&pulse))));
                 // It ends with the shell.
