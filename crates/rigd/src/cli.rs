@@ -12,6 +12,7 @@ mod compensate;
 mod config;
 mod daemon;
 mod doctor;
+mod door;
 mod ended_runs;
 mod export;
 mod failure;

@@ -7,15 +7,22 @@
 mod program;
 
 use std::{
-    fs,
-    os::unix::net::UnixDatagram,
+    fs::{self, File},
+    net::TcpListener,
+    os::{
+        fd::{AsFd, AsRawFd},
+        unix::net::UnixDatagram,
+    },
     path::Path,
     process::{Command, Stdio},
     time::Instant,
 };
 
 use program::{PATIENCE, Program, check_clear, real_time_rig, request};
-use rustix::process::Signal;
+use rustix::{
+    io::{FdFlags, fcntl_setfd},
+    process::Signal,
+};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -141,6 +148,55 @@ fn figures_count_what_happened_in_the_form_that_prometheus_reads() {
     }
     daemon.signal(Signal::TERM);
     assert!(daemon.end().0.success());
+}
+
+/// A daemon that is given `count` sockets from this one on, as systemd gives them.
+fn serve_on<S: AsFd>(folder: &Path, socket: &S, count: &str) -> Program {
+    fcntl_setfd(socket, FdFlags::empty()).unwrap();
+    let data = folder.join("data");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rigd"));
+    command
+        // The settings name an address of another computer (RFC 5737).
+        .args(["serve", "config/protocols/smoke.toml", "--listen", "192.0.2.1:8137"])
+        .args(["--data", data.to_str().unwrap()])
+        .args(["--rig", real_time_rig(folder).to_str().unwrap()])
+        .env("LISTEN_FDS", count)
+        .env("LISTEN_FDS_FIRST_FD", socket.as_fd().as_raw_fd().to_string())
+        .env_remove("LISTEN_PID")
+        .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../.."));
+    Program::spawn(&mut command, data)
+}
+
+#[test]
+fn a_socket_of_the_service_manager_comes_before_the_settings() {
+    let folder = TempDir::new().unwrap();
+    let socket = TcpListener::bind("127.0.0.1:0").unwrap();
+    let mut daemon = serve_on(folder.path(), &socket, "1");
+    let address = daemon.wait_for_address();
+    assert_eq!(address, socket.local_addr().unwrap().to_string());
+    drop(socket);
+    wait_until_ready(&address);
+    daemon.signal(Signal::TERM);
+    let (status, text, _) = daemon.end();
+    assert!(status.success(), "{text}");
+}
+
+#[test]
+fn sockets_that_cannot_be_served_are_refused() {
+    let folder = TempDir::new().unwrap();
+    let refused = |daemon: Program, word: &str| {
+        let (status, text, _) = daemon.end();
+        assert_eq!(status.code(), Some(1), "{text}");
+        assert!(text.contains(word), "{text}");
+    };
+    let socket = TcpListener::bind("127.0.0.1:0").unwrap();
+    refused(serve_on(folder.path(), &socket, "2"), "gives 2 sockets");
+    let file = File::open("/dev/null").unwrap();
+    refused(serve_on(folder.path(), &file, "1"), "is not a socket");
+    // Other computers reach this one.
+    let everywhere = TcpListener::bind("0.0.0.0:0").unwrap();
+    let (status, text, _) = serve_on(folder.path(), &everywhere, "1").end();
+    assert!(!status.success() && text.contains("rigd token new"), "{text}");
 }
 
 #[test]

@@ -108,6 +108,16 @@ pub(super) enum Failure {
     NoToken { listen: SocketAddr },
     #[error("{address} is not an address on which rigd can listen; {advice}")]
     Listen { address: SocketAddr, advice: &'static str, source: io::Error },
+    #[error(
+        "the service manager gives {count} sockets by LISTEN_FDS, and rigd listens on one; keep one \
+         `ListenStream=` in its socket unit"
+    )]
+    Sockets { count: usize },
+    #[error(
+        "the socket that the service manager gives by LISTEN_FDS is not one on which rigd can listen; give it a \
+         TCP address by `ListenStream=` in the socket unit"
+    )]
+    Socket { source: io::Error },
     #[error(transparent)]
     Token(#[from] TokenError),
     #[error(transparent)]
@@ -232,6 +242,8 @@ impl Failure {
             | Self::Left { .. }
             | Self::HttpEnded
             | Self::Listen { .. }
+            | Self::Sockets { .. }
+            | Self::Socket { .. }
             | Self::File { .. }
             | Self::System { .. } => 1,
         }

@@ -2,26 +2,20 @@
 
 use std::{
     collections::BTreeSet,
-    io,
-    net::{Ipv4Addr, SocketAddr},
     path::{Path, PathBuf},
     time::Duration,
 };
 
-use axum::Router;
 use clap::Args;
 use rig_files::service_file::TlsFile;
 use rig_store::{Reader, StoreError};
-use tokio::{
-    net::{TcpListener, TcpSocket},
-    runtime::Handle,
-    task::JoinHandle,
-};
+use tokio::runtime::Handle;
 use tokio_util::sync::CancellationToken;
 
 use super::{
     Failure,
     args::BenchArgs,
+    door::{Door, Socket},
     ended_runs,
     guard::watch_over_http,
     manager,
@@ -32,7 +26,6 @@ use super::{
     signals::Signals,
 };
 use crate::{
-    endpoint::{Announced, Endpoint},
     http::{
         self,
         access::{Access, Token},
@@ -107,6 +100,7 @@ struct Daemon {
     settings: Settings,
     flags: Flags,
     in_force: InForce,
+    socket: Option<Socket>,
     rig: LoadedRig,
     loaded: Option<LoadedProtocol>,
     tls: Option<Tls>,
@@ -118,24 +112,30 @@ struct Daemon {
 impl Daemon {
     fn prepare(args: &ServeArgs) -> Result<Self, Failure> {
         let secret = Secret::new().map_err(|source| Failure::System { what: "secret", source })?;
-        let settings = Settings::settle(&args.bench, &args.service)?;
+        let mut settings = Settings::settle(&args.bench, &args.service)?;
         settings.say();
-        let access = access(&settings, args.bench.operator.name(), &secret)?;
-        let (tls, targets) = (tls(&settings)?, settings.targets()?);
         let rig = LoadedRig::load(&settings.rig.value)?;
         let flags = Flags { bench: args.bench.clone(), service: args.service.clone() };
+        // A reload compares with what the files say, not with what the service manager gives.
         let in_force = InForce::new(&flags, &settings, &rig)?;
+        let socket = Socket::of_the_service_manager()?;
+        if let Some(socket) = &socket {
+            settings.listen = socket.settled();
+        }
+        let access = access(&settings, args.bench.operator.name(), &secret)?;
+        let (tls, targets) = (tls(&settings)?, settings.targets()?);
         let (protocol, facts) = (args.protocol.as_ref(), rig.facts());
         let loaded = protocol.map(|path| LoadedProtocol::load(path, &facts)).transpose()?;
-        Ok(Self { settings, flags, in_force, rig, loaded, tls, access, secret, targets })
+        Ok(Self { settings, flags, in_force, socket, rig, loaded, tls, access, secret, targets })
     }
 
     async fn serve(self, builders: Handle) -> Result<(), Failure> {
-        let Self { settings, flags, in_force, rig, loaded, tls, access, secret, targets } = self;
+        let Self { settings, flags, in_force, socket, rig, loaded, tls, access, secret, targets } =
+            self;
         let (data, facts) = (settings.data.value.clone(), rig.facts());
         let (mut signals, hangups) = Signals::of_daemon()?;
         // The address is bound first: a daemon that cannot be reached must not move anything.
-        let door = Door::open(settings.listen.value, tls)?;
+        let door = Door::open(settings.listen.value, socket, tls)?;
         let before = last_event(&data)?;
         let (handle, thread) = open(rig, data.clone(), &mut signals).await?;
         watch_over_http(Handle::current(), handle.clone())?;
@@ -195,97 +195,6 @@ impl Daemon {
             () = signals.next() => {}
         }
         Ok(())
-    }
-}
-
-/// The ports on which the daemon answers.
-struct Door {
-    listener: TcpListener,
-    address: SocketAddr,
-    tls: Option<Tls>,
-    /// With TLS, for commands of this computer: their bytes stay on it.
-    local: Option<(TcpListener, SocketAddr)>,
-}
-
-impl Door {
-    fn open(wanted: SocketAddr, tls: Option<Tls>) -> Result<Self, Failure> {
-        let bound = |wanted: SocketAddr| {
-            let listener = listen(wanted)?;
-            let address = listener.local_addr()?;
-            Ok((listener, address))
-        };
-        let failed = |source: io::Error| {
-            let advice = advice(source.kind());
-            Failure::Listen { address: wanted, advice, source }
-        };
-        let (listener, address) = bound(wanted).map_err(failed)?;
-        let local = tls.as_ref().map(|_| bound((Ipv4Addr::LOCALHOST, 0).into())).transpose();
-        if tls.is_none() && !address.ip().to_canonical().is_loopback() {
-            say("rigd: without --tls, others on that network can read tokens and data on the way");
-        }
-        Ok(Self { listener, address, tls, local: local.map_err(failed)? })
-    }
-
-    /// Writes the file by which commands of this computer find the daemon.
-    fn announce(&self, settings: &Settings, secret: &Secret) -> Option<Announced> {
-        let address = self.local.as_ref().map_or(self.address, |(_, address)| *address);
-        let endpoint = Endpoint::of(address, settings.token_file.value.as_deref(), Some(secret));
-        match endpoint.and_then(|endpoint| endpoint.announce(&settings.data.value)) {
-            Ok(announced) => Some(announced),
-            Err(error) => {
-                say(&format!(
-                    "rigd: `rigd status` and the like will not find this daemon: {error}"
-                ));
-                None
-            }
-        }
-    }
-
-    /// Its address for a person.
-    fn name(&self) -> String {
-        called(self.address, self.tls.is_some())
-    }
-
-    /// Answers until the daemon closes.
-    fn serve(self, router: Router, closing: &CancellationToken) -> JoinHandle<()> {
-        if let Some((local, _)) = self.local {
-            tokio::spawn(http::serve(local, None, router.clone(), closing.clone()));
-        }
-        tokio::spawn(http::serve(self.listener, self.tls, router, closing.clone()))
-    }
-}
-
-/// Connections that the system holds until they are accepted. Beyond this number a client waits for
-/// a second before it tries again, even to stop the rig.
-const BACKLOG: u32 = 4096;
-
-fn listen(address: SocketAddr) -> io::Result<TcpListener> {
-    let socket = if address.is_ipv4() { TcpSocket::new_v4() } else { TcpSocket::new_v6() }?;
-    // The port of a daemon that has just ended can be taken again.
-    socket.set_reuseaddr(true)?;
-    socket.bind(address)?;
-    socket.listen(BACKLOG)
-}
-
-const fn advice(kind: io::ErrorKind) -> &'static str {
-    match kind {
-        io::ErrorKind::AddrInUse => {
-            "end the program that has it, such as another rigd, or choose another port with \
-             --listen"
-        }
-        io::ErrorKind::AddrNotAvailable => "choose an address of this computer with --listen",
-        io::ErrorKind::PermissionDenied => "choose a port from 1024 on with --listen",
-        _ => "choose another address with --listen",
-    }
-}
-
-/// Address of the daemon for a browser on this computer.
-fn called(address: SocketAddr, has_tls: bool) -> String {
-    let scheme = if has_tls { "https" } else { "http" };
-    if address.ip().is_unspecified() {
-        format!("{scheme}://localhost:{}/, and on every address of this computer", address.port())
-    } else {
-        format!("{scheme}://{address}/")
     }
 }
 

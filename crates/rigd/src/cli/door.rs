@@ -1,0 +1,161 @@
+//! The ports on which the daemon answers.
+
+use std::{
+    io,
+    net::{Ipv4Addr, SocketAddr},
+};
+
+use axum::Router;
+use listenfd::ListenFd;
+use tokio::{
+    net::{TcpListener, TcpSocket},
+    task::JoinHandle,
+};
+use tokio_util::sync::CancellationToken;
+
+use super::{
+    Failure,
+    screen::say,
+    settings::{Origin, Settings, Settled},
+};
+use crate::{
+    endpoint::{Announced, Endpoint},
+    http::{self, tls::Tls},
+    tokens::Secret,
+};
+
+/// A listening socket that the service manager has opened: with `LISTEN_FDS` and `LISTEN_PID`, as systemd and
+/// `systemd-socket-activate` name it.
+#[derive(Debug)]
+pub(super) struct Socket {
+    listener: std::net::TcpListener,
+    address: SocketAddr,
+}
+
+impl Socket {
+    /// The socket that is given to this program; `None` without one. It is asked for once, before there are threads.
+    ///
+    /// # Errors
+    /// [`Failure::Socket`] if there are several, or one that is no TCP socket.
+    pub(super) fn of_the_service_manager() -> Result<Option<Self>, Failure> {
+        let mut given = ListenFd::from_env();
+        match given.len() {
+            0 => return Ok(None),
+            1 => {}
+            count => return Err(Failure::Sockets { count }),
+        }
+        let failed = |source| Failure::Socket { source };
+        let Some(listener) = given.take_tcp_listener(0).map_err(failed)? else { return Ok(None) };
+        listener.set_nonblocking(true).map_err(failed)?;
+        let address = listener.local_addr().map_err(failed)?;
+        Ok(Some(Self { listener, address }))
+    }
+
+    /// Its address, as the setting that comes before all others.
+    pub(super) const fn settled(&self) -> Settled<SocketAddr> {
+        Settled { value: self.address, from: Origin::Variable { variable: "LISTEN_FDS" } }
+    }
+}
+
+/// The ports on which the daemon answers.
+pub(super) struct Door {
+    listener: TcpListener,
+    address: SocketAddr,
+    tls: Option<Tls>,
+    /// With TLS, for commands of this computer: their bytes stay on it.
+    local: Option<(TcpListener, SocketAddr)>,
+}
+
+impl Door {
+    /// Takes the socket of the service manager, or binds the wanted address.
+    ///
+    /// # Errors
+    /// [`Failure::Listen`] names an address that cannot be bound.
+    pub(super) fn open(
+        wanted: SocketAddr,
+        socket: Option<Socket>,
+        tls: Option<Tls>,
+    ) -> Result<Self, Failure> {
+        let bound = |wanted: SocketAddr| {
+            let listener = listen(wanted)?;
+            let address = listener.local_addr()?;
+            Ok((listener, address))
+        };
+        let failed = |source: io::Error| {
+            let advice = advice(source.kind());
+            Failure::Listen { address: wanted, advice, source }
+        };
+        let taken = socket.map(|socket| TcpListener::from_std(socket.listener));
+        let (listener, address) = match taken {
+            Some(taken) => (taken.map_err(failed)?, wanted),
+            None => bound(wanted).map_err(failed)?,
+        };
+        let local = tls.as_ref().map(|_| bound((Ipv4Addr::LOCALHOST, 0).into())).transpose();
+        if tls.is_none() && !address.ip().to_canonical().is_loopback() {
+            say("rigd: without --tls, others on that network can read tokens and data on the way");
+        }
+        Ok(Self { listener, address, tls, local: local.map_err(failed)? })
+    }
+
+    /// Writes the file by which commands of this computer find the daemon.
+    pub(super) fn announce(&self, settings: &Settings, secret: &Secret) -> Option<Announced> {
+        let address = self.local.as_ref().map_or(self.address, |(_, address)| *address);
+        let endpoint = Endpoint::of(address, settings.token_file.value.as_deref(), Some(secret));
+        match endpoint.and_then(|endpoint| endpoint.announce(&settings.data.value)) {
+            Ok(announced) => Some(announced),
+            Err(error) => {
+                say(&format!(
+                    "rigd: `rigd status` and the like will not find this daemon: {error}"
+                ));
+                None
+            }
+        }
+    }
+
+    /// Its address for a person.
+    pub(super) fn name(&self) -> String {
+        called(self.address, self.tls.is_some())
+    }
+
+    /// Answers until the daemon closes.
+    pub(super) fn serve(self, router: Router, closing: &CancellationToken) -> JoinHandle<()> {
+        if let Some((local, _)) = self.local {
+            tokio::spawn(http::serve(local, None, router.clone(), closing.clone()));
+        }
+        tokio::spawn(http::serve(self.listener, self.tls, router, closing.clone()))
+    }
+}
+
+/// Connections that the system holds until they are accepted. Beyond this number a client waits for
+/// a second before it tries again, even to stop the rig.
+const BACKLOG: u32 = 4096;
+
+fn listen(address: SocketAddr) -> io::Result<TcpListener> {
+    let socket = if address.is_ipv4() { TcpSocket::new_v4() } else { TcpSocket::new_v6() }?;
+    // The port of a daemon that has just ended can be taken again.
+    socket.set_reuseaddr(true)?;
+    socket.bind(address)?;
+    socket.listen(BACKLOG)
+}
+
+const fn advice(kind: io::ErrorKind) -> &'static str {
+    match kind {
+        io::ErrorKind::AddrInUse => {
+            "end the program that has it, such as another rigd, or choose another port with \
+             --listen"
+        }
+        io::ErrorKind::AddrNotAvailable => "choose an address of this computer with --listen",
+        io::ErrorKind::PermissionDenied => "choose a port from 1024 on with --listen",
+        _ => "choose another address with --listen",
+    }
+}
+
+/// Address of the daemon for a browser on this computer.
+fn called(address: SocketAddr, has_tls: bool) -> String {
+    let scheme = if has_tls { "https" } else { "http" };
+    if address.ip().is_unspecified() {
+        format!("{scheme}://localhost:{}/, and on every address of this computer", address.port())
+    } else {
+        format!("{scheme}://{address}/")
+    }
+}
