@@ -115,7 +115,7 @@ impl RegisterMap {
     }
 }
 
-/// The value of a text: that of before, or a new one.
+/// The value of a text: the known one, or a new one.
 fn keep<V>(
     kept: &Mutex<HashMap<String, &'static V>>,
     text: &str,

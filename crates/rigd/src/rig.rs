@@ -68,7 +68,7 @@ pub use live::{LiveEstimate, LiveSweep};
 pub(crate) use log::unwritable;
 pub(crate) use meters::Meters;
 pub use open::{DeviceError, OpenError};
-pub(crate) use open::{Ports, analyzer_on, bus_settings};
+pub(crate) use open::{Ports, analyzer_on, bus_settings, runtime_of};
 pub use pace::{Pace, Remaining};
 pub use pulse::{Doing, Silence};
 pub(crate) use resume::{Outcomes, changes_since};

@@ -20,7 +20,7 @@ use crate::{
         host::{self, HostFacts},
     },
     loaded_rig::LoadedRig,
-    rig::{OpenError, Ports, bus_settings},
+    rig::{OpenError, Ports, bus_settings, runtime_of},
     transcripts::{Recorded, keep_frames, record_analyzer, record_axis},
 };
 
@@ -115,11 +115,7 @@ pub(crate) fn selftest(rig: LoadedRig, depth: Depth) -> Result<Report, OpenError
     if depth == Depth::Host {
         return Ok(report);
     }
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .start_paused(rig.is_virtual_time())
-        .build()
-        .map_err(|source| OpenError::Thread { source })?;
+    let runtime = runtime_of(&rig)?;
     runtime.block_on(devices(rig, depth, &mut report))?;
     Ok(report)
 }

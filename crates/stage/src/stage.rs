@@ -1,5 +1,9 @@
 //! One axis: its commands and their confirmation by the drive.
 
+mod descent;
+mod homing;
+mod recognise;
+
 use std::time::Duration;
 
 use rig_files::instrument::drive::{EmergencyStop, Step};
@@ -7,11 +11,10 @@ use rig_link::{HealthMeter, StopSignal};
 use rig_model::{Axis, Position, RigTime, Scale, Target, Unit};
 use tokio::time::{Instant, sleep, sleep_until};
 
+pub use self::recognise::Look;
 use crate::{
-    Alarm, AxisStatus, BusError, BusHandle, HaltFrames, LineFault, RegisterMap, Reply, Request,
-    StageError,
-    drive_reading::{DriveReading, alarm, number, read_request},
-    line::CheckRegisters,
+    Alarm, AxisStatus, BusHandle, HaltFrames, RegisterMap, Reply, Request, StageError,
+    drive_reading::{DriveReading, alarm, read_request},
     order::{Order, StepAction},
 };
 
@@ -19,12 +22,6 @@ use crate::{
 /// is seen after the longest at the latest.
 const READ_INTERVAL_MIN: Duration = Duration::from_millis(10);
 const READ_INTERVAL_MAX: Duration = Duration::from_secs(1);
-
-/// The time between two readings of an axis that homes: the duration of homing is unknown.
-const READ_INTERVAL_HOMING: Duration = Duration::from_millis(250);
-
-/// The time between two readings of an axis that goes down evenly: a dozen of them know its way to a micrometre.
-const READ_INTERVAL_DESCENT: Duration = Duration::from_millis(25);
 
 /// A move is stopped after twice the computed time plus this time.
 const MOVE_SLACK: Duration = Duration::from_secs(2);
@@ -35,24 +32,8 @@ const SETTLE_WITHIN: Duration = Duration::from_millis(500);
 /// Time limit of a stop.
 const STOP_WITHIN: Duration = Duration::from_secs(3);
 
-/// Time limit of homing.
-const HOME_WITHIN: Duration = Duration::from_secs(120);
-
 /// Time limit for clearing an alarm.
 const RESET_WITHIN: Duration = Duration::from_secs(2);
-
-/// Relative difference of two resolutions that are the same: a gear ratio is of two whole numbers, and a
-/// rig file has some digits.
-const RESOLUTION_REL: f64 = 1e-6;
-
-/// What a drive shows without being written to.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Look<U> {
-    /// Its status.
-    pub status: AxisStatus<U>,
-    /// Whether its settings are those that [`Stage::identify`] gives it.
-    pub has_settings: bool,
-}
 
 /// One axis on a bus.
 #[derive(Debug)]
@@ -88,91 +69,6 @@ impl<U: Unit> Stage<U> {
     /// The axis with its limits.
     pub const fn axis(&self) -> &Axis<U> {
         &self.axis
-    }
-
-    /// Identifies the drive: checks its signature, writes and reads back its settings, makes it take
-    /// commands from here, and reads its status. After each fault of the line, the settings identify
-    /// it again. Nothing moves.
-    ///
-    /// # Errors
-    /// [`StageError::Bus`] when it does not answer, refuses, or keeps other settings than it was
-    /// given; [`StageError::Unrecognised`] when anything else may be there.
-    pub async fn identify(&mut self) -> Result<AxisStatus<U>, StageError<U>> {
-        let order = Order::at_rest(&self.scale, &self.axis)?;
-        let settings = &self.map.settings;
-        let request = read_request(settings.read);
-        // A drive that was switched off has lost the settings that identified it.
-        self.recognise_by(request.clone(), None).await?;
-        self.check_signature().await?;
-        let expected = Reply::Words(order.words(&settings.expect));
-        if self.ask(request.clone()).await? != expected {
-            self.take_all(&settings.write, &order).await?;
-            if self.ask(request.clone()).await? != expected {
-                let (port, unit) = (self.bus.name().clone(), self.unit);
-                let fault = LineFault::Changed { port, unit, request };
-                return Err(BusError::from(fault).into());
-            }
-        }
-        self.recognise_by(request, Some(expected)).await?;
-        self.command(&self.map.prepare).await?;
-        self.status().await
-    }
-
-    /// Recognises the drive and reads its status, and writes nothing: its settings are read and compared.
-    /// It takes no moves after this that it would not have taken before.
-    ///
-    /// # Errors
-    /// As [`identify`](Self::identify), except for settings, whose difference is in the [`Look`].
-    pub async fn look(&mut self) -> Result<Look<U>, StageError<U>> {
-        let request = read_request(self.map.settings.read);
-        self.recognise_by(request, None).await?;
-        self.look_again().await
-    }
-
-    /// The same look at a drive that was identified, and stays recognised by the settings that it was given.
-    ///
-    /// # Errors
-    /// As [`look`](Self::look).
-    pub async fn look_again(&mut self) -> Result<Look<U>, StageError<U>> {
-        let order = Order::at_rest(&self.scale, &self.axis)?;
-        let settings = &self.map.settings;
-        self.check_signature().await?;
-        let found = self.ask(read_request(settings.read)).await?;
-        let has_settings = found == Reply::Words(order.words(&settings.expect));
-        Ok(Look { status: self.status().await?, has_settings })
-    }
-
-    /// Checks, before anything is written, that the device is a drive of this make, and that it counts
-    /// as the rig file says.
-    async fn check_signature(&self) -> Result<(), StageError<U>> {
-        let (signature, drives) = (&self.map.signature, self.map.drives.as_str());
-        let reply = self.ask(read_request(signature.read)).await?;
-        for &(address, width, min, max) in &signature.ranges {
-            let (what, found) =
-                (signature.what.as_str(), number(signature.read, &reply, address, width));
-            if found < min || max < found {
-                return Err(StageError::Unrecognised { what, found, min, max, drives });
-            }
-        }
-        let Some(resolution) = self.map.resolution else { return Ok(()) };
-        let read = |(address, width)| f64::from(number(signature.read, &reply, address, width));
-        let found =
-            resolution.factor * read(resolution.dividend) / resolution.divisor.map_or(1.0, read);
-        let expected = self.scale.counts_per_revolution;
-        // Ratios of settings of a drive need not be whole.
-        if (found - expected).abs() > RESOLUTION_REL * expected {
-            return Err(StageError::OtherResolution { found, expected });
-        }
-        Ok(())
-    }
-
-    async fn recognise_by(
-        &self,
-        request: Request,
-        expected: Option<Reply>,
-    ) -> Result<(), StageError<U>> {
-        let registers = Some(CheckRegisters { request, expected });
-        Ok(self.bus.set_check_registers(self.unit, registers).await?)
     }
 
     /// Reads the status of the drive.
@@ -262,55 +158,6 @@ impl<U: Unit> Stage<U> {
         self.follow(target, &order, seen.position, stop).await
     }
 
-    /// Goes down evenly to a target, or until the stop is raised, and reads the position on the way. Returns
-    /// where the axis is at rest, and the positions with their times.
-    ///
-    /// # Errors
-    /// As [`move_to`](Self::move_to), apart from [`StageError::Stopped`].
-    pub async fn descend_to(
-        &mut self,
-        target: Target<U>,
-        speed_per_s: f64,
-        stop: &StopSignal,
-    ) -> Result<(Position<U>, Vec<(RigTime, Position<U>)>), StageError<U>> {
-        self.believe_position()?;
-        let from = self.seen.ok_or(StageError::NotIdentified)?.position;
-        let order = Order::to(target.position(), speed_per_s, self.map, &self.scale, &self.axis)?;
-        let mut way = Vec::new();
-        if stop.is_raised() {
-            return Ok((self.scale.position(from.into()), way));
-        }
-        self.take_all(&self.map.start, &order).await?;
-        let started = Instant::now();
-        let deadline = started + order.duration_from(from).saturating_mul(2) + MOVE_SLACK;
-        loop {
-            if !wait(Instant::now() + READ_INTERVAL_DESCENT, stop).await {
-                return Ok((self.stop().await?, way));
-            }
-            let reading = match self.read_drive().await {
-                // The frames of a stop have left between the two.
-                Err(StageError::Bus(BusError::Failed(LineFault::Halted { .. }))) => {
-                    return Ok((self.stop().await?, way));
-                }
-                reading => reading?,
-            };
-            let at = self.scale.position(reading.position.into());
-            self.refuse_alarm(&reading, at).await?;
-            if reading.is_moving {
-                way.push((self.seen_at, at));
-            } else if self.start_within() < started.elapsed() || self.axis.is_at(at, target) {
-                // It has arrived, or is stuck.
-                return match self.follow(target, &order, from, stop).await {
-                    Err(StageError::Stopped { at }) | Ok(at) => Ok((at, way)),
-                    Err(error) => Err(error),
-                };
-            }
-            if deadline <= Instant::now() {
-                return Err(self.overdue("descent", started.elapsed()).await?);
-            }
-        }
-    }
-
     /// Waits for the end of a move, with as few readings as its computed duration allows.
     async fn follow(
         &mut self,
@@ -369,60 +216,6 @@ impl<U: Unit> Stage<U> {
             return StageError::Ignored { wanted, at, hint: &self.map.ignored_hint };
         }
         StageError::NotThere { wanted, at, off: (at.value() - wanted.value()).abs() }
-    }
-
-    /// Lets the drive find its zero. May move over the whole travel.
-    ///
-    /// # Errors
-    /// As [`move_to`](Self::move_to), and [`StageError::NotHomed`].
-    pub async fn home(&mut self, stop: &StopSignal) -> Result<Position<U>, StageError<U>> {
-        self.home_within(stop, f64::INFINITY).await
-    }
-
-    /// The same, for an axis that may only rise while it homes: as soon as a reading shows that it
-    /// sinks, it is stopped.
-    ///
-    /// # Errors
-    /// As [`home`](Self::home), and [`StageError::HomesDownwards`].
-    pub async fn home_upwards(&mut self, stop: &StopSignal) -> Result<Position<U>, StageError<U>> {
-        self.home_within(stop, self.axis.tolerance()).await
-    }
-
-    /// Homes, and stops if the axis sinks further than `sinks_most`.
-    async fn home_within(
-        &mut self,
-        stop: &StopSignal,
-        sinks_most: f64,
-    ) -> Result<Position<U>, StageError<U>> {
-        let from = self.seen.ok_or(StageError::NotIdentified)?;
-        if stop.is_raised() {
-            return Err(self.stopped_at(from.position));
-        }
-        let started_at = self.scale.position(from.position.into()).value();
-        self.command(&self.map.home).await?;
-        let started = Instant::now();
-        let mut next_reading_at = started + self.start_within();
-        loop {
-            if !wait(next_reading_at, stop).await {
-                return Err(self.stop_and_say().await?);
-            }
-            let reading = self.read_drive().await?;
-            let at = self.scale.position(reading.position.into());
-            self.refuse_alarm(&reading, at).await?;
-            let now = Instant::now();
-            if !reading.is_moving {
-                return if reading.is_homed { Ok(at) } else { Err(StageError::NotHomed { at }) };
-            }
-            if at.value() < started_at - sinks_most {
-                let at = self.stop().await?;
-                return Err(StageError::HomesDownwards { at });
-            }
-            if started + HOME_WITHIN <= now {
-                return Err(self.overdue("homing", now - started).await?);
-            }
-            next_reading_at =
-                now + if sinks_most.is_finite() { READ_INTERVAL_MIN } else { READ_INTERVAL_HOMING };
-        }
     }
 
     /// Stops with deceleration and returns the position of the axis.

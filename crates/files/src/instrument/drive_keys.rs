@@ -10,7 +10,9 @@ use super::{
     },
     fault::InstrumentFault,
     refuse_what_is_code,
-    register_keys::{block, contents, field, flag, place, steps},
+    register_keys::{
+        block, code, contents, field, flag, place, register_address, register_block, steps,
+    },
 };
 use crate::settings::{Setting, Table};
 
@@ -100,7 +102,7 @@ fn within_signature(
 
 fn signature(table: &mut Table<'_>) -> MakeSignature {
     let what = table.text("what").required().value;
-    let read = table.section("read", block).required();
+    let read = table.section("read", register_block).required();
     let ranges = table.section("ranges", range).list().at_most(20).required();
     for range in &ranges.value {
         let (address, width, min, max) = range.value;
@@ -148,7 +150,7 @@ fn status(table: &mut Table<'_>) -> Status {
     let ready = table.section("ready", flag).required();
     let homed = table.section("homed", flag).required();
     let emergency_stop = table.section("emergency_stop", flag).optional();
-    let code = table.section("alarm", field).optional();
+    let code = table.section("alarm", code).optional();
     let alarm_flag = table.section("alarm_flag", flag).optional();
     let alarm_register = table.section("alarm_register", alarm_block).optional();
 
@@ -189,7 +191,7 @@ fn status(table: &mut Table<'_>) -> Status {
 }
 
 fn alarm_block(table: &mut Table<'_>) -> Block {
-    let (address, table_of) = super::register_keys::address(table);
+    let (address, table_of) = register_address(table);
     Block { table: table_of, address, count: 1 }
 }
 
@@ -228,7 +230,7 @@ fn commands(table: &mut Table<'_>) -> Commands {
 
 fn settings(table: &mut Table<'_>) -> DriveSettings {
     let write = steps(table, "write", true);
-    let read = table.section("read", block).required();
+    let read = table.section("read", register_block).required();
     let expect = contents(table, "expect");
     let found: u16 = expect.value.iter().map(|content| content.registers()).sum();
     let expected = read.value.count;

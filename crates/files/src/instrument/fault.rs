@@ -33,7 +33,7 @@ pub(super) enum InstrumentFault {
     Integration,
     #[error("times has {0} frequencies, or they do not rise")]
     Times(usize),
-    #[error("fields has not one impedance")]
+    #[error("fields has no impedance, or more than one")]
     NoImpedance,
     #[error("fields has \"{0}\" twice")]
     FieldTwice(&'static str),
@@ -47,6 +47,8 @@ pub(super) enum InstrumentFault {
     // Drives.
     #[error("{key}: no block has the {registers} register(s) at {address:#06x}")]
     OutsideBlock { key: &'static str, address: u16, registers: u16 },
+    #[error("{count} addresses from {address:#06x} on reach beyond 0xffff, the last one")]
+    BeyondLast { address: u16, count: u16 },
     #[error("{key}: bit {bit} of {what} at {address:#06x} does not exist")]
     NoBit { key: &'static str, bit: u32, what: &'static str, address: u16 },
     #[error("{count} registers are read by {first} and by {second}: answers must differ in length")]
@@ -104,6 +106,7 @@ impl Complaint for InstrumentFault {
             Self::OutsideBlock { .. } => {
                 "add it to a block, as each reading asks for blocks only".into()
             }
+            Self::BeyondLast { .. } => "read fewer".into(),
             Self::NoBit { .. } => {
                 "a register has the bits 0 to 15; coils and inputs have none".into()
             }

@@ -38,11 +38,32 @@ pub(super) fn address(table: &mut Table<'_>) -> (u16, RegisterTable) {
     (address, table.choice("table", tables).or(RegisterTable::Holding).value)
 }
 
+/// Reads the address of a register and the table that it is in. Coils and inputs have no numbers.
+pub(super) fn register_address(table: &mut Table<'_>) -> (u16, RegisterTable) {
+    let tables = [("holding", RegisterTable::Holding), ("input", RegisterTable::Input)];
+    let address = register(table, "address");
+    (address, table.choice("table", tables).or(RegisterTable::Holding).value)
+}
+
 /// Reads neighbouring addresses that are read in one request.
 pub(super) fn block(table: &mut Table<'_>) -> Block {
-    let (address, table_of) = address(table);
+    let place = address(table);
+    neighbours(table, place)
+}
+
+/// Reads neighbouring registers that are read in one request.
+pub(super) fn register_block(table: &mut Table<'_>) -> Block {
+    let place = register_address(table);
+    neighbours(table, place)
+}
+
+fn neighbours(table: &mut Table<'_>, (address, table_of): (u16, RegisterTable)) -> Block {
     let count = table.count("count").range(1..=u32::from(REGISTERS_MAX)).required().value;
-    Block { table: table_of, address, count: u16::try_from(count).unwrap_or(REGISTERS_MAX) }
+    let count = u16::try_from(count).unwrap_or(REGISTERS_MAX);
+    if table.is_there() && address.checked_add(count - 1).is_none() {
+        table.refuse(table.location(), &InstrumentFault::BeyondLast { address, count });
+    }
+    Block { table: table_of, address, count }
 }
 
 /// Reads the address and the width of a number.
@@ -53,8 +74,17 @@ pub(super) fn place(table: &mut Table<'_>) -> (u16, Width) {
 
 /// Reads a number of the status.
 pub(super) fn field(table: &mut Table<'_>) -> FieldPlace {
-    let (address, table_of) = address(table);
-    let widths = [("u16", Width::U16), ("i32", Width::I32)];
+    field_of(table, &[("u16", Width::U16), ("i32", Width::I32)])
+}
+
+/// Reads the code of an alarm in the status, which is in one register.
+pub(super) fn code(table: &mut Table<'_>) -> FieldPlace {
+    field_of(table, &[("u16", Width::U16)])
+}
+
+fn field_of(table: &mut Table<'_>, widths: &[(&'static str, Width)]) -> FieldPlace {
+    let (address, table_of) = register_address(table);
+    let widths = widths.iter().copied();
     let width = table.choice("width", widths).required().value;
     FieldPlace { table: table_of, address, width }
 }

@@ -113,7 +113,10 @@ fn an_analyzer_file_is_told_all_of_its_faults_at_once() {
         &["is the name of a shipped instrument"],
     );
     bridge(&[("VOLT {level_v:.3}", "VOLT 1")], &["no message of setup sets `{level_v}`"]);
-    bridge(&[("\"phase_deg\"", "\"reactance_ohm\"")], &["fields has not one impedance"]);
+    bridge(
+        &[("\"phase_deg\"", "\"reactance_ohm\"")],
+        &["fields has no impedance, or more than one"],
+    );
     bridge(&[("sound = [0]", "sound = [0, 2]")], &["the status 2 has two meanings; remove one"]);
     bridge(&[(", \"status\"]", "]")], &["[answer.status] is given, and fields has no \"status\""]);
     bridge(&[("cycles = 1", "# no cycles")], &["[integration] needs one of `cycles` and `times`"]);
@@ -190,6 +193,21 @@ fn a_drive_file_is_told_all_of_its_faults_at_once() {
     drive(
         &[("alarm = {", "alarm_flag = { address = 0x007F, bit = 7 }\nalarm = {")],
         &["[status] needs one of `alarm` and `alarm_flag`"],
+    );
+    // Numbers are in registers, and the code of an alarm is in one.
+    drive(
+        &[("alarm = {", "alarm = { table = \"coil\",")],
+        &["table = \"coil\" is not one of \"holding\", \"input\""],
+    );
+    drive(
+        &[("read = { address = 0x0380, count = 4 }", "read = { address = 0xFFFE, count = 4 }")],
+        &[
+            "4 addresses from 0xfffe on reach beyond 0xffff, the last one; read fewer",
+            "ranges: no block has",
+            "ranges: no block has",
+            "resolution: no block has",
+            "resolution: no block has",
+        ],
     );
     drive(&[("parity =", "recovery = 1\nparity =")], &["`recovery` is not for an instrument file"]);
 }

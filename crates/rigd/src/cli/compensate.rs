@@ -6,6 +6,7 @@ use clap::{Args, ValueEnum};
 use jiff::Timestamp;
 use rig_analyzer::Analyzer;
 use rig_files::instrument::dialect::{Compensation, Correction};
+use rig_store::make_directory;
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -25,7 +26,7 @@ pub(super) struct CompensateArgs {
     #[arg(value_enum, requires = "cable")]
     what: Option<Kind>,
     /// The cable and the fixture, as written on them; kept with the date
-    #[arg(long, value_name = "TEXT")]
+    #[arg(long, value_name = "TEXT", requires = "what")]
     cable: Option<String>,
     /// Length of the cable that the analyzer corrects for, m
     #[arg(long, value_name = "M", requires = "what")]
@@ -91,13 +92,13 @@ struct Made {
 struct StateView {
     what: Kind,
     is_on: bool,
-    /// When it was made last with this rigd.
+    /// When it was made last, by the records of this data directory for this analyzer.
     #[serde(skip_serializing_if = "Option::is_none")]
     last: Option<Made>,
 }
 
 /// The corrections that were made, the latest last.
-const FILE: &str = "corrections.json";
+pub(super) const FILE: &str = "corrections.json";
 
 pub(super) fn compensate(args: &CompensateArgs) -> Result<(), Failure> {
     let rig = args.rig.load()?;
@@ -132,7 +133,7 @@ pub(super) fn compensate(args: &CompensateArgs) -> Result<(), Failure> {
         };
         made.push(done);
         let failed = |source| Failure::File { path: path.clone(), source };
-        std::fs::create_dir_all(args.data.dir()).map_err(failed)?;
+        make_directory(&args.data.dir()).map_err(failed)?;
         durable::replace(&path, &made, FOR_ALL).map_err(failed)?;
         return print(&format!("{}: measured, and on, for {cable}", what.name()));
     }
@@ -146,17 +147,19 @@ fn list(
     compensation: &'static Compensation,
     made: &[Made],
 ) -> Result<(), Failure> {
-    let states = analyzer_alone(rig, async |analyzer: &mut Analyzer| {
+    let (identity, states) = analyzer_alone(rig, async |analyzer: &mut Analyzer| {
+        let identity = analyzer.identify().await?.to_string();
         let mut states = Vec::new();
         for what in Kind::ALL {
             if let Some(correction) = what.of(compensation) {
                 states.push((what, analyzer.has_correction(correction).await?));
             }
         }
-        Ok::<_, DeviceError>(states)
+        Ok::<_, DeviceError>((identity, states))
     })?;
     let view = |(what, is_on)| {
-        let last = made.iter().rfind(|made| made.what == what).cloned();
+        let is_it = |made: &&Made| made.what == what && made.analyzer == identity;
+        let last = made.iter().rfind(is_it).cloned();
         StateView { what, is_on, last }
     };
     let states: Vec<_> = states.into_iter().map(view).collect();
@@ -166,7 +169,7 @@ fn list(
     let line = |StateView { what, is_on, last }: &StateView| {
         let state = if *is_on { "on " } else { "off" };
         let last = last.as_ref().map_or_else(
-            || "never made with this data directory".to_owned(),
+            || "never made for this analyzer, by the records of this data directory".to_owned(),
             |last| format!("made {} by {} for {}", local(&last.at), last.operator, last.cable),
         );
         format!("{:<5}  {state}  {last}", what.name())

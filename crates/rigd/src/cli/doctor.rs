@@ -1,7 +1,7 @@
 //! `rigd doctor`: checks a rig and advises on each problem.
 
 use clap::Args;
-use rig_model::{LineSettings, Parity};
+use rig_model::{LineSettings, Parity, with_causes};
 use serde::Serialize;
 
 use super::{
@@ -12,7 +12,7 @@ use super::{
 use crate::{
     doctor::{self, Finding, Level, host::HostFacts},
     loaded_rig::LoadedRig,
-    rig::{self, Rung},
+    rig::{self, OpenError, Rung},
 };
 
 #[derive(Debug, Args)]
@@ -85,7 +85,11 @@ fn ladder(rig: &LoadedRig) -> Result<(), Failure> {
         };
         format!("baud = {}, parity = \"{parity}\"", line.baud)
     };
-    let found = rig::climb(rig, |line| note(&format!("reading at {}", shown(line))))?;
+    let report = |line, trouble: Option<&OpenError>| match trouble {
+        None => note(&format!("reading at {}", shown(line))),
+        Some(error) => note(&format!("not read: {}", with_causes(error))),
+    };
+    let found = rig::climb(rig, report)?;
     for Rung { line, linear, rotary } in &found {
         let who = match (linear, rotary) {
             (true, true) => "both drives answer",

@@ -221,7 +221,7 @@ fn find(args: &CheckInstrumentArgs) -> Result<(Device, Option<PathBuf>), Failure
             Device::Analyzer(dialect.map_err(FileError::Faults)?)
         }
         Err(error) => {
-            // A file of a drive is none of an analyzer; of what is neither, the first error is said.
+            // A file that cannot be read as a drive either gives the first error.
             let Ok((name, text)) = read(path, FileKind::Drive) else { return Err(error.into()) };
             Device::Drive(RegisterMap::read_and_keep(&name, &text).map_err(FileError::Faults)?)
         }

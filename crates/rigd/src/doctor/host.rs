@@ -34,7 +34,7 @@ pub(crate) struct HostFacts {
     without_port: Vec<(u16, u16)>,
     /// The serial ports of the computer.
     attached: Vec<AttachedPort>,
-    /// Device files of the rig, each with its group and whether this user is in it.
+    /// Device files of the rig, each with its group and whether this user may open it.
     files: Vec<(String, Option<Group>)>,
     has_rules: bool,
 }
@@ -60,12 +60,11 @@ impl HostFacts {
     }
 
     fn below(root: &Path, paths: &[String], attached: Vec<AttachedPort>) -> Self {
-        let groups = groups(root);
+        let (groups, is_superuser) = (groups(root), is_superuser(root));
         let group_of = |path: &String| {
             let group = group_of(Path::new(path)).map(|id| Group {
                 name: name_of(root, id),
-                // The superuser may open every port.
-                is_mine: groups.contains(&id) || groups.contains(&0),
+                is_mine: is_superuser || groups.contains(&id),
             });
             (path.clone(), group)
         };
@@ -111,12 +110,14 @@ fn permissions(findings: &mut Findings, host: &HostFacts) {
             Some(Group { name, is_mine: true }) => {
                 findings.ok(
                     "permission",
-                    format!("{path} is of the group {name}, and so is this user"),
+                    format!(
+                        "{path} is of the group {name}, and this user is in it or is the superuser"
+                    ),
                 );
             }
             Some(Group { name, is_mine: false }) => findings.warning(
                 "permission",
-                format!("{path} is of the group {name}, and this user is not"),
+                format!("{path} is of the group {name}, and this user is not in it"),
                 "`sudo usermod -aG GROUP USER` with the group of the port, and log in again",
             ),
         }
@@ -178,7 +179,10 @@ fn modem_manager(findings: &mut Findings, host: &HostFacts) {
     match (host.runs("ModemManager"), host.has_rules) {
         (false, _) => findings.ok("ModemManager", "does not run"),
         (true, true) => {
-            findings.ok("ModemManager", "runs, and leaves the adapters of the rules alone");
+            findings.ok(
+                "ModemManager",
+                "runs, and the udev rules tell it which adapters to leave alone",
+            );
         }
         (true, false) => {
             let which =
@@ -231,15 +235,22 @@ fn without_port(root: &Path) -> Vec<(u16, u16)> {
     entries(&root.join("sys/bus/usb/devices")).into_iter().filter_map(missing).collect()
 }
 
-/// The ids of the groups of this program.
-fn groups(root: &Path) -> Vec<u32> {
+/// The numbers behind a key of the status of this program.
+fn status_of(root: &Path, key: &str) -> Vec<u32> {
     let status = fs::read_to_string(root.join("proc/self/status")).unwrap_or_default();
-    let of = |key: &str| status.lines().find_map(|line| line.strip_prefix(key)).unwrap_or_default();
-    // The second number of each is the effective one.
-    let user = of("Uid:").split_whitespace().nth(1).filter(|id| *id == "0");
-    let group = of("Gid:").split_whitespace().nth(1);
-    let all = of("Groups:").split_whitespace().chain(group).chain(user);
-    all.filter_map(|id| id.parse().ok()).collect()
+    let line = status.lines().find_map(|line| line.strip_prefix(key)).unwrap_or_default();
+    line.split_whitespace().filter_map(|id| id.parse().ok()).collect()
+}
+
+/// The ids of the groups of this program. The second of its own ones is the effective one.
+fn groups(root: &Path) -> Vec<u32> {
+    let own = status_of(root, "Gid:").get(1).copied();
+    status_of(root, "Groups:").into_iter().chain(own).collect()
+}
+
+/// Whether this program runs as the superuser, who may open every port.
+fn is_superuser(root: &Path) -> bool {
+    status_of(root, "Uid:").get(1) == Some(&0)
 }
 
 fn group_of(path: &Path) -> Option<u32> {
@@ -317,7 +328,7 @@ mod tests {
             vec![adapter("/dev/ttyUSB0", None, "a"), adapter("/dev/ttyUSB1", Some("1"), "b")];
         let (levels, text) = look(root, &[device.to_str().unwrap().to_owned()], attached);
         assert_eq!(levels, [Well; 5], "{text}");
-        assert!(text.contains("is of the group dialout, and so is this user"), "{text}");
+        assert!(text.contains("is of the group dialout, and this user is in it"), "{text}");
     }
 
     #[test]
@@ -336,7 +347,7 @@ mod tests {
         let (levels, text) = look(root, &[path], attached);
         assert_eq!(levels, [Warning, Warning, Problem, Warning, Warning], "{text}");
         for said in [
-            "and this user is not",
+            "and this user is not in it",
             "/dev/ttyUSB0 and /dev/ttyUSB1 cannot be told apart",
             "brltty runs: the adapter 1a86:7523 is on USB, and has no serial port",
             "asks each new serial port",

@@ -6,7 +6,7 @@ use rig_link::Clock;
 
 use super::{
     DeviceError, OpenError,
-    open::{Ports, analyzer_on, device, open_port},
+    open::{Ports, analyzer_on, device, open_port, runtime_of},
 };
 use crate::loaded_rig::LoadedRig;
 
@@ -18,11 +18,7 @@ pub(crate) fn analyzer_alone<T>(
     rig: LoadedRig,
     work: impl AsyncFnOnce(&mut Analyzer) -> Result<T, DeviceError>,
 ) -> Result<T, OpenError> {
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .start_paused(rig.is_virtual_time())
-        .build()
-        .map_err(|source| OpenError::Thread { source })?;
+    let runtime = runtime_of(&rig)?;
     runtime.block_on(async {
         let LoadedRig { file, instruments, scene, .. } = rig;
         let clock = Clock::start();

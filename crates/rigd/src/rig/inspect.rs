@@ -11,7 +11,7 @@ use rig_stage::{Alarm, AxisStatus, BusHandle, Look, Stage, StageError};
 
 use super::{
     DeviceError, OpenError,
-    open::{Ports, analyzer_on, bus_settings, describe, stage},
+    open::{Ports, analyzer_on, bus_settings, describe, runtime_of, stage},
 };
 use crate::{instruments::Instruments, loaded_rig::LoadedRig};
 
@@ -135,11 +135,7 @@ pub enum AxisState {
 /// # Errors
 /// [`OpenError`] for a scene that cannot be set up. All other errors are in the [`Inspection`].
 pub fn inspect(rig: LoadedRig) -> Result<Inspection, OpenError> {
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .start_paused(rig.is_virtual_time())
-        .build()
-        .map_err(|source| OpenError::Thread { source })?;
+    let runtime = runtime_of(&rig)?;
     runtime.block_on(inspect_devices(rig))
 }
 

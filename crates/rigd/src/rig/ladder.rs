@@ -40,30 +40,46 @@ pub enum LadderError {
 }
 
 /// Tries every speed and parity on the bus of a rig, and returns those at which a drive answered.
-/// `report` gets each one before it is tried. Nothing is written, and nothing moves.
+/// `report` gets each one before it is tried, and once more with the reason if the port does not take it: not every
+/// adapter has every speed. Nothing is written, and nothing moves.
 ///
 /// # Errors
-/// [`LadderError`].
-pub fn climb(rig: &LoadedRig, report: impl Fn(LineSettings)) -> Result<Vec<Rung>, LadderError> {
+/// [`LadderError`], also if the port takes no setting.
+pub fn climb(
+    rig: &LoadedRig,
+    report: impl Fn(LineSettings, Option<&OpenError>),
+) -> Result<Vec<Rung>, LadderError> {
     let LoadedRig { file, instruments, .. } = rig;
     let path = match &file.bus {
         PortFile::Serial { path, .. } if !rig.is_simulated() => path,
         PortFile::Serial { .. } | PortFile::Tcp { .. } => return Err(LadderError::NoLine),
     };
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()
-        .map_err(|source| OpenError::Thread { source })?;
-    let mut found = Vec::new();
+    let (mut found, mut was_open, mut trouble) = (Vec::new(), false, None);
     for parity in PARITIES {
         for baud in BAUDS {
             let line = LineSettings { baud, parity, stop_bits: StopBits::One };
-            report(line);
-            let rung = runtime.block_on(try_line(file, instruments, path, line))?;
-            found.extend(Some(rung).filter(|rung| rung.linear || rung.rotary));
+            report(line, None);
+            // With its runtime ends the owner of the port, which is closed before it is opened again.
+            let runtime = tokio::runtime::Builder::new_current_thread()
+                .enable_all()
+                .build()
+                .map_err(|source| OpenError::Thread { source })?;
+            match runtime.block_on(try_line(file, instruments, path, line)) {
+                Ok(rung) => {
+                    was_open = true;
+                    found.extend(Some(rung).filter(|rung| rung.linear || rung.rotary));
+                }
+                Err(error) => {
+                    report(line, Some(&error));
+                    trouble = Some(error);
+                }
+            }
         }
     }
-    Ok(found)
+    match trouble {
+        Some(error) if !was_open => Err(error.into()),
+        _ => Ok(found),
+    }
 }
 
 async fn try_line(

@@ -9,7 +9,7 @@ use rig_link::{Clock, Endpoint, Port, Transcript};
 use rig_model::{Deg, Mm, Reading, Unit};
 use rig_stage::{BusHandle, BusSettings, HaltFrames, RegisterMap, Stage, StageError};
 use rig_store::StoreError;
-use tokio::sync::mpsc;
+use tokio::{runtime::Runtime, sync::mpsc};
 
 use super::{
     DeviceIdentity, Meters, Setting,
@@ -195,6 +195,15 @@ async fn find<U: Unit>(stage: &mut Stage<U>, proven: Proven) -> Result<(), Stage
         stage.believe_position()?;
     }
     Ok(())
+}
+
+/// A runtime for a conversation with the devices of a rig. On virtual time, its clock stands still until everything waits.
+pub(crate) fn runtime_of(rig: &LoadedRig) -> Result<Runtime, OpenError> {
+    tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .start_paused(rig.is_virtual_time())
+        .build()
+        .map_err(|source| OpenError::Thread { source })
 }
 
 /// The ports of a rig. One can be open while the other is not.

@@ -26,7 +26,7 @@ use super::{
     OpenError,
     devices::{Axes, stage_failure},
     gate::Gate,
-    open::{HALT_WITHIN, Ports, bus_settings, device, open_port, stage},
+    open::{HALT_WITHIN, Ports, bus_settings, device, open_port, runtime_of, stage},
     proof::Proof,
     record::Recorder,
     slot::Slot,
@@ -71,11 +71,7 @@ pub struct WayOut {
 /// [`OpenError`] when nothing was sent: another rigd has the data directory, or the port cannot be
 /// opened.
 pub fn make_safe(rig: LoadedRig, data: Option<&Path>, by: &str) -> Result<WayOut, OpenError> {
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .start_paused(rig.is_virtual_time())
-        .build()
-        .map_err(|source| OpenError::Thread { source })?;
+    let runtime = runtime_of(&rig)?;
     let log = Log::open(data, &rig.file.name)?;
     let default = Place::found().data;
     let proof = Proof::for_way_out(&rig, data.unwrap_or(&default));

@@ -46,6 +46,15 @@ async fn measure(analyzer: &mut Analyzer, rig: &RigFile) -> Result<Vec<Check>, A
     analyzer.configure(DriveLevel { volt }).await?;
     let (mut checks, mut flagged, mut full) = (Vec::new(), 0, None);
     let is_allowed = |hz: &f64| low_hz <= *hz && *hz <= high_hz;
+    if !FREQUENCIES_HZ.iter().any(is_allowed) {
+        let [first, .., last] = FREQUENCIES_HZ;
+        let text = format!(
+            "not measured: frequency_hz of [analyzer] is {low_hz} Hz to {high_hz} Hz, and the check needs one of {first} Hz to \
+             {last} Hz"
+        );
+        let advice = "widen frequency_hz in the rig file";
+        return Ok(vec![Check::problem("analyzer", "noise and linearity", text, advice)]);
+    }
     for frequency_hz in FREQUENCIES_HZ.into_iter().filter(is_allowed) {
         let (found, flags) = spread(analyzer, frequency_hz).await?;
         flagged += flags;
@@ -58,8 +67,8 @@ async fn measure(analyzer: &mut Analyzer, rig: &RigFile) -> Result<Vec<Check>, A
             limit: NOISE_LIMIT_PERCENT,
             unit: "%",
         };
-        let advice = "more at multiples of the mains than beside them is a loop of ground or a motor cable; \
-                      else look at the clamps and the fixture";
+        let advice = "where it is larger at multiples of the mains than beside them, look for a ground loop and \
+                      for motor cables beside that of the sensor; elsewhere look at the clamps and the fixture";
         checks.push(Check::quantity(
             "analyzer",
             format!("noise at {frequency_hz} Hz"),

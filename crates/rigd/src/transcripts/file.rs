@@ -23,7 +23,7 @@ use super::Role;
 
 const TITLE: &str = "# rigd transcript 1: ms since the port was opened, direction, bytes";
 
-/// A longer transcript is no record of some roles.
+/// Largest transcript that is read, bytes: the record of all roles is far smaller.
 const BYTES_MAX: u64 = 5_000_000;
 
 /// A transcript.
@@ -53,7 +53,7 @@ pub(crate) enum TranscriptError {
     TooLong { path: PathBuf, bytes: u64 },
     #[error("{}:{line}: {fault}", path.display())]
     Line { path: PathBuf, line: usize, fault: &'static str },
-    #[error("the transcript has no `{key}`, or no number there")]
+    #[error("the transcript has no `{key}`, or a value there that cannot be used")]
     Head { key: &'static str },
     #[error("the transcript is of the instrument {found}, and this one is {expected}")]
     OtherInstrument { found: String, expected: String },

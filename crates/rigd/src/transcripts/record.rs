@@ -17,7 +17,7 @@ use super::{
 };
 use crate::{
     loaded_rig::LoadedRig,
-    rig::{OpenError, Ports, analyzer_on, bus_settings},
+    rig::{OpenError, Ports, analyzer_on, bus_settings, runtime_of},
 };
 
 /// Frames that are kept while a device is recorded: with an echo, each character is two of them.
@@ -42,11 +42,7 @@ pub(crate) struct Recorded {
 /// # Errors
 /// [`OpenError`] for a scene that cannot be set up. Ports and devices have their fault in [`Recorded`].
 pub(crate) fn record(rig: LoadedRig) -> Result<Vec<Recorded>, OpenError> {
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .start_paused(rig.is_virtual_time())
-        .build()
-        .map_err(|source| OpenError::Thread { source })?;
+    let runtime = runtime_of(&rig)?;
     runtime.block_on(async {
         let LoadedRig { file, instruments, scene, .. } = rig;
         // The simulated devices live until the end.

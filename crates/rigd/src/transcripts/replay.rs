@@ -140,9 +140,11 @@ impl Driver {
                     low_hz: file.number("low_hz")?,
                     high_hz: file.number("high_hz")?,
                 };
-                let terminator = file.value("terminator").and_then(|name| {
-                    Terminator::ALL.into_iter().find(|terminator| terminator.name() == name)
+                let terminator = file.value("terminator").map(|name| {
+                    let known = Terminator::ALL.into_iter().find(|known| known.name() == name);
+                    known.ok_or(TranscriptError::Head { key: "terminator" })
                 });
+                let terminator = terminator.transpose()?;
                 let reply_s = file.number("reply_timeout_s")?.clamp(0.05, 60.0);
                 let reply_within = Duration::from_secs_f64(reply_s);
                 let settings = TransportSettings { terminator, reply_within };
@@ -314,7 +316,8 @@ fn line(file: &TranscriptFile) -> Result<Option<LineSettings>, TranscriptError> 
     let parity = match parity {
         "even" => Parity::Even,
         "odd" => Parity::Odd,
-        _ => Parity::None,
+        "none" => Parity::None,
+        _ => return Err(missing),
     };
     let stop_bits = if stop_bits == "2" { StopBits::Two } else { StopBits::One };
     Ok(Some(LineSettings { baud, parity, stop_bits }))

@@ -1,0 +1,64 @@
+//! An even way down, which a stop ends at any time.
+
+use std::time::Duration;
+
+use rig_link::StopSignal;
+use rig_model::{Position, RigTime, Target, Unit};
+use tokio::time::Instant;
+
+use super::{MOVE_SLACK, Stage, wait};
+use crate::{BusError, LineFault, StageError, order::Order};
+
+/// The time between two readings of an axis that goes down evenly: a dozen of them know its way to a micrometre.
+const READ_INTERVAL_DESCENT: Duration = Duration::from_millis(25);
+
+impl<U: Unit> Stage<U> {
+    /// Goes down evenly to a target, or until the stop is raised, and reads the position on the way. Returns
+    /// where the axis is at rest, and the positions with their times.
+    ///
+    /// # Errors
+    /// As [`move_to`](Self::move_to), apart from [`StageError::Stopped`].
+    pub async fn descend_to(
+        &mut self,
+        target: Target<U>,
+        speed_per_s: f64,
+        stop: &StopSignal,
+    ) -> Result<(Position<U>, Vec<(RigTime, Position<U>)>), StageError<U>> {
+        self.believe_position()?;
+        let from = self.seen.ok_or(StageError::NotIdentified)?.position;
+        let order = Order::to(target.position(), speed_per_s, self.map, &self.scale, &self.axis)?;
+        let mut way = Vec::new();
+        if stop.is_raised() {
+            return Ok((self.scale.position(from.into()), way));
+        }
+        self.take_all(&self.map.start, &order).await?;
+        let started = Instant::now();
+        let deadline = started + order.duration_from(from).saturating_mul(2) + MOVE_SLACK;
+        loop {
+            if !wait(Instant::now() + READ_INTERVAL_DESCENT, stop).await {
+                return Ok((self.stop().await?, way));
+            }
+            let reading = match self.read_drive().await {
+                // The frames of a stop have left between the two.
+                Err(StageError::Bus(BusError::Failed(LineFault::Halted { .. }))) => {
+                    return Ok((self.stop().await?, way));
+                }
+                reading => reading?,
+            };
+            let at = self.scale.position(reading.position.into());
+            self.refuse_alarm(&reading, at).await?;
+            if reading.is_moving {
+                way.push((self.seen_at, at));
+            } else if self.start_within() < started.elapsed() || self.axis.is_at(at, target) {
+                // It has arrived, or is stuck.
+                return match self.follow(target, &order, from, stop).await {
+                    Err(StageError::Stopped { at }) | Ok(at) => Ok((at, way)),
+                    Err(error) => Err(error),
+                };
+            }
+            if deadline <= Instant::now() {
+                return Err(self.overdue("descent", started.elapsed()).await?);
+            }
+        }
+    }
+}

@@ -1,0 +1,72 @@
+//! Homing: the drive finds its zero by itself.
+
+use std::time::Duration;
+
+use rig_link::StopSignal;
+use rig_model::{Position, Unit};
+use tokio::time::Instant;
+
+use super::{READ_INTERVAL_MIN, Stage, wait};
+use crate::StageError;
+
+/// The time between two readings of an axis that homes: the duration of homing is unknown.
+const READ_INTERVAL_HOMING: Duration = Duration::from_millis(250);
+
+/// Time limit of homing.
+const HOME_WITHIN: Duration = Duration::from_secs(120);
+
+impl<U: Unit> Stage<U> {
+    /// Lets the drive find its zero. May move over the whole travel.
+    ///
+    /// # Errors
+    /// As [`move_to`](Self::move_to), and [`StageError::NotHomed`].
+    pub async fn home(&mut self, stop: &StopSignal) -> Result<Position<U>, StageError<U>> {
+        self.home_within(stop, f64::INFINITY).await
+    }
+
+    /// The same, for an axis that may only rise while it homes: as soon as a reading shows that it
+    /// sinks, it is stopped.
+    ///
+    /// # Errors
+    /// As [`home`](Self::home), and [`StageError::HomesDownwards`].
+    pub async fn home_upwards(&mut self, stop: &StopSignal) -> Result<Position<U>, StageError<U>> {
+        self.home_within(stop, self.axis.tolerance()).await
+    }
+
+    /// Homes, and stops if the axis sinks further than `sinks_most`.
+    async fn home_within(
+        &mut self,
+        stop: &StopSignal,
+        sinks_most: f64,
+    ) -> Result<Position<U>, StageError<U>> {
+        let from = self.seen.ok_or(StageError::NotIdentified)?;
+        if stop.is_raised() {
+            return Err(self.stopped_at(from.position));
+        }
+        let started_at = self.scale.position(from.position.into()).value();
+        self.command(&self.map.home).await?;
+        let started = Instant::now();
+        let mut next_reading_at = started + self.start_within();
+        loop {
+            if !wait(next_reading_at, stop).await {
+                return Err(self.stop_and_say().await?);
+            }
+            let reading = self.read_drive().await?;
+            let at = self.scale.position(reading.position.into());
+            self.refuse_alarm(&reading, at).await?;
+            let now = Instant::now();
+            if !reading.is_moving {
+                return if reading.is_homed { Ok(at) } else { Err(StageError::NotHomed { at }) };
+            }
+            if at.value() < started_at - sinks_most {
+                let at = self.stop().await?;
+                return Err(StageError::HomesDownwards { at });
+            }
+            if started + HOME_WITHIN <= now {
+                return Err(self.overdue("homing", now - started).await?);
+            }
+            next_reading_at =
+                now + if sinks_most.is_finite() { READ_INTERVAL_MIN } else { READ_INTERVAL_HOMING };
+        }
+    }
+}
