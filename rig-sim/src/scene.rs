@@ -373,7 +373,7 @@ mod tests {
         let text = include_str!("../../config/scenes/new-bench.toml");
         let scene = read("s.toml", text).unwrap();
         let described = Assembly::AS_DESCRIBED;
-        let longer = Assembly { units_per_step: Some(0.00102), zero: None };
+        let longer = Assembly { units_per_step: Some(0.00102), zero: Some(0.0) };
         assert_eq!(scene.linear.assembly, longer);
         let turned = Assembly { units_per_step: Some(-0.01), zero: Some(0.8) };
         assert_eq!(scene.rotary.assembly, turned);

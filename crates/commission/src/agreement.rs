@@ -1,4 +1,4 @@
-//! Readings that must agree before they are believed.
+//! Readings that must agree before they are taken.
 
 /// Readings of one quantity. It is settled when enough of them agree; one that contradicts the others is asked
 /// for again, until there were too many.
@@ -29,7 +29,7 @@ pub(crate) enum Progress {
 }
 
 impl Agreement {
-    /// Settled when `needed` readings lie within `tolerance` of each other, failed after twice as many.
+    /// Settled when `needed` readings lie within `tolerance` of the last one, failed after twice as many.
     pub(crate) const fn new(needed: usize, tolerance: f64) -> Self {
         Self { readings: Vec::new(), tolerance, needed, most: 2 * needed }
     }
@@ -65,7 +65,7 @@ mod tests {
     use super::{Progress::*, *};
 
     #[test]
-    fn readings_are_believed_when_enough_agree_and_refused_when_too_many_do_not() {
+    fn readings_settle_when_enough_agree_and_fail_when_too_many_do_not() {
         let check = |readings: &[f64], expected: &[Progress]| {
             let mut agreement = Agreement::new(3, 0.1);
             let found: Vec<_> = readings.iter().map(|reading| agreement.add(*reading)).collect();

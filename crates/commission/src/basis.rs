@@ -1,4 +1,4 @@
-//! What a calibration rests on: the keys of the rig file that it was made with, and the drives.
+//! What a calibration rests on: the keys of the rig file that it was made with, and the drives with their instrument files.
 
 use rig_files::{
     instrument::Named,
@@ -20,8 +20,9 @@ pub struct Basis {
 }
 
 impl Basis {
-    /// The basis of a rig file.
-    pub fn of(rig: &RigFile) -> Self {
+    /// The basis of a rig file. `drive_files` are the SHA-256 of the instrument files of its drives, the linear stage
+    /// first; `None` for a shipped drive, whose registers are in the program.
+    pub fn of(rig: &RigFile, drive_files: [Option<Digest>; 2]) -> Self {
         let mut keys = Vec::new();
         keys.extend(axis("linear", &rig.linear, &rig.limits.linear));
         keys.extend(axis("rotary", &rig.rotary, &rig.limits.rotary));
@@ -33,7 +34,8 @@ impl Basis {
             ("geometry.probe_beside_pivot_mm".to_owned(), geometry.probe_beside_pivot_mm),
             ("geometry.probe_radius_mm".to_owned(), geometry.probe_radius_mm),
         ]);
-        let drives = [drive(&rig.linear, rig), drive(&rig.rotary, rig)];
+        let [of_linear, of_rotary] = drive_files;
+        let drives = [drive(&rig.linear, rig, of_linear), drive(&rig.rotary, rig, of_rotary)];
         Self { axes, geometry: digest(&keys), drives }
     }
 
@@ -43,7 +45,8 @@ impl Basis {
         digest.to_string()
     }
 
-    /// The drives: make, address and port, the linear stage first. Few drives report an identity.
+    /// The drives: make, or instrument file with its SHA-256, address and port, the linear stage first. Few drives
+    /// report an identity.
     pub const fn drives(&self) -> &[String; 2] {
         &self.drives
     }
@@ -74,10 +77,13 @@ fn axis<U: Unit>(
     keys.into_iter().map(move |(key, value)| (format!("{name}.{key}"), value))
 }
 
-fn drive<U>(file: &AxisFile<U>, rig: &RigFile) -> String {
-    let instrument = match &file.instrument {
-        Named::Shipped(make) => make.to_string(),
-        Named::File { path, .. } => path.display().to_string(),
+fn drive<U>(file: &AxisFile<U>, rig: &RigFile, sha256: Option<Digest>) -> String {
+    let instrument = match (&file.instrument, sha256) {
+        (Named::Shipped(make), _) => make.to_string(),
+        (Named::File { path, .. }, None) => path.display().to_string(),
+        (Named::File { path, .. }, Some(sha256)) => {
+            format!("{} with SHA-256 {sha256}", path.display())
+        }
     };
     let place = match (&rig.connection, &rig.bus) {
         (Connection::Simulated(simulation), _) => {
@@ -87,4 +93,42 @@ fn drive<U>(file: &AxisFile<U>, rig: &RigFile) -> String {
         (Connection::Ports, PortFile::Tcp { address }) => address.clone(),
     };
     format!("{instrument} at unit {}, {place}", file.unit_id)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rig(changes: &[(&str, &str)]) -> RigFile {
+        let text = include_str!("../../../config/rigs/simulated.toml").to_owned();
+        let text = changes.iter().fold(text, |text, (old, new)| {
+            assert!(text.contains(old), "{old}");
+            text.replacen(old, new, 1)
+        });
+        RigFile::read("rig.toml", &text).unwrap()
+    }
+
+    #[test]
+    fn a_calibration_rests_on_values_and_not_on_other_keys_or_comments() {
+        let none = [None, None];
+        let basis = Basis::of(&rig(&[]), none);
+        let faster = ("max_speed_mm_per_s = 20", "# slower\nmax_speed_mm_per_s = 21");
+        assert_eq!(Basis::of(&rig(&[faster]), none), basis);
+        let other = Basis::of(&rig(&[("probe_radius_mm", "probe_radius_mm = 0.6 # ")]), none);
+        assert_eq!(other.sha256(Kind::Scale), basis.sha256(Kind::Scale));
+        assert_ne!(other.sha256(Kind::Geometry), basis.sha256(Kind::Geometry));
+    }
+
+    #[test]
+    fn a_changed_instrument_file_is_another_drive() {
+        let own = ("register_map = \"oriental-az\"", "register_map = \"drive.toml\"");
+        let parity = ("baud = 115200 }", "baud = 115200, parity = \"even\" }");
+        let rig = rig(&[own, parity]);
+        let text = |text: &str| Some(Digest::of([DigestPart::Text(text)]));
+        let [one, other] = ["a", "b"].map(|file| Basis::of(&rig, [text(file), None]));
+        assert_eq!(one, Basis::of(&rig, [text("a"), None]));
+        assert_ne!(one.drives()[0], other.drives()[0]);
+        assert_eq!(one.drives()[1], other.drives()[1]);
+        assert!(one.drives()[0].starts_with("drive.toml with SHA-256 "), "{:?}", one.drives());
+    }
 }

@@ -40,7 +40,7 @@ pub enum Verdict {
     Accepted,
     /// The rig file must be changed; the step is then made anew.
     RigFile(Vec<Change>),
-    /// Nothing is known, and why.
+    /// Nothing was found, and why.
     Failed(String),
 }
 
@@ -75,7 +75,7 @@ impl Finding {
         Self { screw, ..self }
     }
 
-    /// Nothing is known.
+    /// Nothing was found.
     pub(crate) fn failed(why: String) -> Self {
         Self { verdict: Verdict::Failed(why), ..Self::of(Vec::new(), Vec::new()) }
     }

@@ -34,5 +34,5 @@ pub use finding::{Change, Finding, Value, Verdict};
 pub use kind::Kind;
 pub use question::{Answer, Asked, Choice, NotAnAnswer};
 pub use record::{Calibration, Circumstances, UnreadableCalibration, Unwritable, file_name};
-pub use standing::{Standing, Why};
+pub use standing::{Standing, Why, holding};
 pub use step::Step;

@@ -59,7 +59,24 @@ pub enum NoGeometry {
         /// The least of both sides.
         least_deg: f64,
     },
-    /// A number that is none, or heights that no geometry explains.
+    /// Heights that scatter more than touches and screws do.
+    #[error(
+        "χ² per degree of freedom is {found:.1}, where at most {limit} is allowed; the touch at {tilt_deg:.1}° and \
+         {height_mm:.3} mm lies {off_mm:+.3} mm off where the others put it"
+    )]
+    Scattered {
+        /// χ² per degree of freedom.
+        found: f64,
+        /// Largest value.
+        limit: f64,
+        /// Tilt of the touch that fits worst with the others.
+        tilt_deg: f64,
+        /// Its height.
+        height_mm: f64,
+        /// Its height less the one that the others give.
+        off_mm: f64,
+    },
+    /// A value that is not finite, or heights that no geometry explains.
     #[error("the heights of the touches fit no geometry")]
     NoSolution,
 }

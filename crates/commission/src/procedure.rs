@@ -48,7 +48,7 @@ pub async fn carry_out<B: Bench>(
     }
 }
 
-/// Asks for a word or a deed, without which the step fails.
+/// Asks for a confirmation, without which the step fails.
 async fn confirm<B: Bench>(bench: &mut B, asked: Asked) -> Result<(), Early<B::Trouble>> {
     match bench.ask(asked).await? {
         Answer::Choice(Choice::Yes) => Ok(()),

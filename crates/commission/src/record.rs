@@ -241,7 +241,7 @@ mod tests {
     #[test]
     fn a_calibration_reads_back_as_it_was_written_and_nothing_else_is_one() {
         let text = include_str!("../../../config/rigs/simulated.toml");
-        let basis = Basis::of(&RigFile::read("rig.toml", text).unwrap());
+        let basis = Basis::of(&RigFile::read("rig.toml", text).unwrap(), [None, None]);
         let values = vec![Value {
             name: "linear.scale",
             value: 1.02,

@@ -9,7 +9,7 @@ pub enum Why {
     Never,
     /// Its last record was made with other values in the rig file.
     OtherKeys,
-    /// Its last record was made with other drives, or on another port.
+    /// Its last record was made with other drives, with another instrument file of a drive, or on another port.
     OtherDrives,
     /// It failed.
     Failed,
@@ -27,7 +27,9 @@ impl Why {
         match self {
             Self::Never => "never made",
             Self::OtherKeys => "made with other values in the rig file",
-            Self::OtherDrives => "made with other drives or another port",
+            Self::OtherDrives => {
+                "made with other drives, another instrument file of a drive, or another port"
+            }
             Self::Failed => "failed",
             Self::RigFile => "it says that the rig file must be changed",
             Self::Expired => "expired",
@@ -46,8 +48,8 @@ pub struct Standing {
 impl Standing {
     /// The last record of each step decides.
     pub fn of(records: &[Calibration], basis: &Basis, unix_s: i64) -> Self {
-        let steps = Step::ALL.map(|step| (step, standing(step, records, basis, unix_s)));
-        Self { steps: steps.into() }
+        let found = |step| holding(Kind::from(step), records, basis, unix_s).cloned();
+        Self { steps: Step::ALL.map(|step| (step, found(step))).into() }
     }
 
     /// The steps without a record that fits, in their order.
@@ -76,18 +78,24 @@ impl std::fmt::Display for Standing {
     }
 }
 
-fn standing(
-    step: Step,
-    records: &[Calibration],
+/// The record of a kind that holds: its last one, if it is accepted.
+///
+/// # Errors
+/// [`Why`] there is none.
+pub fn holding<'a>(
+    kind: Kind,
+    records: &'a [Calibration],
     basis: &Basis,
     unix_s: i64,
-) -> Result<Calibration, Why> {
-    let of_step = || records.iter().filter(|record| record.kind == Kind::from(step));
-    let fitting =
-        of_step().filter(|record| record.has_drives_of(basis) && record.has_keys_of(basis));
+) -> Result<&'a Calibration, Why> {
+    let of_kind = || records.iter().filter(|record| record.kind == kind);
+    // A change of the bench holds with any values of the keys: they may be put back.
+    let fitting = of_kind().filter(|record| {
+        record.has_drives_of(basis) && (record.has_keys_of(basis) || record.is_void())
+    });
     // Of two within one second, the later one in the order of the names.
     let last = fitting.max_by_key(|record| record.made_unix_s()).ok_or_else(|| {
-        match of_step().max_by_key(|record| record.made_unix_s()) {
+        match of_kind().max_by_key(|record| record.made_unix_s()) {
             None => Why::Never,
             Some(last) if last.has_drives_of(basis) => Why::OtherKeys,
             Some(_) => Why::OtherDrives,
@@ -96,12 +104,77 @@ fn standing(
     if last.is_expired(unix_s) {
         Err(Why::Expired)
     } else if last.is_accepted() {
-        Ok(last.clone())
+        Ok(last)
     } else if last.is_void() {
         Err(Why::Changed)
     } else if last.changes.is_empty() {
         Err(Why::Failed)
     } else {
         Err(Why::RigFile)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rig_files::rig_file::RigFile;
+
+    use super::*;
+    use crate::{BenchChange, Circumstances, Finding};
+
+    const YEAR_S: i64 = 365 * 86_400;
+
+    fn basis(step_mm: &str) -> Basis {
+        let text = include_str!("../../../config/rigs/simulated.toml");
+        let old = "mm_per_step = 0.001";
+        assert!(text.contains(old));
+        let text = text.replacen(old, &format!("mm_per_step = {step_mm}"), 1);
+        Basis::of(&RigFile::read("rig.toml", &text).unwrap(), [None, None])
+    }
+
+    fn around(unix_s: i64) -> Circumstances {
+        Circumstances {
+            unix_s,
+            made: "2026-11-25T00:00:00Z".to_owned(),
+            person: "ada".to_owned(),
+            software: "rigd 0".to_owned(),
+            journal: Vec::new(),
+            temperature_c: None,
+        }
+    }
+
+    fn accepted(kind: Kind, basis: &Basis, unix_s: i64) -> Calibration {
+        Calibration::new(kind, Finding::of(Vec::new(), Vec::new()), basis, around(unix_s))
+    }
+
+    #[test]
+    fn the_last_record_with_the_present_keys_decides_until_it_expires() {
+        let (one, other) = (basis("0.001"), basis("0.002"));
+        let mut records = vec![accepted(Kind::Scale, &one, 10)];
+        let why = |records: &[Calibration], basis: &Basis, unix_s| {
+            holding(Kind::Scale, records, basis, unix_s).map(drop)
+        };
+        assert_eq!(why(&records, &one, 11), Ok(()));
+        assert_eq!(why(&records, &one, 10 + YEAR_S), Err(Why::Expired));
+        assert_eq!(why(&records, &other, 11), Err(Why::OtherKeys));
+        assert_eq!(why(&[], &one, 11), Err(Why::Never));
+        let failed = Finding::failed("nobody saw it".to_owned());
+        records.push(Calibration::new(Kind::Scale, failed, &one, around(20)));
+        assert_eq!(why(&records, &one, 21), Err(Why::Failed));
+        records.push(accepted(Kind::Scale, &one, 30));
+        assert_eq!(why(&records, &one, 31), Ok(()));
+    }
+
+    #[test]
+    fn a_change_of_the_bench_holds_also_when_old_values_are_put_back() {
+        let (one, other) = (basis("0.001"), basis("0.002"));
+        let mut records = vec![accepted(Kind::Scale, &one, 10), accepted(Kind::Scale, &other, 20)];
+        let void = Calibration::void(Kind::Scale, BenchChange::Drive, &other, around(30));
+        records.push(void);
+        for basis in [&one, &other] {
+            assert_eq!(holding(Kind::Scale, &records, basis, 31).map(drop), Err(Why::Changed));
+        }
+        records.push(accepted(Kind::Scale, &one, 40));
+        assert_eq!(holding(Kind::Scale, &records, &one, 41).map(drop), Ok(()));
+        assert_eq!(holding(Kind::Scale, &records, &other, 41).map(drop), Err(Why::Changed));
     }
 }

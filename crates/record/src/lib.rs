@@ -16,13 +16,13 @@ pub use confirmed::Confirmed;
 pub use digest::{Digest, DigestPart};
 pub use record::{
     Action, Aim, AimPart, AimSettings, Amended, Amendment, Archived, Axis, BenchSettings, BlackBox,
-    Change, CheckedSurface, Circuit, Clearance, ClockJumped, Descent, Device, Direction, Ending,
-    Expected, Extra, Fault, FitNoise, FitSettings, FitTiming, Frame, GivenUp, Halfway, Intent,
-    LostSurface, Move, MoveReason, NearCircuit, Operator, Phase, PlanSize, Pose, Prompt,
-    PromptAnswered, PromptAsked, ReadingFlag, ReadingRecord, Record, RefusalAnswered, RefusalAsked,
-    RefusedTouch, Resumed, RetractTried, RunFinished, RunStarted, Sample, Source, Stalled,
-    StateChanged, StepStarted, Surface, SurfaceReading, Sweep, SweepOutcome, SweepPurpose, Touch,
-    TouchPosition, TouchSettings, WayPoint,
+    Change, CheckedSurface, Circuit, CitedCalibration, Clearance, ClockJumped, Descent, Device,
+    Direction, Ending, Expected, Extra, Fault, FitNoise, FitSettings, FitTiming, Frame, GivenUp,
+    Halfway, Intent, LostSurface, Move, MoveReason, NearCircuit, Operator, Phase, PlanSize, Pose,
+    Prompt, PromptAnswered, PromptAsked, ReadingFlag, ReadingRecord, Record, RefusalAnswered,
+    RefusalAsked, RefusedTouch, Resumed, RetractTried, RunFinished, RunStarted, Sample, Source,
+    Stalled, StateChanged, StepStarted, Surface, SurfaceReading, Sweep, SweepOutcome, SweepPurpose,
+    Touch, TouchPosition, TouchSettings, WayPoint,
 };
 pub use run::{NotARunId, Run, RunId, RunKind, RunStatus};
 pub use seal::{ListEntry, SealedRun, Stretch, seal};

@@ -22,7 +22,9 @@ pub use motion::{
 };
 pub use person::{Operator, Prompt, PromptAnswered, PromptAsked, RefusalAnswered, RefusalAsked};
 pub use resume::{Amended, Amendment, Archived, Change, GivenUp, Resumed};
-pub use start::{Action, Device, Expected, PlanSize, RunStarted, Sample, Source, StepStarted};
+pub use start::{
+    Action, CitedCalibration, Device, Expected, PlanSize, RunStarted, Sample, Source, StepStarted,
+};
 pub use sweep::{
     BenchSettings, Circuit, Extra, FitNoise, FitSettings, FitTiming, NearCircuit, ReadingFlag,
     ReadingRecord, Sweep, SweepOutcome, SweepPurpose,

@@ -1,22 +1,25 @@
 //! The calibrations of a data directory: a file each, written once.
 
 use std::{
-    fs::{self, File},
-    io::{self, Write},
+    fs, io,
     path::{Path, PathBuf},
 };
 
 use jiff::Timestamp;
 use rig_commission::{
     Basis, BenchChange, Calibration, Circumstances, Finding, Kind, Standing, UnreadableCalibration,
-    file_name,
+    file_name, holding,
 };
-use rig_files::rig_file::RigFile;
+use rig_store::{CitedCalibration, Digest, make_directory};
+use sha2::{Digest as _, Sha256};
 
-use crate::rig::SOFTWARE;
+use crate::{
+    durable::{self, FOR_ALL},
+    rig::SOFTWARE,
+};
 
 /// Their folder in a data directory.
-const FOLDER: &str = "calibrations";
+pub(crate) const FOLDER: &str = "calibrations";
 
 /// Why calibrations cannot be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -46,8 +49,8 @@ pub enum CalibrationsError {
 ///
 /// # Errors
 /// [`CalibrationsError`]. A folder that is not there has none.
-pub fn standing(rig: &RigFile, data: &Path) -> Result<Standing, CalibrationsError> {
-    Ok(Standing::of(&read(data)?, &Basis::of(rig), Timestamp::now().as_second()))
+pub fn standing(basis: &Basis, data: &Path) -> Result<Standing, CalibrationsError> {
+    Ok(Standing::of(&read(data)?, basis, Timestamp::now().as_second()))
 }
 
 /// All calibrations of a data directory, in the order of their names.
@@ -55,6 +58,16 @@ pub fn standing(rig: &RigFile, data: &Path) -> Result<Standing, CalibrationsErro
 /// # Errors
 /// [`CalibrationsError`]. A folder that is not there has none.
 pub fn read(data: &Path) -> Result<Vec<Calibration>, CalibrationsError> {
+    Ok(read_files(data)?.into_iter().map(|(_, calibration)| calibration).collect())
+}
+
+/// A file with a calibration.
+struct Filed {
+    path: PathBuf,
+    text: String,
+}
+
+fn read_files(data: &Path) -> Result<Vec<(Filed, Calibration)>, CalibrationsError> {
     let folder = data.join(FOLDER);
     let failed = |path: &Path| {
         let path = path.to_owned();
@@ -70,9 +83,37 @@ pub fn read(data: &Path) -> Result<Vec<Calibration>, CalibrationsError> {
     paths.sort();
     let read = |path: PathBuf| {
         let text = fs::read_to_string(&path).map_err(failed(&path))?;
-        Calibration::read(&text).map_err(|source| CalibrationsError::Unreadable { path, source })
+        match Calibration::read(&text) {
+            Ok(calibration) => Ok((Filed { path, text }, calibration)),
+            Err(source) => Err(CalibrationsError::Unreadable { path, source }),
+        }
     };
     paths.into_iter().map(read).collect()
+}
+
+/// The calibrations that hold now, for the record of a run.
+///
+/// # Errors
+/// [`CalibrationsError`]. A folder that is not there has none.
+pub(crate) fn cited(
+    basis: &Basis,
+    data: &Path,
+) -> Result<Vec<CitedCalibration>, CalibrationsError> {
+    let (files, records): (Vec<_>, Vec<_>) = read_files(data)?.into_iter().unzip();
+    let now_s = Timestamp::now().as_second();
+    let cite = |kind: Kind| {
+        let found = holding(kind, &records, basis, now_s).ok()?;
+        let at = records.iter().position(|record| std::ptr::eq(record, found))?;
+        let Filed { path, text } = files.get(at)?;
+        Some(CitedCalibration {
+            kind: kind.name().to_owned(),
+            made: found.made().to_owned(),
+            person: found.person().to_owned(),
+            file: path.file_name()?.to_string_lossy().into_owned(),
+            sha256: Digest::from_bytes(Sha256::digest(text.as_bytes()).into()).to_string(),
+        })
+    };
+    Ok(Kind::ALL.into_iter().filter_map(cite).collect())
 }
 
 /// Who saw a step, in which session of the journal, and at which temperature.
@@ -91,12 +132,12 @@ pub struct Witness {
 /// # Errors
 /// [`CalibrationsError`]. There is then no new file.
 pub fn write(
-    rig: &RigFile,
+    basis: &Basis,
     data: &Path,
     (kind, finding): (Kind, Finding),
     witness: Witness,
 ) -> Result<PathBuf, CalibrationsError> {
-    let record = |around| Calibration::new(kind, finding, &Basis::of(rig), around);
+    let record = |around| Calibration::new(kind, finding, basis, around);
     keep(data, kind, witness, record)
 }
 
@@ -105,12 +146,12 @@ pub fn write(
 /// # Errors
 /// [`CalibrationsError`]. There is then no new file.
 pub fn void(
-    rig: &RigFile,
+    basis: &Basis,
     data: &Path,
     (kind, change): (Kind, BenchChange),
     witness: Witness,
 ) -> Result<PathBuf, CalibrationsError> {
-    let record = |around| Calibration::void(kind, change, &Basis::of(rig), around);
+    let record = |around| Calibration::void(kind, change, basis, around);
     keep(data, kind, witness, record)
 }
 
@@ -135,17 +176,7 @@ fn keep(
     let path = folder.join(file_name(kind, &now.strftime("%Y%m%dT%H%M%S.%6fZ").to_string()));
     let text = calibration.to_toml()?;
     let failed = |source| CalibrationsError::File { path: path.clone(), source };
-    store(&folder, &path, &text).map_err(failed)?;
+    make_directory(&folder).map_err(failed)?;
+    durable::replace_bytes(&path, text.as_bytes(), FOR_ALL).map_err(failed)?;
     Ok(path)
-}
-
-/// A file that is there is whole.
-fn store(folder: &Path, path: &Path, text: &str) -> io::Result<()> {
-    fs::create_dir_all(folder)?;
-    let beside = path.with_extension("new");
-    let mut file = File::create(&beside)?;
-    file.write_all(text.as_bytes())?;
-    file.sync_all()?;
-    fs::rename(&beside, path)?;
-    File::open(folder)?.sync_all()
 }

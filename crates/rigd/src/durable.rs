@@ -19,10 +19,18 @@ pub(crate) const FOR_OWNER: u32 = 0o600;
 /// # Errors
 /// [`io::Error`] of the file or its directory. The file is then the old one or the new one.
 pub(crate) fn replace(path: &Path, value: &impl Serialize, mode: u32) -> io::Result<()> {
+    replace_bytes(path, &serde_json::to_vec_pretty(value)?, mode)
+}
+
+/// The same for bytes.
+///
+/// # Errors
+/// As [`replace`].
+pub(crate) fn replace_bytes(path: &Path, bytes: &[u8], mode: u32) -> io::Result<()> {
     let beside = PathBuf::from(format!("{}.new", path.display()));
     // One that was left may have another mode.
     _ = fs::remove_file(&beside);
-    let written = write(&beside, value, mode).and_then(|()| fs::rename(&beside, path));
+    let written = write(&beside, bytes, mode).and_then(|()| fs::rename(&beside, path));
     if written.is_err() {
         // A part of it would take room on a disk that may be full.
         _ = fs::remove_file(&beside);
@@ -32,9 +40,9 @@ pub(crate) fn replace(path: &Path, value: &impl Serialize, mode: u32) -> io::Res
     File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
 }
 
-fn write(path: &Path, value: &impl Serialize, mode: u32) -> io::Result<()> {
+fn write(path: &Path, bytes: &[u8], mode: u32) -> io::Result<()> {
     let mut file = File::options().create_new(true).write(true).mode(mode).open(path)?;
-    file.write_all(&serde_json::to_vec_pretty(value)?)?;
+    file.write_all(bytes)?;
     file.sync_all()
 }
 

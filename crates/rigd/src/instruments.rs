@@ -8,6 +8,8 @@ use rig_files::{
     rig_file::RigFile,
 };
 use rig_model::{AnalyzerMake, DriveMake};
+use rig_store::Digest;
+use sha2::{Digest as _, Sha256};
 
 use crate::files::{FileError, read};
 
@@ -20,6 +22,8 @@ pub struct Instruments {
     pub linear: &'static RegisterMap,
     /// The drive of the rotary stage.
     pub rotary: &'static RegisterMap,
+    /// SHA-256 of the files of both drives, the linear stage first; `None` for shipped ones.
+    pub drive_files: [Option<Digest>; 2],
 }
 
 /// The makes that play the devices of a simulated rig.
@@ -86,6 +90,7 @@ impl Instruments {
             analyzer: Dialect::of(*analyzer),
             linear: RegisterMap::of(*linear),
             rotary: RegisterMap::of(*rotary),
+            drive_files: [None, None],
         })
     }
 
@@ -105,14 +110,16 @@ impl Instruments {
             }
         };
         let drive = |instrument: &Named<DriveMake>| match instrument {
-            Named::Shipped(make) => Ok(RegisterMap::of(*make)),
+            Named::Shipped(make) => Ok((RegisterMap::of(*make), None)),
             Named::File { path: file, location } => {
                 let (file, text) = beside(path, file, *location, FileKind::Drive)?;
-                RegisterMap::read_and_keep(&file, &text).map_err(FileError::Faults)
+                let map = RegisterMap::read_and_keep(&file, &text).map_err(FileError::Faults)?;
+                Ok((map, Some(Digest::from_bytes(Sha256::digest(text.as_bytes()).into()))))
             }
         };
-        let (linear, rotary) = (drive(&rig.linear.instrument)?, drive(&rig.rotary.instrument)?);
-        Ok(Self { analyzer, linear, rotary })
+        let (linear, of_linear) = drive(&rig.linear.instrument)?;
+        let (rotary, of_rotary) = drive(&rig.rotary.instrument)?;
+        Ok(Self { analyzer, linear, rotary, drive_files: [of_linear, of_rotary] })
     }
 
     /// The makes that play them on a simulated rig.

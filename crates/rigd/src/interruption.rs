@@ -62,6 +62,21 @@ impl From<Interruption> for InterruptionView {
     }
 }
 
+/// A latch that nobody has acknowledged, also over several sessions.
+fn latch(cause: &str) -> String {
+    const LEFT: &str = "the rig was left latched, not acknowledged: ";
+    // What was missing then may have been shown since.
+    const CLOSED: &str = "the rig was not commissioned when it was closed, and its steps may have left the probe anywhere";
+    let cause = cause.trim_start_matches(LEFT);
+    if cause.starts_with(NOT_COMMISSIONED) || cause == CLOSED {
+        return CLOSED.to_owned();
+    }
+    format!("{LEFT}{cause}")
+}
+
+/// How the cause of a latch begins that [`Fault::NotCommissioned`](rig_engine::Fault::NotCommissioned) made.
+const NOT_COMMISSIONED: &str = "the rig is not commissioned";
+
 /// The state of the probe of a rig that no program has open.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum LeftProbe {
@@ -137,7 +152,7 @@ impl InterruptedRig {
             let message = match (probe, &latched) {
                 (ProbeWord::Clear, _) => "the probe was left clear".to_owned(),
                 (other, None) => format!("the probe was not retracted{}", whereabouts(other)),
-                (_, Some(cause)) => format!("the rig was left latched, not acknowledged: {cause}"),
+                (_, Some(cause)) => latch(cause),
             };
             let is_latched = latched.is_some();
             let probe = if is_open { LeftProbe::Lowered } else { LeftProbe::Clear };
@@ -211,7 +226,20 @@ fn whereabouts(probe: ProbeWord) -> String {
 
 #[cfg(test)]
 mod tests {
+    use rig_engine::Fault;
+
     use super::*;
+
+    #[test]
+    fn a_latch_over_several_sessions_is_told_once_and_without_what_was_missing() {
+        let once = "the rig was left latched, not acknowledged: a drive is gone";
+        assert_eq!(latch("a drive is gone"), once);
+        assert_eq!(latch(once), once);
+        let fault = Fault::NotCommissioned { missing: "scale (never made)".to_owned() };
+        let said = latch(&fault.to_string());
+        assert!(said.starts_with("the rig was not commissioned when it was closed"), "{said}");
+        assert_eq!(latch(&said), said);
+    }
 
     #[track_caller]
     fn check(probe: ProbeWord, is_cleared_since: bool, is_open: bool, expected: &str) {

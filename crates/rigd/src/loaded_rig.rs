@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use rig_commission::Basis;
 use rig_contact::SensorDescription;
 use rig_files::{
     Complaint, Faults, FileKind,
@@ -104,6 +105,11 @@ impl LoadedRig {
     /// Whether the rig is simulated.
     pub const fn is_simulated(&self) -> bool {
         self.scene.is_some()
+    }
+
+    /// What calibrations of this rig rest on.
+    pub fn basis(&self) -> Basis {
+        Basis::of(&self.file, self.instruments.drive_files)
     }
 
     /// Whether the rig is simulated, on a bench whose drives move it as the rig file says. Its person sees that, and

@@ -12,6 +12,7 @@ mod roles;
 use std::path::{Path, PathBuf};
 
 use rig_files::{instrument::Named, rig_file::RigFile};
+use rig_model::with_causes;
 
 pub(crate) use file::{TranscriptError, TranscriptFile};
 pub(crate) use record::{Recorded, keep_frames, record, record_analyzer, record_axis};
@@ -32,6 +33,8 @@ pub struct Unproven {
     pub instrument: String,
     /// The roles without a transcript, or with one that differs.
     pub roles: Vec<Role>,
+    /// Why its transcript proves nothing, where there is one that cannot be used.
+    pub trouble: Option<String>,
 }
 
 /// The transcript that belongs to an instrument file.
@@ -56,8 +59,9 @@ impl LoadedRig {
         let folder = self.path.parent().unwrap_or(Path::new(""));
         let unproven = |(device, file, instrument): (&'static str, Option<&Path>, Device)| {
             let transcript = beside(&folder.join(file?));
-            let roles = unproven_roles(instrument, &transcript);
-            let unproven = Unproven { device, instrument: instrument.name().to_owned(), roles };
+            let (roles, trouble) = unproven_roles(instrument, &transcript);
+            let instrument = instrument.name().to_owned();
+            let unproven = Unproven { device, instrument, roles, trouble };
             (!unproven.roles.is_empty()).then_some(unproven)
         };
         devices.into_iter().filter_map(unproven).collect()
@@ -76,13 +80,18 @@ fn file_of<M>(named: &Named<M>) -> Option<&Path> {
     }
 }
 
-/// The roles of an instrument that the transcript does not prove; all of them without a transcript.
-fn unproven_roles(instrument: Device, transcript: &Path) -> Vec<Role> {
-    let proofs = TranscriptFile::load(transcript).and_then(|file| replay(instrument, &file));
-    let Ok(proofs) = proofs else { return instrument.roles().to_vec() };
-    proofs
-        .into_iter()
-        .filter(|proof| !matches!(proof.verdict, Verdict::Proven))
-        .map(|proof| proof.role)
-        .collect()
+/// The roles of an instrument that the transcript does not prove; all of them without a transcript, or with one that
+/// cannot be used, and then why not.
+fn unproven_roles(instrument: Device, transcript: &Path) -> (Vec<Role>, Option<String>) {
+    let all = || instrument.roles().to_vec();
+    if !transcript.exists() {
+        return (all(), None);
+    }
+    match TranscriptFile::load(transcript).and_then(|file| replay(instrument, &file)) {
+        Err(error) => (all(), Some(with_causes(&error))),
+        Ok(proofs) => {
+            let is_open = |proof: &RoleProof| !matches!(proof.verdict, Verdict::Proven);
+            (proofs.into_iter().filter(is_open).map(|proof| proof.role).collect(), None)
+        }
+    }
 }

@@ -10,6 +10,8 @@ use std::{
 
 use rig_files::rig_file::RigFile;
 use rig_model::random::Stream;
+use rig_store::{CitedCalibration, Digest, Reader, Record};
+use sha2::{Digest as _, Sha256};
 use tempfile::TempDir;
 
 /// What a bench is in truth.
@@ -41,7 +43,7 @@ impl Bench {
         for (old, new) in [
             ("seed = 2020", format!("seed = {seed}")),
             ("mm_per_step = 0.00102", format!("mm_per_step = {:?}", truth.mm_per_step)),
-            ("# zero_mm = 0", format!("zero_mm = {:?}", truth.zero_mm)),
+            ("\nzero_mm = 0", format!("\nzero_mm = {:?}", truth.zero_mm)),
             ("deg_per_step = -0.01", format!("deg_per_step = {:?}", truth.deg_per_step)),
             ("zero_deg = 0.8", format!("zero_deg = {:?}", truth.zero_deg)),
             ("wrong_answers = 0.1", format!("wrong_answers = {wrong_answers:?}")),
@@ -104,6 +106,21 @@ impl Bench {
             }
         }
         panic!("not commissioned after 20 times");
+    }
+
+    fn assert_last_run_cites_its_calibrations(&self) {
+        let data = self.folder.path().join("data");
+        let reader = Reader::open(&data).unwrap();
+        let run = reader.find("latest").unwrap();
+        let first = reader.records(run.id).unwrap().remove(0).record().unwrap();
+        let Record::RunStarted(started) = first else { panic!("{first:?}") };
+        let kinds: Vec<_> = started.calibrations.iter().map(|cited| &*cited.kind).collect();
+        assert_eq!(kinds, ["stop", "signs", "geometry", "scale"]);
+        for CitedCalibration { kind, person, file, sha256, .. } in started.calibrations {
+            let text = fs::read(data.join("calibrations").join(file)).unwrap();
+            assert_eq!(Digest::from_bytes(Sha256::digest(text).into()).to_string(), sha256);
+            assert_eq!(person, "simulated person", "{kind}");
+        }
     }
 
     fn records(&self) -> usize {
@@ -224,7 +241,7 @@ fn a_change_of_the_rig_file_asks_for_the_steps_that_rest_on_it_and_an_interrupti
 
 #[test]
 fn touches_on_a_hard_block_find_the_geometry_within_its_stated_uncertainty() {
-    let truth = Truth { mm_per_step: 0.001, zero_mm: 0.0, deg_per_step: 0.01, zero_deg: 0.0 };
+    let truth = Truth { mm_per_step: 0.001, zero_mm: 0.0, deg_per_step: 0.01, zero_deg: 0.05 };
     let bench = Bench::new(truth, 7, 0.0);
     let path = bench.folder.path().join("scene.toml");
     let mut scene = fs::read_to_string(&path).unwrap();
@@ -245,17 +262,23 @@ fn touches_on_a_hard_block_find_the_geometry_within_its_stated_uncertainty() {
     let protocol = fs::read_to_string(config("protocols/block.toml")).unwrap();
     let once = bench.folder.path().join("block.toml");
     fs::write(&once, protocol.replacen("repeats = 3", "repeats = 1", 1)).unwrap();
+    assert_eq!(bench.commission(), (1, 0));
+    let home = bench.rigd(&["home"]);
+    assert!(home.status.success(), "{}", stderr(&home));
     let run = bench.rigd(&["run", once.to_str().unwrap()]);
     assert!(matches!(run.status.code(), Some(0 | 6)), "{}", stderr(&run));
+    bench.assert_last_run_cites_its_calibrations();
     let found = bench.rigd(&["commission", "blocks", "latest"]);
     assert!(matches!(found.status.code(), Some(0 | 2)), "{}", stderr(&found));
     let folder = bench.folder.path().join("data/calibrations");
-    let record = fs::read_dir(folder).unwrap().next().unwrap().unwrap().path();
+    let mut records = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let is_of_blocks = |path: &PathBuf| path.to_str().unwrap().contains("/blocks-");
+    let record = records.find(is_of_blocks).unwrap();
     let record: toml::Table = fs::read_to_string(record).unwrap().parse().unwrap();
     assert_eq!(record["kind"].as_str(), Some("blocks"));
     assert!(record["screw_mm"].as_array().unwrap().len() > 5);
     // From the scene.
-    let truths = [10.03, 4.02, 0.32, 0.0];
+    let truths = [10.03, 4.02, 0.32, 0.05];
     for (value, truth) in record["values"].as_array().unwrap().iter().zip(truths) {
         let (found, sigma) =
             (value["value"].as_float().unwrap(), value["standard_uncertainty"].as_float().unwrap());
@@ -267,4 +290,11 @@ fn touches_on_a_hard_block_find_the_geometry_within_its_stated_uncertainty() {
     let shown = bench.rigd(&["commission", "show"]);
     let said = String::from_utf8(shown.stdout).unwrap();
     assert!(said.contains("missing: the bench was changed since"), "{said}");
+    // What a run says of one zero of an axis is not added to another.
+    bench.change_rig_file("as the rig file says: rotary.zero_deg = 0 must be changed to 0.05");
+    let again = bench.rigd(&["commission", "blocks", "latest"]);
+    assert_eq!(again.status.code(), Some(2));
+    let why =
+        "block-1 was made with other values of [linear] or [rotary] than the rig file has now";
+    assert!(stderr(&again).contains(why), "{}", stderr(&again));
 }

@@ -107,6 +107,7 @@ fn what_was_recorded_proves_the_files_until_they_change() {
         device,
         instrument: instrument.to_owned(),
         roles: roles.to_vec(),
+        trouble: None,
     };
     let analyzer = [Role::Identity, Role::Setup, Role::Reading];
     let all =
@@ -172,7 +173,9 @@ fn a_transcript_that_is_damaged_or_of_another_instrument_is_refused() {
         let found = check();
         assert!(found.contains(said), "{found}\ndoes not say: {said}");
     }
-    assert_eq!(bench.unproven()[0].roles.len(), 3);
+    let Unproven { roles, trouble, .. } = &bench.unproven()[0];
+    assert_eq!(roles.len(), 3);
+    assert!(trouble.as_ref().is_some_and(|why| why.contains("transcript:4")), "{trouble:?}");
 }
 
 #[test]
@@ -193,7 +196,7 @@ fn a_correction_is_kept_with_its_cable_and_its_date() {
         is_done && text.contains("open   off  made 2") && text.contains("for RG174, blue"),
         "{text}"
     );
-    assert!(text.contains("short  off  never made with this data directory"), "{text}");
+    assert!(text.contains("short  off  never made for this analyzer"), "{text}");
     let (is_done, text) = compensate(&["short", "--cable", "x", "--length-m", "3"]);
     assert!(
         !is_done

@@ -1,10 +1,35 @@
-//! Directories that outlive a power cut.
+//! Directories and copies that outlive a power cut.
 
 use std::{
     fs::{self, File},
     io,
     path::Path,
 };
+
+/// Copies what stands beside a journal, if it is there: a file, or a folder with its files and without the folders in it.
+/// The copy is on the disk when this returns.
+///
+/// # Errors
+/// [`io::Error`] of a file that cannot be read or written.
+pub fn copy_beside(from: &Path, to: &Path) -> io::Result<()> {
+    if from.is_dir() {
+        make_directory(to)?;
+        for entry in fs::read_dir(from)? {
+            let entry = entry?;
+            if entry.file_type()?.is_file() {
+                copy_beside(&entry.path(), &to.join(entry.file_name()))?;
+            }
+        }
+        return File::open(to)?.sync_all();
+    }
+    match fs::copy(from, to) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound && !from.exists() => Ok(()),
+        copied => {
+            copied?;
+            File::open(to)?.sync_all()
+        }
+    }
+}
 
 /// Makes a directory, and those above it, where they are missing. The disk has their names then: what is flushed
 /// within a directory is lost with the directory if that is not.

@@ -34,7 +34,7 @@ mod sql;
 mod tests;
 
 pub use backup::{BackedUpRun, back_up};
-pub use directory::make_directory;
+pub use directory::{copy_beside, make_directory};
 pub use error::{SqliteError, StoreError};
 pub use excerpt::excerpt;
 pub use journal::{Journal, Store};
@@ -43,14 +43,14 @@ pub use reader::{Interruption, Pages, ProbeWord, Reader, intact};
 pub use restore::restore;
 pub use rig_record::{
     Action, Aim, AimPart, AimSettings, Amended, Amendment, Archived, Axis, BenchSettings, BlackBox,
-    Chain, ChainCheck, Change, CheckedSurface, Circuit, Clearance, ClockJumped, Confirmed, Descent,
-    Device, Digest, Direction, Ending, Expected, Extra, Fault, FitNoise, FitSettings, FitTiming,
-    Flaw, Frame, GivenUp, Halfway, Intent, ListEntry, LostSurface, Move, MoveReason, NearCircuit,
-    Operator, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked, ReadingFlag,
-    ReadingRecord, Record, RefusalAnswered, RefusalAsked, RefusedTouch, Resumed, RetractTried, Run,
-    RunFinished, RunId, RunKind, RunStarted, RunStatus, Sample, SealedRun, Source, Stalled,
-    StateChanged, StepStarted, StoredRecord, Stretch, Surface, SurfaceReading, Sweep, SweepOutcome,
-    SweepPurpose, Touch, TouchPosition, TouchSettings, WayPoint,
+    Chain, ChainCheck, Change, CheckedSurface, Circuit, CitedCalibration, Clearance, ClockJumped,
+    Confirmed, Descent, Device, Digest, Direction, Ending, Expected, Extra, Fault, FitNoise,
+    FitSettings, FitTiming, Flaw, Frame, GivenUp, Halfway, Intent, ListEntry, LostSurface, Move,
+    MoveReason, NearCircuit, Operator, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked,
+    ReadingFlag, ReadingRecord, Record, RefusalAnswered, RefusalAsked, RefusedTouch, Resumed,
+    RetractTried, Run, RunFinished, RunId, RunKind, RunStarted, RunStatus, Sample, SealedRun,
+    Source, Stalled, StateChanged, StepStarted, StoredRecord, Stretch, Surface, SurfaceReading,
+    Sweep, SweepOutcome, SweepPurpose, Touch, TouchPosition, TouchSettings, WayPoint,
 };
 pub use salvage::{SalvagedRun, salvage};
 pub use schema::FORMAT;

@@ -14,6 +14,10 @@ const REACH_DEG: f64 = 20.0;
 /// Tilts that are nearer count as one, degrees.
 const SAME_DEG: f64 = 1.0;
 
+/// Largest χ² per degree of freedom: touches that scatter twice as much as stated. A touch that is a part of a
+/// millimetre off, as one in the air, makes it larger with every screw that is tried.
+const MISFIT: f64 = 4.0;
+
 /// Gauss and Newton converge in three or four steps from the coarse start.
 const STEPS: usize = 30;
 const CONVERGED: f64 = 1e-9;
@@ -63,13 +67,20 @@ pub fn fit(
     enough(touches)?;
     let mut start = coarse(touches);
     let mut all = Vec::new();
+    let mut likeliest: Option<Fitted> = None;
     for screw in Screw::all() {
-        let fitted = with_screw(touches, noise, screw, start).ok_or(NoGeometry::NoSolution)?;
+        // Touches that are far off lead nowhere with a screw of micrometres.
+        let Some(fitted) = with_screw(touches, noise, screw, start) else { continue };
         start = fitted.unknowns;
         let map = heights_mm.iter().map(|height| fitted.screw_error(touches, *height));
         all.push((fitted.log_weight, fitted.unknowns, fitted.covariance, map.collect::<Vec<_>>()));
+        if likeliest.as_ref().is_none_or(|other| other.log_weight < fitted.log_weight) {
+            likeliest = Some(fitted);
+        }
     }
-    let highest = all.iter().map(|(weight, ..)| *weight).fold(f64::NEG_INFINITY, f64::max);
+    let likeliest = likeliest.ok_or(NoGeometry::NoSolution)?;
+    likeliest.check_scatter(touches)?;
+    let highest = likeliest.log_weight;
     let total: f64 = all.iter().map(|(weight, ..)| (weight - highest).exp()).sum();
     let share = |weight: f64| (weight - highest).exp() / total;
     let mean: Vector = std::array::from_fn(|i| all.iter().map(|(w, x, ..)| share(*w) * x[i]).sum());
@@ -124,6 +135,14 @@ fn enough(touches: &[BlockTouch]) -> Result<(), NoGeometry> {
 fn coarse(touches: &[BlockTouch]) -> Vector {
     let level = touches.iter().min_by(|a, b| a.tilt_deg.abs().total_cmp(&b.tilt_deg.abs()));
     [level.map_or(0.0, |touch| touch.height_mm - touch.raised_mm), 4.0, 0.0, 0.0]
+}
+
+/// How far a touch is off.
+#[derive(Debug, Clone, Copy)]
+struct Off {
+    mm: f64,
+    /// The same in standard deviations.
+    sigmas: f64,
 }
 
 /// A fit with one assumption about the screw.
@@ -189,7 +208,7 @@ fn with_screw(
         for (unknown, step) in unknowns.iter_mut().zip(step) {
             *unknown += step;
         }
-        // Beyond half a right angle the start was hopeless.
+        // Beyond half a right angle, the start leads to no solution.
         if unknowns[3].abs() > 0.8 {
             return None;
         }
@@ -198,16 +217,45 @@ fn with_screw(
 }
 
 impl Fitted {
+    /// Refuses touches that scatter too much about the geometry, and names the one that fits worst with the others.
+    fn check_scatter(&self, touches: &[BlockTouch]) -> Result<(), NoGeometry> {
+        let found = dot(&self.residuals, &self.residuals) / (touches.len() - UNKNOWNS) as f64;
+        if found <= MISFIT {
+            return Ok(());
+        }
+        let offs = (0..touches.len()).map(|index| (index, self.off_the_others(index)));
+        let worst = offs.max_by(|(_, a), (_, b)| a.sigmas.abs().total_cmp(&b.sigmas.abs()));
+        let (index, Off { mm, .. }) = worst.ok_or(NoGeometry::NoSolution)?;
+        let BlockTouch { tilt_deg, height_mm, .. } = touches[index];
+        Err(NoGeometry::Scattered { found, limit: MISFIT, tilt_deg, height_mm, off_mm: mm })
+    }
+
+    /// How far a touch lies off what the others say of it, which a fit without it would find.
+    ///
+    /// # Source
+    /// Cook and Weisberg, Residuals and Influence in Regression (1982), section 2.2.
+    fn off_the_others(&self, index: usize) -> Off {
+        let count = self.residuals.len();
+        let unit: Vec<f64> = (0..count).map(|other| f64::from(u8::from(other == index))).collect();
+        let whitened = self.factor.whiten(&unit);
+        let slopes = self.columns.each_ref().map(|column| dot(column, &whitened));
+        let weight = dot(&whitened, &whitened) - self.quadratic(&slopes);
+        let pull = dot(&whitened, &self.residuals);
+        Off { mm: pull / weight, sigmas: pull / weight.max(f64::MIN_POSITIVE).sqrt() }
+    }
+
+    /// xᵀ C x with the covariance C.
+    fn quadratic(&self, x: &Vector) -> f64 {
+        self.covariance.iter().zip(x).map(|(row, x_i)| x_i * dot(row, x)).sum()
+    }
+
     /// The error of the screw at a height, mm, and its variance, mm².
     fn screw_error(&self, touches: &[BlockTouch], height_mm: f64) -> (f64, f64) {
         let shared: Vec<f64> =
             touches.iter().map(|touch| self.screw.covariance(touch.height_mm, height_mm)).collect();
         let shared = self.factor.whiten(&shared);
         let lost = self.columns.each_ref().map(|column| dot(column, &shared));
-        let from_geometry: f64 = (0..UNKNOWNS)
-            .flat_map(|i| (0..UNKNOWNS).map(move |j| (i, j)))
-            .map(|(i, j)| lost[i] * self.covariance[i][j] * lost[j])
-            .sum();
+        let from_geometry = self.quadratic(&lost);
         let prior = self.screw.covariance(height_mm, height_mm);
         (dot(&shared, &self.residuals), prior - dot(&shared, &shared) + from_geometry)
     }

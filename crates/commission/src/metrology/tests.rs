@@ -1,4 +1,4 @@
-//! Touches on benches whose screw is none of those that the fit assumes.
+//! Touches on benches with screws that the fit does not assume.
 
 use rig_model::random::{Stream, normal_at};
 
@@ -145,6 +145,28 @@ fn the_map_of_the_screw_makes_a_depth_less_wrong() {
         mapped += (is - map).powi(2);
     }
     assert!(mapped < 0.5 * raw, "{mapped} of {raw} mm²");
+}
+
+#[test]
+fn a_touch_that_is_off_is_named() {
+    for seed in 0..20 {
+        let chance = &mut Stream::new(seed, 5);
+        let screw = Screw::Broken(0.014, 0.3, seed);
+        let truth = Truth { geometry: [10.0, 4.5, 0.3, 0.2], screw };
+        let mut all = touches(&truth, &[0.0], chance);
+        assert!(fit(&all, &NOISE, &[]).is_ok(), "seed {seed}");
+        let wrong = usize::try_from(seed).unwrap();
+        all[wrong].height_mm += 0.5;
+        let refused = fit(&all, &NOISE, &[]).unwrap_err();
+        let NoGeometry::Scattered { tilt_deg, height_mm, .. } = refused else {
+            panic!("seed {seed}: {refused:?}")
+        };
+        assert_eq!(
+            (tilt_deg, height_mm),
+            (all[wrong].tilt_deg, all[wrong].height_mm),
+            "seed {seed}"
+        );
+    }
 }
 
 #[test]

@@ -1,6 +1,8 @@
 //! How far each axis goes: a dial gauge for the probe, an angle gauge for the table. The way grows only while
 //! what is seen agrees with what was asked: a scale that is ten times too large is found by the shortest step.
 
+use std::ops::RangeInclusive;
+
 use rig_files::rig_file::RigFile;
 use rig_model::{Scale, Unit};
 
@@ -36,6 +38,10 @@ const GAUGE_LIMIT_DEG: f64 = 0.1;
 /// A way agrees with what was asked within this share and two divisions: enough to go on with a longer one.
 const COARSE_REL: f64 = 0.15;
 
+/// A gauge shows a scale if it goes the same way as the drive says, by a part of it within these limits. The sign is
+/// shown by then.
+const PLAUSIBLE: RangeInclusive<f64> = 0.02..=50.0;
+
 /// Limits of acceptance.
 const SCALE_REL: f64 = 0.003;
 const TILT_DEG: f64 = 0.3;
@@ -70,8 +76,9 @@ async fn linear<B: Bench>(rig: &RigFile, bench: &mut B) -> Result<Found, Early<B
     for way in COARSE_WAYS_MM {
         let there = jog(bench, JogAxis::Linear, inwards * way).await?.way();
         let agreement = Agreement::new(READINGS, 2.0 * DIAL_STEP_MM);
-        let scale = agreed(bench, Asked::Dial, agreement).await? / there;
+        let read = agreed(bench, Asked::Dial, agreement).await?;
         jog(bench, JogAxis::Linear, -inwards * way).await?;
+        let scale = ratio(JogAxis::Linear, read, there)?;
         if (scale - 1.0).abs() > COARSE_REL + 2.0 * DIAL_STEP_MM / way {
             let (value, changes) = found(scale, DIAL_STEP_MM / way, 2);
             return Ok((vec![value], changes.into()));
@@ -81,8 +88,14 @@ async fn linear<B: Bench>(rig: &RigFile, bench: &mut B) -> Result<Found, Early<B
     let gauge = DIAL_LIMIT_MM.hypot(DIAL_STEP_MM / 2.0) / 3.0_f64.sqrt();
     // A few windows may agree by chance.
     let screw = excess.sigma.max(SCREW_MM / (WINDOWS as f64).sqrt());
-    let (value, changes) =
-        found(1.0 + excess.value / (inwards * WAY_MM), gauge.hypot(screw) / WAY_MM, 5);
+    let scale = 1.0 + excess.value / (inwards * WAY_MM);
+    if (scale - 1.0).abs() > 2.0 * COARSE_REL {
+        return Err(Early::Failed(format!(
+            "over {WAY_MM} mm the probe goes {scale:.3} times as far as its drive says, and over {} mm it did not",
+            COARSE_WAYS_MM[1]
+        )));
+    }
+    let (value, changes) = found(scale, gauge.hypot(screw) / WAY_MM, 5);
     let is_wrong = (value.value - 1.0).abs() > SCALE_REL;
     Ok((vec![value], if is_wrong { changes.into() } else { Vec::new() }))
 }
@@ -110,7 +123,7 @@ async fn rotary<B: Bench>(rig: &RigFile, bench: &mut B) -> Result<Found, Early<B
     for way in TURNS_DEG {
         let there = read_tilt(bench, way).await?;
         jog(bench, JogAxis::Rotary, -way).await?;
-        let ratio = (there.1 - begin.1) / (there.0 - begin.0);
+        let ratio = ratio(JogAxis::Rotary, there.1 - begin.1, there.0 - begin.0)?;
         if (ratio - 1.0).abs() > COARSE_REL + 2.0 * GAUGE_STEP_DEG / way {
             let value = Value {
                 name: "rotary.scale",
@@ -153,6 +166,19 @@ async fn rotary<B: Bench>(rig: &RigFile, bench: &mut B) -> Result<Found, Early<B
         changes.push(Change { key: keys[1], from: zero, to });
     }
     Ok((values, changes))
+}
+
+/// How many times as far as its drive says an axis goes by a gauge.
+fn ratio<T>(axis: JogAxis, read: f64, made: f64) -> Result<f64, Early<T>> {
+    let ratio = read / made;
+    if PLAUSIBLE.contains(&ratio) {
+        return Ok(ratio);
+    }
+    let (name, unit) = (axis.name(), axis.unit());
+    Err(Early::Failed(format!(
+        "the drive of the {name} says that it went {made:+.3} {unit}, and the gauge {read:+.3} {unit}: neither sign nor \
+         length agree well enough for a scale"
+    )))
 }
 
 /// The step of a drive whose axis goes `ratio` times as far as it says, with the zero that leaves the axis where it

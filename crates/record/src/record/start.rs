@@ -22,6 +22,9 @@ pub struct RunStarted {
     pub scene: Option<Source>,
     /// Devices on the ports.
     pub devices: Vec<Device>,
+    /// The calibrations of the bench that held when the run began; none for a simulated bench that is as described.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub calibrations: Vec<CitedCalibration>,
     /// The samples, in the protocol's order.
     pub samples: Vec<Sample>,
     /// Size of the plan.
@@ -69,6 +72,21 @@ pub struct Device {
     pub role: String,
     /// Identity that the device reported.
     pub identity: String,
+}
+
+/// A calibration of the bench that a run cites.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CitedCalibration {
+    /// What it shows, such as `scale`.
+    pub kind: String,
+    /// When it was made, UTC.
+    pub made: String,
+    /// Name of the person who saw it.
+    pub person: String,
+    /// Name of its file in `calibrations` of the data directory.
+    pub file: String,
+    /// SHA-256 of the file.
+    pub sha256: String,
 }
 
 /// A sample of the protocol, with its known stiffness.

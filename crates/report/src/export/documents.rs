@@ -92,6 +92,7 @@ fn start(results: &RunResults, uid: &str, began_s: f64) -> Value {
         "seed": of(started.map(|started| json!(started.seed))),
         "samples": of(started.map(|started| json!(started.samples))),
         "devices": of(started.map(|started| json!(started.devices))),
+        "calibrations": of(started.map(|started| json!(started.calibrations))),
         "protocol_toml": of(started.map(|started| json!(started.protocol.toml))),
         "rig_toml": of(started.map(|started| json!(started.rig.toml))),
     })

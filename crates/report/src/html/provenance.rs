@@ -1,7 +1,7 @@
 //! The origin of the numbers.
 
 use maud::{Markup, Render, html};
-use rig_record::{ChainCheck, Run, RunStarted, Source};
+use rig_record::{ChainCheck, CitedCalibration, Run, RunStarted, Source};
 
 use super::RunVerdict;
 use crate::data::RunData;
@@ -24,6 +24,7 @@ pub(super) fn provenance(
                 (fact("program", &started.software))
                 (fact("seed", started.seed))
                 @for device in &started.devices { (fact(&device.role, &device.identity)) }
+                @for calibration in &started.calibrations { (cited(calibration)) }
             }
             (fact("sealed", if run.is_sealed { "yes" } else { "no: it can be resumed" }))
             @match check {
@@ -71,6 +72,13 @@ fn keys_of<'a>(toml: &'a str, table: &str) -> impl Iterator<Item = &'a str> {
     let lines = lines.take_while(|line| !line.starts_with('['));
     let lines = lines.map(|line| line.split(" #").next().unwrap_or_default().trim());
     lines.filter(|line| line.contains('=') && !line.starts_with('#'))
+}
+
+/// A calibration of the bench. Its file is found by the beginning of its digest.
+fn cited(calibration: &CitedCalibration) -> Markup {
+    let CitedCalibration { kind, made, person, sha256, .. } = calibration;
+    let digest = sha256.get(..12).unwrap_or(sha256);
+    fact(&format!("calibration: {kind}"), format!("{made}, {person}, SHA-256 {digest}…"))
 }
 
 fn fact(name: &str, value: impl Render) -> Markup {

@@ -397,6 +397,7 @@ pub(crate) fn started(touches: Vec<TouchSettings>) -> Record {
             device("linear stage", "Oriental Motor AZ, unit 1"),
             device("rotary stage", "Oriental Motor AZ, unit 2"),
         ],
+        calibrations: Vec::new(),
         samples: SAMPLES.map(sample).to_vec(),
         plan: PlanSize { steps: 177, touches: 110, prompts: 65 },
         expected: None,

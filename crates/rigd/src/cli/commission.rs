@@ -3,19 +3,21 @@
 mod blocks;
 mod guide;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
 use rig_commission::{
-    BenchChange, Jog, JogAxis, Kind, Standing, Step, Verdict, metrology::NoGeometry, procedure,
+    Basis, BenchChange, Jog, JogAxis, Kind, Standing, Step, Verdict, metrology::NoGeometry,
+    procedure,
 };
+use rig_files::rig_file::RigFile;
 use serde::Serialize;
 
 use self::guide::Guide;
 use super::{
     Failure,
     args::{BenchArgs, DataArgs, OutputArgs, RigArgs},
-    screen::{say, say_clearly},
+    screen::{indented, say, say_clearly},
     session::open_by,
     signals::Signals,
     table::{facts, print, print_json},
@@ -94,7 +96,8 @@ struct JogArgs {
     /// Axis to move
     #[arg(value_enum)]
     axis: AxisName,
-    /// Step from where it stands, mm or degrees: at most 0.2 mm or 1°, and more once the signs are shown
+    /// Step from where it stands, mm or degrees by the rig file: at most 0.2 mm or 1°; up to 10 mm or 31° once stop and signs
+    /// are shown. Until the scale is shown too, a step may be longer than it says: begin with short ones
     #[arg(value_name = "MM|DEG", allow_negative_numbers = true)]
     by: f64,
     /// States that sample and dish are away and a hand is at the stop, without asking for Enter
@@ -145,6 +148,8 @@ pub(super) enum CommissionFailure {
     NoGeometry(#[from] NoGeometry),
     #[error("the bench is not as the rig file says: {changes}")]
     RigFile { changes: String },
+    #[error("{run} was made with other values of [linear] or [rotary] than the rig file has now")]
+    OtherAxes { run: String },
     #[error("{axis}: {trouble}")]
     NoStep { axis: &'static str, trouble: String },
 }
@@ -152,7 +157,7 @@ pub(super) enum CommissionFailure {
 impl CommissionFailure {
     pub(super) const fn exit_code(&self) -> u8 {
         match self {
-            Self::RigFile { .. } | Self::NotAnAnswer(_) => 2,
+            Self::RigFile { .. } | Self::NotAnAnswer(_) | Self::OtherAxes { .. } => 2,
             _ => 1,
         }
     }
@@ -161,6 +166,9 @@ impl CommissionFailure {
         match self {
             Self::Failed { kind, .. } => Some(kind.remedy()),
             Self::NoGeometry(_) => Some(Kind::Blocks.remedy()),
+            Self::OtherAxes { .. } => {
+                Some("run the protocol of the block again, and evaluate that run")
+            }
             Self::RigFile { .. } => Some(
                 "change the rig file, and begin `rigd commission` again: the steps that it changes are made anew",
             ),
@@ -181,23 +189,36 @@ pub(super) fn commission(args: &CommissionArgs) -> Result<(), Failure> {
     }
 }
 
+/// What follows the last step.
+const COMMISSIONED: &str =
+    "The rig is commissioned. `rigd home` brings it into service: it retracts the probe first.";
+
+/// The bench that is commissioned, and where its records are.
+struct CommissionedBench {
+    file: RigFile,
+    basis: Basis,
+    data: PathBuf,
+}
+
 /// Makes the steps that are missing, or one step again.
 fn walk(args: &WalkArgs, again: Option<Step>) -> Result<(), Failure> {
     let (data, operator) = (args.bench.data.dir(), args.bench.operator.name());
     let rig = args.bench.rig.load()?;
-    let file = rig.file.clone();
+    let bench =
+        CommissionedBench { file: rig.file.clone(), basis: rig.basis(), data: data.clone() };
     with_bench(rig, &data, &operator, args.yes, &args.answer, async |guide| {
         if let Some(step) = again {
-            return guide.step(step, &file, &data, args.temperature).await;
+            return guide.step(step, &bench, args.temperature).await;
         }
         loop {
-            let standing = calibrations::standing(&file, &data).map_err(CommissionFailure::from)?;
+            let standing =
+                calibrations::standing(&bench.basis, &data).map_err(CommissionFailure::from)?;
             let Some((step, why)) = standing.missing().next() else {
-                say("The rig is commissioned.");
+                say(COMMISSIONED);
                 return Ok(());
             };
             say_clearly(&format!("Missing: {} ({}).", step.name(), why.text()));
-            guide.step(step, &file, &data, args.temperature).await?;
+            guide.step(step, &bench, args.temperature).await?;
         }
     })
 }
@@ -258,7 +279,7 @@ struct StepView {
 fn show(args: &ShowArgs) -> Result<(), Failure> {
     let rig = args.rig.load()?;
     let standing =
-        calibrations::standing(&rig.file, &args.data.dir()).map_err(CommissionFailure::from)?;
+        calibrations::standing(&rig.basis(), &args.data.dir()).map_err(CommissionFailure::from)?;
     if args.output.json {
         return print_json(&views(&standing));
     }
@@ -276,14 +297,14 @@ fn show(args: &ShowArgs) -> Result<(), Failure> {
 
 /// Writes down that the bench was changed.
 fn changed(args: &ChangedArgs) -> Result<(), Failure> {
-    let (data, rig) = (args.bench.data.dir(), args.bench.rig.load()?);
+    let (data, basis) = (args.bench.data.dir(), args.bench.rig.load()?.basis());
     let change = BenchChange::ALL.into_iter().find(|change| change.name() == args.change);
     for (change, kind) in
         change.iter().flat_map(|change| change.voids().iter().map(move |kind| (*change, *kind)))
     {
         let person = args.bench.operator.name().as_str().to_owned();
         let witness = Witness { person, journal: Vec::new(), temperature_c: None };
-        let path = calibrations::void(&rig.file, &data, (kind, change), witness)
+        let path = calibrations::void(&basis, &data, (kind, change), witness)
             .map_err(CommissionFailure::from)?;
         say(&format!("Record: {}", path.display()));
     }
@@ -342,23 +363,23 @@ impl Guide {
     async fn step(
         &mut self,
         step: Step,
-        file: &rig_files::rig_file::RigFile,
-        data: &Path,
+        bench: &CommissionedBench,
         temperature_c: Option<f64>,
     ) -> Result<(), Failure> {
         let (name, shows) = (step.name(), step.shows());
-        say_clearly(&format!("\nStep {name}: {shows}. Accepted when {}.", step.limit()));
+        say_clearly("");
+        say(&indented(&format!("Step {name}: {shows}. Accepted when {}.", step.limit()), 0));
         say(step.picture());
-        let finding = procedure::carry_out(step, file, self).await?;
+        let finding = procedure::carry_out(step, &bench.file, self).await?;
         let verdict = finding.verdict.clone();
         for value in &finding.values {
-            let unit = if value.unit == "1" { "" } else { value.unit };
+            let unit = if value.unit == "1" { String::new() } else { format!(" {}", value.unit) };
             let (name, value, sigma) = (value.name, value.value, value.standard_uncertainty);
-            say(&format!("{name} = {value:.4} ± {sigma:.4} {unit}"));
+            say(&format!("{name} = {value:.4} ± {sigma:.4}{unit}"));
         }
         let journal = vec![self.session()];
         let witness = Witness { person: self.person(), journal, temperature_c };
-        let path = calibrations::write(file, data, (step.into(), finding), witness)
+        let path = calibrations::write(&bench.basis, &bench.data, (step.into(), finding), witness)
             .map_err(CommissionFailure::from)?;
         say(&format!("Record: {}", path.display()));
         self.read_calibrations().await?;

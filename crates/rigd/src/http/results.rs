@@ -111,6 +111,7 @@ mod tests {
             is_simulated: true,
             scene: None,
             devices: Vec::new(),
+            calibrations: Vec::new(),
             samples: Vec::new(),
             plan: PlanSize { steps: 0, touches: 0, prompts: 0 },
             touches: Vec::new(),

@@ -125,7 +125,7 @@ impl Perform for GatedAnalyzer {
 }
 
 impl GatedAnalyzer {
-    /// The readings of a descent. A stream that breaks off is none of the interlock's faults: the descent ends with
+    /// The readings of a descent. A stream that breaks off is no fault for the interlock: the descent ends with
     /// it, and the next measurement finds the analyzer again.
     async fn stream(&mut self, point: &SweepPoint, level: DriveLevel, stop: &StopSignal) -> Ended {
         self.gate.admit_stream()?;

@@ -18,7 +18,7 @@ use super::{
 /// What the devices have to say.
 #[derive(Debug)]
 pub(super) enum Said {
-    /// Devices are free again that did something that is no operation.
+    /// Devices are free again after work that was no operation.
     Free,
     /// An operation has ended.
     Ended(OperationId, Ended),

@@ -5,8 +5,7 @@ use std::{
     sync::Arc,
 };
 
-use rig_commission::{Standing, Step};
-use rig_files::rig_file::RigFile;
+use rig_commission::{Basis, Standing, Step};
 use rig_interlock::Proven;
 use rig_model::with_causes;
 
@@ -45,7 +44,7 @@ impl Proof {
         if rig.is_put_together_as_described() {
             return Self::COMPLETE;
         }
-        let proof = data.map_or_else(Self::nothing, |data| Self::in_directory(&rig.file, data));
+        let proof = data.map_or_else(Self::nothing, |data| Self::in_directory(&rig.basis(), data));
         proof.with_instruments(unproven_text(&rig.unproven()))
     }
 
@@ -65,8 +64,8 @@ impl Proof {
         Self { proven: Proven::Nothing, missing: Some(missing), unproven: None }
     }
 
-    fn in_directory(rig: &RigFile, data: &Path) -> Self {
-        match calibrations::standing(rig, data) {
+    fn in_directory(basis: &Basis, data: &Path) -> Self {
+        match calibrations::standing(basis, data) {
             Ok(standing) => Self::from(&standing),
             Err(error) => Self::unreadable(&error),
         }
@@ -83,7 +82,7 @@ impl Proof {
         if rig.is_put_together_as_described() {
             return Self::COMPLETE;
         }
-        match calibrations::standing(&rig.file, data) {
+        match calibrations::standing(&rig.basis(), data) {
             Ok(standing) => Self::from(&standing),
             Err(CalibrationsError::File { .. }) => Self::COMPLETE,
             Err(error) => Self::unreadable(&error),
@@ -93,9 +92,10 @@ impl Proof {
 
 /// The unproven roles of instruments, and what proves them.
 fn unproven_text(instruments: &[Unproven]) -> Option<Arc<str>> {
-    let one = |Unproven { device, instrument, roles }: &Unproven| {
+    let one = |Unproven { device, instrument, roles, trouble }: &Unproven| {
         let roles: Vec<_> = roles.iter().map(|role| role.name()).collect();
-        format!("the file of {instrument} ({device}) is unproven: {}", roles.join(", "))
+        let trouble = trouble.as_ref().map_or(String::new(), |trouble| format!(" ({trouble})"));
+        format!("the file of {instrument} ({device}) is unproven: {}{trouble}", roles.join(", "))
     };
     let all: Vec<_> = instruments.iter().map(one).collect();
     let text = || format!("{}; `rigd instrument record` proves it", all.join("; "));
@@ -119,7 +119,7 @@ pub(super) struct Uncommissioned {
     pub(super) purpose: Purpose,
     pub(super) missing: Arc<str>,
     unproven: Option<Arc<str>>,
-    rig: RigFile,
+    basis: Basis,
     /// Its data directory, with the calibrations; `None` in memory.
     data: Option<PathBuf>,
 }
@@ -127,7 +127,7 @@ pub(super) struct Uncommissioned {
 impl Uncommissioned {
     /// `None` for a rig that goes into service.
     pub(super) fn new(
-        rig: &RigFile,
+        basis: Basis,
         data: Option<&Path>,
         purpose: Purpose,
         proof: &Proof,
@@ -138,7 +138,7 @@ impl Uncommissioned {
             (None, Purpose::Service) => return None,
         };
         let (unproven, data) = (proof.unproven.clone(), data.map(Path::to_owned));
-        Some(Self { purpose, missing, unproven, rig: rig.clone(), data })
+        Some(Self { purpose, missing, unproven, basis, data })
     }
 
     /// Number of steps that have a record, also of those that failed.
@@ -150,7 +150,7 @@ impl Uncommissioned {
     /// What the calibrations show now.
     pub(super) fn read_again(&self) -> Proof {
         let data = self.data.as_deref();
-        data.map_or_else(Proof::nothing, |data| Proof::in_directory(&self.rig, data))
+        data.map_or_else(Proof::nothing, |data| Proof::in_directory(&self.basis, data))
             .with_instruments(self.unproven.clone())
     }
 }
@@ -166,6 +166,7 @@ mod tests {
             device: "analyzer",
             instrument: "meter".to_owned(),
             roles: vec![Role::Setup, Role::Reading],
+            trouble: None,
         };
         let text = unproven_text(&[unproven]);
         let said = "the file of meter (analyzer) is unproven: setup, reading; `rigd instrument record` proves it";

@@ -100,6 +100,7 @@ impl Recorder {
             is_simulated: setting.scene.is_some(),
             scene: setting.scene.clone(),
             devices: resume::devices(setting),
+            calibrations: Vec::new(),
             samples: plan.samples.iter().map(sample).collect(),
             plan: store::PlanSize {
                 steps: size(plan.steps.len()),

@@ -11,6 +11,7 @@ use std::{
     time::{Duration, Instant},
 };
 
+use rig_commission::Basis;
 use rig_engine::{
     Admitted, Command, Effect, Engine, Event, Fault, Input, Operation, OperationId, RefusalAnswer,
     RigState,
@@ -77,6 +78,8 @@ pub(super) struct Shell {
     gate: Gate,
     /// The intent that is noted and not yet durable.
     intent: Option<Position<Mm>>,
+    /// What calibrations of the rig rest on; `None` for a simulated bench that is as described and needs none.
+    rests_on: Option<Basis>,
     /// `None` for a rig that is commissioned.
     uncommissioned: Option<Uncommissioned>,
     /// The simulated person, while the rig is commissioned.
@@ -115,7 +118,8 @@ impl Shell {
         let left = InterruptedRig::left(&store.reader().map_err(data_error)?, &name);
         let clock = Clock::start();
         let proof = Proof::of(&rig, store.directory());
-        let uncommissioned = Uncommissioned::new(&rig.file, store.directory(), purpose, &proof);
+        let rests_on = (!rig.is_put_together_as_described()).then(|| rig.basis());
+        let uncommissioned = Uncommissioned::new(rig.basis(), store.directory(), purpose, &proof);
         let proven = match purpose {
             Purpose::Service => proof.proven,
             Purpose::Commissioning => proof.proven.min(Proven::Signs),
@@ -139,6 +143,7 @@ impl Shell {
                 .as_ref()
                 .zip(simulation.as_ref())
                 .and_then(|(rig, simulation)| simulation.person(rig.attempts())),
+            rests_on,
             uncommissioned,
             simulation,
             black_boxes,

@@ -37,7 +37,7 @@ impl Bench {
         Self::with_linear_drive(DriveMake::OrientalAz, 0.001).await
     }
 
-    /// With a linear drive of this make, of so many mm a step.
+    /// With a linear drive of this make, of this many mm a step.
     pub(crate) async fn with_linear_drive(make: DriveMake, mm_per_step: f64) -> Self {
         let scene = shipped("scenes/paper.toml");
         let scene = rig_sim::scene::read("scene", &fs::read_to_string(scene).unwrap()).unwrap();

@@ -11,10 +11,10 @@ mod sweep;
 use sweep::{POSE, STEP, reading};
 
 use crate::{
-    Action, Axis, Clearance, Device, Ending, Fault, Intent, Journal, Move, MoveReason, Phase,
-    PlanSize, Prompt, PromptAnswered, PromptAsked, Record, RefusedTouch, RunFinished, RunStarted,
-    Sample, Source, StepStarted, Surface, SurfaceReading, SweepPurpose, Touch, TouchPosition,
-    TouchSettings,
+    Action, Axis, CitedCalibration, Clearance, Device, Ending, Fault, Intent, Journal, Move,
+    MoveReason, Phase, PlanSize, Prompt, PromptAnswered, PromptAsked, Record, RefusedTouch,
+    RunFinished, RunStarted, Sample, Source, StepStarted, Surface, SurfaceReading, SweepPurpose,
+    Touch, TouchPosition, TouchSettings,
 };
 
 /// A directory that is removed with the value.
@@ -169,6 +169,13 @@ pub(super) fn run_started() -> Record {
         is_simulated: true,
         scene: Some(source("paper")),
         devices: vec![Device { role: "analyzer".to_owned(), identity: "HIOKI,IM3536".to_owned() }],
+        calibrations: vec![CitedCalibration {
+            kind: "scale".to_owned(),
+            made: "2026-11-25T15:30:00Z".to_owned(),
+            person: "ada".to_owned(),
+            file: "scale-20261125T153000.000000Z.toml".to_owned(),
+            sha256: "00".repeat(32),
+        }],
         samples: vec![Sample { name: "agar, \"soft\"".to_owned(), stiffness_mpa: Some(0.104) }],
         plan: PlanSize { steps: 2, touches: 1, prompts: 1 },
         touches: vec![touch_settings()],

@@ -4,12 +4,12 @@ use std::str::FromStr;
 
 use clap::Args;
 use rig_commission::{
-    Change, Finding, Kind, Value,
+    Basis, Change, Finding, Kind, Value,
     metrology::{BlockGeometry, BlockTouch, TouchNoise, fit},
 };
 use rig_files::rig_file::RigFile;
 use rig_model::{ContactAngle, Direction};
-use rig_store::{Reader, Record, Run, StoreError};
+use rig_store::{Reader, Record, Run, Source, StoreError};
 
 use super::{CommissionFailure, judged};
 use crate::{
@@ -20,11 +20,12 @@ use crate::{
         screen::say,
         table::{facts, print},
     },
+    loaded_rig::FileError,
 };
 
 /// Fits surface, rotary axis, probe and the zero of the rotary stage to the touches of a run on a hard flat block, such as
 /// one of `config/protocols/block.toml`, together with the error of the linear screw. Touches do not find the sign of the
-/// rotary stage, nor the radius of the ball
+/// rotary stage, nor the radius of the ball. Runs with other scales and zeros of the axes in the rig file are refused
 #[derive(Debug, Args)]
 pub(super) struct BlocksArgs {
     /// Run on the block: its name such as `block-1`, its id, or `latest`
@@ -75,7 +76,7 @@ pub(super) fn blocks(args: &BlocksArgs) -> Result<(), Failure> {
     let (mut touches, mut ids, mut variance) = (Vec::new(), Vec::new(), 0.0_f64);
     for (run, raised_mm) in runs {
         let run = reader.find(&run)?;
-        for (touch, sigma_mm) in of_run(&reader, &run, raised_mm)? {
+        for (touch, sigma_mm) in of_run(&reader, &run, raised_mm, &rig.basis())? {
             touches.push(touch);
             variance += sigma_mm * sigma_mm;
         }
@@ -95,22 +96,38 @@ pub(super) fn blocks(args: &BlocksArgs) -> Result<(), Failure> {
         journal: ids,
         temperature_c: args.temperature,
     };
-    let path = calibrations::write(&rig.file, &data, (Kind::Blocks, finding), witness)
+    let path = calibrations::write(&rig.basis(), &data, (Kind::Blocks, finding), witness)
         .map_err(CommissionFailure::from)?;
     say(&format!("Record: {}", path.display()));
     judged(Kind::Blocks, verdict)
 }
 
 /// The surfaces that a run has found, each with its standard deviation, mm. The other mounting of the sensor has the ball
-/// elsewhere.
-fn of_run(reader: &Reader, run: &Run, raised_mm: f64) -> Result<Vec<(BlockTouch, f64)>, Failure> {
+/// elsewhere. Heights and tilts of another scale or zero are not those of the present rig file.
+fn of_run(
+    reader: &Reader,
+    run: &Run,
+    raised_mm: f64,
+    basis: &Basis,
+) -> Result<Vec<(BlockTouch, f64)>, Failure> {
     let mut touches = Vec::new();
     for stored in reader.records(run.id)? {
-        if stored.kind != "surface_found" {
+        if !["run_started", "surface_found"].contains(&stored.kind.as_str()) {
             continue;
         }
-        let record = stored.record().map_err(StoreError::from)?;
-        let Record::SurfaceFound(surface) = record else { continue };
+        let surface = match stored.record().map_err(StoreError::from)? {
+            Record::SurfaceFound(surface) => surface,
+            Record::RunStarted(started) => {
+                let Source { name, toml } = &started.rig;
+                let rig = RigFile::read(name, toml).map_err(FileError::Faults)?;
+                // The instrument files of that time are not in the journal.
+                if Basis::of(&rig, [None, None]).sha256(Kind::Scale) != basis.sha256(Kind::Scale) {
+                    return Err(CommissionFailure::OtherAxes { run: run.short_name() }.into());
+                }
+                continue;
+            }
+            _ => continue,
+        };
         let direction = match surface.pose.direction {
             rig_record::Direction::Front => Direction::Front,
             rig_record::Direction::Back => Direction::Back,

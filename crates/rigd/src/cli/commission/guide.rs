@@ -10,7 +10,7 @@ use crate::{
     cli::{
         Failure,
         prompt::Terminal,
-        screen::{say, say_clearly},
+        screen::{indented, say, say_clearly},
         signals::Signals,
     },
     operator::Operator,
@@ -79,7 +79,7 @@ impl Guide {
 
     /// Reads a line at the terminal.
     async fn line(&mut self, question: &'static str, prompt: String) -> Result<String, Failure> {
-        self.terminal.show(Some(prompt));
+        self.terminal.show(Some(indented(&prompt, 0)));
         let line = tokio::select! {
             line = self.terminal.answer() => {
                 line.ok_or(CommissionFailure::Unanswered { question }.into())
@@ -98,12 +98,12 @@ impl Bench for Guide {
         let text = asked.text();
         if let Some(answer) = self.handle.ask_simulated(asked).await? {
             self.is_simulated = true;
-            say(&format!("{text} {SIMULATED_PERSON}: {answer}"));
+            say(&indented(&format!("{text} {SIMULATED_PERSON}: {answer}"), 0));
             return Ok(answer);
         }
         if let Some(given) = self.given.pop_front() {
             let answer = asked.read(&given).map_err(CommissionFailure::from)?;
-            say(&format!("{text} {answer}"));
+            say(&indented(&format!("{text} {answer}"), 0));
             return Ok(answer);
         }
         loop {
@@ -142,7 +142,7 @@ impl Bench for Guide {
                 say(&format!("{axis}: {from:.3} {unit} → {at:.3} {unit}"));
             }
             Ok(_) => {}
-            Err(trouble) => say_clearly(&format!("{axis}: {trouble}")),
+            Err(trouble) => say_clearly(&indented(&format!("{axis}: {trouble}"), 0)),
         }
         Ok(jogged)
     }

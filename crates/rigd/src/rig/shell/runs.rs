@@ -3,11 +3,13 @@
 use std::sync::Arc;
 
 use rig_engine::{Admitted, Command};
+use rig_model::with_causes;
 use rig_protocol::Plan;
-use rig_store::{Expected, Journal, Record, RunId, RunKind, RunStarted};
+use rig_store::{CitedCalibration, Expected, Journal, Record, RunId, RunKind, RunStarted};
 
 use super::Shell;
 use crate::{
+    calibrations,
     protocol_file::LoadedProtocol,
     rig::{
         History, Pace, RequestRefusal, ResumeRefusal, RunView, TouchOrder, amend,
@@ -41,6 +43,7 @@ impl Shell {
                 most_s: expected.most_s,
                 from_touches: u32::try_from(view.history.touches()).unwrap_or(u32::MAX),
             }),
+            calibrations: self.cited(),
             idempotency_key: key,
             ..started
         });
@@ -65,6 +68,18 @@ impl Shell {
             history: Arc::new(history),
             ending: None,
         }
+    }
+
+    /// The calibrations that hold now. Those that cannot be read are not cited.
+    fn cited(&self) -> Vec<CitedCalibration> {
+        let (Some(basis), Some(data)) = (&self.rests_on, self.log.store().directory()) else {
+            return Vec::new();
+        };
+        calibrations::cited(basis, data).unwrap_or_else(|error| {
+            let error = with_causes(&error);
+            tracing::warn!(error, "the calibrations cannot be read, and the run cites none");
+            Vec::new()
+        })
     }
 
     /// What earlier runs took, read before a journal is begun: a journal in memory cannot be read while
