@@ -17,6 +17,7 @@ use rig_store::{ClockJumped, Reader, Record, RunKind, Store};
 use tempfile::TempDir;
 
 const NOTES: &str = r#"{"a run": {"note": "good", "is_starred": true}}"#;
+const CALIBRATION: &str = "calibrations/stop-20261125T153000Z.toml";
 
 fn rigd(args: &[&Path], environment: &[(&str, String)]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_rigd"))
@@ -34,7 +35,7 @@ fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// A folder with a directory `data` and its backup `backup`, of two runs and a note.
+/// A folder with a directory `data` and its backup `backup`, of two runs, a note and the record of a calibration.
 fn backed_up() -> TempDir {
     let folder = TempDir::new().unwrap();
     let (data, backup) = (folder.path().join("data"), folder.path().join("backup"));
@@ -47,6 +48,8 @@ fn backed_up() -> TempDir {
         run.commit().unwrap();
     }
     fs::write(data.join("notes.json"), NOTES).unwrap();
+    fs::create_dir(data.join("calibrations")).unwrap();
+    fs::write(data.join(CALIBRATION), "format = 1").unwrap();
     let done = rigd(&[Path::new("backup"), &backup, Path::new("--data"), &data], &[]);
     assert!(done.status.success(), "{}", said(&done));
     folder
@@ -59,6 +62,7 @@ fn assert_restored(data: &Path, here: &str) {
     assert_eq!(runs.len(), 2, "{here}");
     assert!(runs.iter().all(|run| reader.records(run.id).unwrap().len() == 3), "{here}");
     assert_eq!(fs::read_to_string(data.join("notes.json")).unwrap(), NOTES, "{here}");
+    assert_eq!(fs::read_to_string(data.join(CALIBRATION)).unwrap(), "format = 1", "{here}");
 }
 
 #[test]
@@ -104,6 +108,7 @@ fn a_backup_with_a_flaw_is_not_restored_and_the_flaw_is_named() {
     let done = rigd(&[Path::new("salvage"), &salvaged, Path::new("--data"), &backup], &[]);
     assert!(done.status.success(), "{}", said(&done));
     assert_eq!(Reader::open(&salvaged).unwrap().runs().unwrap().len(), 2);
+    assert!(salvaged.join("notes.json").exists() && salvaged.join(CALIBRATION).exists());
 }
 
 #[test]

@@ -7,13 +7,13 @@ use std::{
     path::Path,
 };
 
-use crate::{BackedUpRun, StoreError, backup, lock, lock::DirectoryLock, schema};
+use crate::{BackedUpRun, StoreError, backup, copy_beside, lock, lock::DirectoryLock, schema};
 
 /// The copy is here until it has been read. One that is left was broken off.
 const STAGE: &str = "restore.part";
 
-/// Copies the journal in `backup` to `to`, an absent or empty directory, with those of the files `beside` that the
-/// backup has. The copy gets its place when every run in it was read and found whole; if one has a flaw, which the
+/// Copies the journal in `backup` to `to`, an absent or empty directory, with those of the files and folders `beside` that
+/// the backup has. The copy gets its place when every run in it was read and found whole; if one has a flaw, which the
 /// list then says, nothing is restored. A restoration that was broken off is begun anew.
 ///
 /// # Errors
@@ -64,11 +64,14 @@ fn occupant(directory: &Path, but: &[&str]) -> io::Result<Option<OsString>> {
 /// Moves the copy to its place, the journal last: a directory with a journal has everything.
 fn place(backup: &Path, stage: &Path, to: &Path, beside: &[&str]) -> io::Result<()> {
     for name in beside {
-        let (copy, staged) = (backup.join(name), stage.join(name));
+        let (copy, staged, placed) = (backup.join(name), stage.join(name), to.join(name));
         if copy.exists() {
-            fs::copy(copy, &staged)?;
-            File::open(&staged)?.sync_all()?;
-            fs::rename(&staged, to.join(name))?;
+            copy_beside(&copy, &staged)?;
+            if placed.is_dir() {
+                // Of a restoration that was broken off: a folder does not take the place of a full one.
+                fs::remove_dir_all(&placed)?;
+            }
+            fs::rename(&staged, placed)?;
         }
     }
     File::open(to)?.sync_all()?;

@@ -161,7 +161,7 @@ impl Found {
         };
         self.flaw = self.flaw.or(flaw);
         if self.flaw.is_some() {
-            // Its entry in the list is incomplete, so that the new journal vouches for it.
+            // Its entry in the list is incomplete, so that the new journal confirms it.
             self.entry.journal = new.query_row("SELECT journal FROM meta", [], |row| row.get(0))?;
         }
         status.clone_into(&mut self.status);

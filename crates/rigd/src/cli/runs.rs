@@ -14,10 +14,12 @@ use serde::Serialize;
 use super::{
     Failure,
     args::{DataArgs, OperatorArgs, OutputArgs, RunArg, TouchArgs},
+    compensate::FILE as CORRECTIONS,
     table::{columns, duration, note, print, print_json},
 };
 use crate::{
     archive,
+    calibrations::FOLDER as CALIBRATIONS,
     interruption::{ADVICE, InterruptionView},
     local_time,
     rig::{self, RequestRefusal},
@@ -223,8 +225,9 @@ pub(super) struct BackupArgs {
     data: DataArgs,
 }
 
-/// The notes of people are the only other thing that cannot be made again from the journal.
-const NOTES: &str = "notes.json";
+/// What a data directory has beside its journal that cannot be made again from it: notes of people, corrections of the
+/// analyzer, and the calibrations.
+const BESIDE: [&str; 3] = ["notes.json", CORRECTIONS, CALIBRATIONS];
 
 /// Copies a journal that may be written meanwhile, and checks the copy.
 pub(super) fn back_up(args: &BackupArgs) -> Result<(), Failure> {
@@ -237,13 +240,19 @@ pub(super) fn back_up(args: &BackupArgs) -> Result<(), Failure> {
         Failure::Data { data: data.clone(), source }
     };
     let runs = rig_store::back_up(&from, &args.to).map_err(data_error)?;
-    let (notes, copy) = (from.join(NOTES), args.to.join(NOTES));
-    if notes.exists() {
-        fs::copy(&notes, &copy).map_err(|source| Failure::File { path: copy, source })?;
-    }
+    copy_all_beside(&from, &args.to)?;
     let is_whole = is_whole(&runs);
     print(&format!("{} copied to {}, and read there", sizes(&runs), args.to.display()))?;
     if is_whole { Ok(()) } else { Err(Failure::NotSound) }
+}
+
+/// Copies what a data directory has beside its journal.
+fn copy_all_beside(from: &Path, to: &Path) -> Result<(), Failure> {
+    BESIDE.into_iter().try_for_each(|name| {
+        let copy = to.join(name);
+        rig_store::copy_beside(&from.join(name), &copy)
+            .map_err(|source| Failure::File { path: copy, source })
+    })
 }
 
 #[derive(Debug, Args)]
@@ -264,7 +273,7 @@ pub(super) fn restore(args: &RestoreArgs) -> Result<(), Failure> {
         };
         Failure::Data { data: data.clone(), source }
     };
-    let runs = rig_store::restore(&args.backup, &to, &[NOTES]).map_err(data_error)?;
+    let runs = rig_store::restore(&args.backup, &to, &BESIDE).map_err(data_error)?;
     if !is_whole(&runs) {
         let backup = args.backup.display();
         note(&format!(
@@ -303,6 +312,7 @@ pub(super) fn salvage(args: &SalvageArgs) -> Result<(), Failure> {
         Failure::Data { data: data.clone(), source }
     };
     let salvaged = rig_store::salvage(&from, &args.to).map_err(data_error)?;
+    copy_all_beside(&from, &args.to)?;
     let view = |run: rig_store::SalvagedRun| SalvagedView {
         run_id: run.id,
         name: run.name,
