@@ -39,7 +39,7 @@ pub enum TlsFile {
     SelfSigned,
     /// With these files (PEM).
     Files {
-        /// The certificate and those that vouch for it.
+        /// The certificate with its chain.
         certificate: PathBuf,
         /// The key of the certificate.
         key: PathBuf,

@@ -10,6 +10,7 @@
 pub mod access;
 mod changes;
 mod events;
+mod expiry;
 mod export;
 mod frames;
 mod guard;
@@ -26,6 +27,7 @@ mod notes;
 mod object;
 pub mod openapi;
 mod page;
+mod places;
 mod plan;
 mod problem;
 mod progress;
@@ -82,11 +84,13 @@ use access::Access;
 pub(crate) use guard::FOREIGN_PAGE;
 use lease::Lease;
 use metrics::{Happened, Verdicts};
+use places::Places;
 use problem::Problem;
 pub(crate) use reload::{Changed, Kept, ReloadRefusal, ReloadRequest, Reloaded};
 use results::ResultsCache;
 use room::Room;
 pub use server::serve;
+use tls::Tls;
 
 /// Interval at which the last uses of tokens are written. A crash loses those since.
 const USES_KEPT: Duration = Duration::from_secs(60);
@@ -108,6 +112,8 @@ struct Inner {
     queue: queue::Keeper,
     /// Who is told what happens on the rig, if anybody.
     notifications: RwLock<Option<Arc<Post>>>,
+    /// The TLS of the listener, if clients must speak it.
+    tls: OnceLock<Tls>,
     /// To the task that reads the configuration again.
     reloads: OnceLock<mpsc::Sender<ReloadRequest>>,
     results: ResultsCache,
@@ -121,9 +127,8 @@ struct Inner {
     hub: hub::Hub,
     /// The event streams with the live rig.
     watching: Arc<AtomicUsize>,
-    room: Room,
-    /// The event streams that may still be opened.
-    streams: Arc<Semaphore>,
+    /// The places of event streams.
+    streams: Arc<Places>,
     /// The exports that may still begin.
     exports: Arc<Semaphore>,
     /// Held from the search for a key in the journal until the run that it belongs to has begun, so
@@ -150,7 +155,7 @@ impl Shared {
     ) -> Self {
         let room = Room::now();
         let hub = hub::Hub::new(&rig.status().borrow());
-        let streams = Arc::new(Semaphore::new(room.streams));
+        let streams = Places::new(room.streams, room.streams_of_token);
         let exports = Arc::new(Semaphore::new(export::EXPORTS_MAX));
         let (keyed, noted) = (Mutex::new(()), Mutex::new(()));
         let (happened, queue) = (Mutex::default(), queue::Keeper::default());
@@ -164,6 +169,7 @@ impl Shared {
             lease,
             queue,
             notifications: RwLock::default(),
+            tls: OnceLock::new(),
             reloads: OnceLock::new(),
             results,
             builders,
@@ -171,7 +177,6 @@ impl Shared {
             verdicts: Verdicts::default(),
             hub,
             watching: Arc::default(),
-            room,
             streams,
             exports,
             keyed,
@@ -184,6 +189,11 @@ impl Shared {
     /// The rig as it is now.
     pub(crate) fn status(&self) -> Status {
         self.inner.rig.status().borrow().clone()
+    }
+
+    /// Shows when the certificate of the daemon expires among the figures of the service.
+    pub(crate) fn show_certificate(&self, tls: &Tls) {
+        _ = self.inner.tls.set(tls.clone());
     }
 
     /// Shows the notifications among the figures of the service.

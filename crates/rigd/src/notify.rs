@@ -10,6 +10,7 @@
 
 mod mail;
 mod outbox;
+mod rate;
 mod target;
 mod words;
 
@@ -26,11 +27,15 @@ use jiff::{Timestamp, tz::TimeZone};
 use rig_files::service_file::{EventKind, NotificationsFile};
 use rig_model::with_causes;
 use rig_store::{Reader, Record, StoreError, StoredRecord};
-use tokio::{sync::watch, time::sleep};
+use tokio::{
+    sync::watch,
+    time::{Instant, sleep},
+};
 use tokio_util::sync::CancellationToken;
 
 use self::{
     outbox::{Attempts, Fate, Message, Note, Outbox, Turn},
+    rate::Rate,
     target::{SendError, Target},
     words::RunName,
 };
@@ -322,12 +327,17 @@ impl Post {
     /// Sends the messages to one target, one after the other, for ever.
     async fn deliver(&self, target: &Target) {
         let mut changed = self.changed.subscribe();
+        let mut rate = Rate::new(target.per_minute);
         loop {
+            if let Some(wait) = rate.wait(Instant::now()) {
+                sleep(wait).await;
+            }
             changed.mark_unchanged();
             let now = unix_ms();
             let turn = self.lock().turn(&target.name, now, self.is_quiet(now));
             match turn {
                 Turn::Send(message) => {
+                    rate.begin(Instant::now());
                     let sent = target.send(&message).await;
                     self.settle(target, &message, sent);
                 }

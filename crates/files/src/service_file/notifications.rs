@@ -19,7 +19,7 @@ pub struct NotificationsFile {
     pub attempts: u32,
     /// Time limit of an attempt, s.
     pub attempt_s: f64,
-    /// Certificates (PEM) that vouch for `https` targets.
+    /// Certificates (PEM) of the authorities that `https` targets are checked against.
     pub certificates: PathBuf,
     /// Those who are told.
     pub targets: Vec<TargetFile>,
@@ -34,6 +34,8 @@ pub struct TargetFile {
     pub via: Via,
     /// The kinds of what it is told.
     pub events: Vec<EventKind>,
+    /// Attempts in a minute at most.
+    pub per_minute: u32,
 }
 
 /// How a target is reached.
@@ -212,6 +214,7 @@ fn target(table: &mut Table<'_>, folder: &Path) -> (Setting<String>, TargetFile)
     let sendmail = path(table, "sendmail", folder);
     let kinds = EventKind::ALL.map(|kind| (kind.name(), kind));
     let events = table.choice("events", kinds).list().optional();
+    let per_minute = table.count("per_minute").range(1..=600).or(20).value;
     let is_mail = kind.value == Kind::Mail;
     if kind.sound().is_some() {
         let others = if is_mail {
@@ -239,8 +242,8 @@ fn target(table: &mut Table<'_>, folder: &Path) -> (Setting<String>, TargetFile)
     let listed = |events: Setting<Vec<Setting<EventKind>>>| {
         events.value.into_iter().map(|event| event.value).collect()
     };
-    let target =
-        TargetFile { name: name.value.clone(), via, events: events.map_or_else(all, listed) };
+    let events = events.map_or_else(all, listed);
+    let target = TargetFile { name: name.value.clone(), via, events, per_minute };
     (name, target)
 }
 
@@ -346,7 +349,7 @@ mod tests {
         let [a, b, c] = &read.targets[..] else { panic!("{:?}", read.targets) };
         let url = Url::File("/etc/rigd/a.url".into());
         assert_eq!(a.via, Via::Webhook(Address { url, token_file: None }));
-        assert_eq!(a.events, EventKind::ALL);
+        assert_eq!((a.events.as_slice(), a.per_minute), (EventKind::ALL.as_slice(), 20));
         let url = Url::Text("https://[::1]:8/b".to_owned());
         assert_eq!(b.via, Via::Ntfy(Address { url, token_file: Some("/b".into()) }));
         assert_eq!(b.events, [EventKind::Fault]);

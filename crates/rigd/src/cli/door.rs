@@ -67,6 +67,11 @@ pub(super) struct Door {
 }
 
 impl Door {
+    /// The TLS of the listener.
+    pub(super) const fn tls(&self) -> Option<&Tls> {
+        self.tls.as_ref()
+    }
+
     /// Takes the socket of the service manager, or binds the wanted address.
     ///
     /// # Errors

@@ -7,6 +7,7 @@ use std::{
 };
 
 use clap::Args;
+use jiff::Timestamp;
 use rig_files::service_file::TlsFile;
 use rig_store::{Reader, StoreError};
 use tokio::runtime::Handle;
@@ -61,6 +62,9 @@ const IDLE_THREAD_TIME: Duration = Duration::from_secs(3600);
 /// By how much the threads that answer clients, and those that build documents, give way to the rig thread.
 const CLIENTS_NICE: i32 = 5;
 const BUILDERS_NICE: i32 = 10;
+/// A certificate that expires is told this many days before.
+const WARN_DAYS: i64 = 30;
+const DAY: Duration = Duration::from_secs(86_400);
 /// Time limit for reading at the end of the daemon.
 const READING_TIME: Duration = Duration::from_secs(1);
 
@@ -151,6 +155,10 @@ impl Daemon {
             closing.clone(),
         );
         tokio::spawn(ended_runs::write(shared.clone(), handle.status(), data.clone()));
+        if let Some(tls) = door.tls() {
+            shared.show_certificate(tls);
+            tokio::spawn(watch_certificate(tls.clone()));
+        }
         let opened = shared.open_queue(settings.release_queue.value).await;
         opened.map_err(|source| Failure::File { path: data.join(queue::FILE), source })?;
         // Ends what begins something by itself.
@@ -215,7 +223,28 @@ fn tls(settings: &Settings) -> Result<Option<Tls>, Failure> {
     Ok(Some(tls))
 }
 
-/// The last event of the journal; 0 where there is none yet.
+/// Warns before the certificate expires, at the start and once a day, for as long as the daemon runs.
+async fn watch_certificate(tls: Tls) {
+    let mut daily = tokio::time::interval(DAY);
+    loop {
+        daily.tick().await;
+        let Some(left) = tls.expires().map(|at| at.duration_since(Timestamp::now())) else {
+            continue;
+        };
+        let certificate = tls.certificate().display();
+        match left.as_hours() / 24 {
+            _ if left.is_negative() => {
+                tracing::warn!("the certificate {certificate} has expired: clients refuse it");
+            }
+            days @ ..=WARN_DAYS => tracing::warn!(
+                "the certificate {certificate} expires in {days} days: put a renewed one and its key in place"
+            ),
+            _ => {}
+        }
+    }
+}
+
+/// The last event of the journal; 0 before the first one.
 fn last_event(data: &Path) -> Result<u64, Failure> {
     match Reader::open(data).and_then(|reader| reader.last_event()) {
         Err(StoreError::NoJournal) => Ok(0),

@@ -84,6 +84,11 @@ impl Client {
         self.token.is_some()
     }
 
+    /// Fingerprint of its named token.
+    pub(super) fn token(&self) -> Option<&str> {
+        self.token.as_deref()
+    }
+
     /// Whether both have the same named token, or neither has one.
     pub(super) fn has_token_of(&self, other: &Self) -> bool {
         self.token == other.token

@@ -3,9 +3,10 @@
 //! An event is a record of the journal, and its id is that record's place in the journal. A client
 //! that lost its connection sends the last id it saw and misses nothing.
 
-use std::{collections::VecDeque, convert::Infallible, sync::Arc, time::Duration};
+use std::{collections::VecDeque, convert::Infallible, time::Duration};
 
 use axum::{
+    Extension,
     body::{Body, Bytes},
     extract::{Query, State, rejection::QueryRejection},
     http::{HeaderMap, header},
@@ -17,7 +18,6 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use tokio::{
     sync::{
-        OwnedSemaphorePermit,
         broadcast::{self, error::RecvError},
         watch,
     },
@@ -26,8 +26,10 @@ use tokio::{
 
 use super::{
     Problem, Shared,
+    access::Client,
     hub::{Heard, News},
     live,
+    places::Place,
 };
 use crate::rig::Status;
 
@@ -53,7 +55,7 @@ struct Cursor {
     /// Only events of these topics; all if it is empty.
     topics: Vec<Topic>,
     /// One of the streams that may be open at a time.
-    _place: OwnedSemaphorePermit,
+    _place: Place,
 }
 
 /// Options of the event stream.
@@ -126,17 +128,13 @@ impl Topic {
 
 pub(super) async fn stream(
     State(shared): State<Shared>,
+    Extension(client): Extension<Client>,
     options: Result<Query<StreamOptions>, QueryRejection>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let Query(StreamOptions { live, back, topics }) = options?;
     let topics = Topic::read(&topics)?;
-    let place = Arc::clone(&shared.inner.streams).try_acquire_owned().map_err(|_| {
-        Problem::busy(format!(
-            "{} event streams are open, which is the limit",
-            shared.inner.room.streams
-        ))
-    })?;
+    let place = shared.inner.streams.take(&client)?;
     let status = shared.inner.rig.status();
     // Before the journal is read: what is written from here on is not missed.
     let Heard { news, moments } = shared.inner.hub.listen(&shared);

@@ -24,7 +24,7 @@ use rig_store::{Ending, Reader};
 
 pub(super) use happened::Happened;
 
-use super::{Problem, Shared};
+use super::{Problem, Shared, tls::Tls};
 use crate::{
     notify,
     rig::{Status, free_bytes},
@@ -195,8 +195,15 @@ fn of_the_rig(shared: &Shared, status: &Status, figures: &mut Figures) {
     if let Some(free_bytes) = free_bytes(&shared.inner.data) {
         figures.gauge("disk_free_bytes", "Free space for the data directory", free_bytes as f64);
     }
-    let open = shared.inner.room.streams.saturating_sub(shared.inner.streams.available_permits());
+    let open = shared.inner.streams.taken();
     figures.gauge("event_streams", "Event streams that are open", open as f64);
+    if let Some(expires) = shared.inner.tls.get().and_then(Tls::expires) {
+        figures.gauge(
+            "tls_certificate_expires_seconds",
+            "When the certificate of the daemon expires, seconds since 1970",
+            expires.as_second() as f64,
+        );
+    }
     let measured = status.setting.meters.read();
     let one = |durations| [(Vec::new(), Value::Durations(durations))];
     figures.add(

@@ -10,6 +10,7 @@ use std::{
     time::Duration,
 };
 
+use jiff::Timestamp;
 use rcgen::{CertificateParams, DnType, KeyPair};
 use tokio::{net::TcpStream, time::timeout};
 use tokio_rustls::{
@@ -24,11 +25,14 @@ use tokio_rustls::{
     server::TlsStream,
 };
 
+use super::expiry;
+
 /// Files of the daemon's own certificate, in its data directory.
 const OWN_CERTIFICATE: &str = "tls-certificate.pem";
 const OWN_KEY: &str = "tls-key.pem";
 /// Permissions that the file of a key must not have: writing by the group, and any access by others.
 const MODE_FORBIDDEN: u32 = 0o037;
+
 /// Why there is no TLS.
 #[derive(Debug, thiserror::Error)]
 pub enum TlsError {
@@ -77,6 +81,7 @@ pub enum TlsError {
 pub struct Tls {
     acceptor: TlsAcceptor,
     certificate: PathBuf,
+    renewed: Arc<Renewed>,
 }
 
 impl fmt::Debug for Tls {
@@ -95,14 +100,16 @@ impl Tls {
         let files = Files { certificate: certificate.to_path_buf(), key: key.to_path_buf() };
         let known = (files.stamp(), files.read(&provider)?);
         let unusable = |source| TlsError::Unusable { path: certificate.to_path_buf(), source };
-        let mut config = ServerConfig::builder_with_provider(Arc::clone(&provider))
+        let renewed = Renewed { files, provider: Arc::clone(&provider), known: Mutex::new(known) };
+        let renewed = Arc::new(renewed);
+        let mut config = ServerConfig::builder_with_provider(provider)
             .with_safe_default_protocol_versions()
             .map_err(unusable)?
             .with_no_client_auth()
-            .with_cert_resolver(Arc::new(Renewed { files, provider, known: Mutex::new(known) }));
+            .with_cert_resolver(Arc::<Renewed>::clone(&renewed));
         config.alpn_protocols = vec![b"http/1.1".to_vec()];
         let acceptor = TlsAcceptor::from(Arc::new(config));
-        Ok(Self { acceptor, certificate: certificate.to_path_buf() })
+        Ok(Self { acceptor, certificate: certificate.to_path_buf(), renewed })
     }
 
     /// Uses the daemon's own certificate in a data directory, and makes it if there is none, for these
@@ -131,6 +138,12 @@ impl Tls {
     /// File of the certificate.
     pub fn certificate(&self) -> &Path {
         &self.certificate
+    }
+
+    /// When the certificate expires, the first of its chain; `None` if it does not say so. Renewed files are read.
+    pub(crate) fn expires(&self) -> Option<Timestamp> {
+        let chain = &self.renewed.present().cert;
+        chain.iter().filter_map(|certificate| expiry::expires(certificate)).min()
     }
 
     /// Shakes hands with a client within a time.
@@ -203,6 +216,13 @@ struct Renewed {
 
 impl ResolvesServerCert for Renewed {
     fn resolve(&self, _hello: ClientHello<'_>) -> Option<Arc<CertifiedKey>> {
+        Some(self.present())
+    }
+}
+
+impl Renewed {
+    /// The certificate that clients get now.
+    fn present(&self) -> Arc<CertifiedKey> {
         // Nothing that holds it panics.
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         let stamp = self.files.stamp();
@@ -217,6 +237,6 @@ impl ResolvesServerCert for Renewed {
                 }
             }
         }
-        Some(Arc::clone(&known.1))
+        Arc::clone(&known.1)
     }
 }

@@ -203,13 +203,14 @@ impl Outbox {
         self.messages.retain(|message| !is_asked(&message.note));
     }
 
-    /// What a target does next. While it is quiet, only faults are sent.
+    /// What a target does next: faults come first. While it is quiet, only faults are sent.
     pub(super) fn turn(&self, target: &str, now_unix_ms: u64, is_quiet: bool) -> Turn {
         let is_fault = |message: &&Message| message.note.event == EventKind::Fault.name();
         let mine = self.messages.iter().filter(|message| message.target == target);
-        let first = mine
-            .filter(|message| !is_quiet || is_fault(message))
-            .min_by_key(|message| (message.due_unix_ms, message.number));
+        let first = mine.filter(|message| !is_quiet || is_fault(message)).min_by_key(|message| {
+            let is_due = message.due_unix_ms <= now_unix_ms;
+            (!(is_due && is_fault(message)), message.due_unix_ms, message.number)
+        });
         match first {
             None => Turn::Wait(None),
             Some(message) if message.due_unix_ms <= now_unix_ms => {
@@ -305,7 +306,7 @@ mod tests {
     fn a_target_that_fails_delays_no_other_and_a_message_that_fails_no_other_message() {
         let mut outbox = Outbox::after(0);
         add(&mut outbox, EventKind::End, &["a", "b"]);
-        add(&mut outbox, EventKind::Fault, &["a"]);
+        add(&mut outbox, EventKind::Refused, &["a"]);
         assert_eq!(number(outbox.turn("a", 1000, false)), 1);
         outbox.failed(1, 1000, BOUNDS);
         assert_eq!(number(outbox.turn("a", 1000, false)), 3);
@@ -324,6 +325,8 @@ mod tests {
         }
         add(&mut outbox, EventKind::Fault, &["a"]);
         assert_eq!(number(outbox.turn("a", 1000, true)), 4);
+        assert_eq!(number(outbox.turn("a", 1000, false)), 4, "faults come first");
+        outbox.sent(4);
         assert_eq!(number(outbox.turn("a", 1000, false)), 1);
     }
 

@@ -32,6 +32,8 @@ use crate::http::access::{Token, TokenError};
 pub(super) struct Target {
     pub(super) name: String,
     events: Vec<EventKind>,
+    /// Attempts in a minute at most.
+    pub(super) per_minute: u32,
     /// Time limit of an attempt.
     limit: Duration,
     channel: Channel,
@@ -61,7 +63,7 @@ pub(crate) enum TargetError {
         /// What is wrong with the file.
         source: TokenError,
     },
-    /// A file with a URL that is none.
+    /// A file without a URL.
     #[error("target {name} of the notifications: {} has no URL of http or https", path.display())]
     NoUrl {
         /// Name of the target.
@@ -69,8 +71,8 @@ pub(crate) enum TargetError {
         /// The file.
         path: PathBuf,
     },
-    /// The certificates that vouch for `https` targets.
-    #[error("{}, which vouches for https targets, has no certificates in the form of PEM", path.display())]
+    /// The certificates that `https` targets are checked against.
+    #[error("{}, which https targets are checked against, has no certificates in the form of PEM", path.display())]
     Certificates {
         /// The file.
         path: PathBuf,
@@ -112,9 +114,9 @@ pub(super) enum SendError {
 /// # Errors
 /// [`TargetError`] names the target or the file.
 pub(super) fn all(file: &NotificationsFile) -> Result<Vec<Target>, TargetError> {
-    let mut vouched = None;
+    let mut trusted = None;
     let limit = Duration::from_secs_f64(file.attempt_s);
-    file.targets.iter().map(|target| Target::new(target, limit, file, &mut vouched)).collect()
+    file.targets.iter().map(|target| Target::new(target, limit, file, &mut trusted)).collect()
 }
 
 impl Target {
@@ -122,9 +124,9 @@ impl Target {
         file: &TargetFile,
         limit: Duration,
         all: &NotificationsFile,
-        vouched: &mut Option<Arc<ClientConfig>>,
+        trusted: &mut Option<Arc<ClientConfig>>,
     ) -> Result<Self, TargetError> {
-        let TargetFile { name, via, events } = file.clone();
+        let TargetFile { name, via, events, per_minute } = file.clone();
         let mut http = |form, Address { url, token_file }| {
             let secret = |source| TargetError::Secret { name: name.clone(), source };
             token_file.as_deref().map(Token::read).transpose().map_err(secret)?;
@@ -135,12 +137,12 @@ impl Target {
             };
             let (_, is_secure) = host_of(&read)
                 .map_err(|_| TargetError::NoUrl { name: name.clone(), path: no_url() })?;
-            let tls = match (is_secure, &vouched) {
+            let tls = match (is_secure, &trusted) {
                 (false, _) => None,
                 (true, Some(known)) => Some(Arc::clone(known)),
                 (true, None) => {
-                    let made = vouched_by(&all.certificates)?;
-                    Some(Arc::clone(vouched.insert(made)))
+                    let made = trusting(&all.certificates)?;
+                    Some(Arc::clone(trusted.insert(made)))
                 }
             };
             Ok::<_, TargetError>(Channel::Http { form, url, token_file, tls })
@@ -150,7 +152,7 @@ impl Target {
             Via::Ntfy(address) => http(Form::Ntfy, address)?,
             Via::Mail { to, from, sendmail } => Channel::Mail { to, from, sendmail },
         };
-        Ok(Self { name: file.name.clone(), events, limit, channel })
+        Ok(Self { name: file.name.clone(), events, per_minute, limit, channel })
     }
 
     /// Whether it is told such things.
@@ -208,8 +210,8 @@ fn host_of(url: &str) -> Result<(Uri, bool), SendError> {
     Ok((uri, is_secure))
 }
 
-/// TLS with hosts for which the certificates of a file vouch.
-fn vouched_by(path: &std::path::Path) -> Result<Arc<ClientConfig>, TargetError> {
+/// TLS with hosts that the certificates of a file confirm.
+fn trusting(path: &std::path::Path) -> Result<Arc<ClientConfig>, TargetError> {
     let bad = |source| TargetError::Certificates { path: path.to_path_buf(), source };
     let mut roots = RootCertStore::empty();
     let read: Result<Vec<_>, _> = CertificateDer::pem_file_iter(path).map_err(bad)?.collect();
