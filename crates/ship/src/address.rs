@@ -7,7 +7,8 @@ use std::{fmt, path::PathBuf, str::FromStr};
 pub enum Address {
     /// `folder:DIR`: a directory of this computer, or one that it has mounted.
     Folder(PathBuf),
-    /// `s3://BUCKET` or `s3://BUCKET/PREFIX`: a bucket of S3, or the objects in it whose keys begin so.
+    /// `s3://BUCKET` or `s3://BUCKET/PREFIX`: a bucket of S3, or the objects in it whose keys begin so. The characters are
+    /// those that no program writes in another way: letters, digits, `.`, `_`, `-`, `=` and `/`.
     S3 {
         /// Name of the bucket.
         bucket: String,
@@ -18,7 +19,9 @@ pub enum Address {
 
 /// A text that is no address.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{text}` is no object store: give `folder:DIR` or `s3://BUCKET/PREFIX`")]
+#[error(
+    "`{text}` is no object store: give `folder:DIR` or `s3://BUCKET/PREFIX`, in letters, digits, `.`, `_`, `-`, `=` and `/`"
+)]
 pub struct AddressError {
     text: String,
 }
@@ -30,8 +33,13 @@ impl FromStr for Address {
         if let Some(place) = text.strip_prefix("s3://") {
             let (bucket, prefix) = place.split_once('/').unwrap_or((place, ""));
             let is_kept = |byte: u8| byte.is_ascii_alphanumeric() || b".-".contains(&byte);
-            if !bucket.is_empty() && bucket.bytes().all(is_kept) {
-                let prefix = prefix.trim_matches('/').to_owned();
+            let is_kept_in_key = |byte: u8| is_kept(byte) || b"_=/".contains(&byte);
+            let prefix = prefix.trim_matches('/');
+            let is_key = prefix.bytes().all(is_kept_in_key)
+                && (prefix.is_empty()
+                    || !prefix.split('/').any(|part| ["", ".", ".."].contains(&part)));
+            if !bucket.is_empty() && bucket.bytes().all(is_kept) && is_key {
+                let prefix = prefix.to_owned();
                 return Ok(Self::S3 { bucket: bucket.to_owned(), prefix });
             }
         }
@@ -66,9 +74,20 @@ mod tests {
                 Ok(text)
             );
         }
-        for wrong in
-            ["", "folder:", "/archive", "ftp://x", "folder", "s3://", "s3:///a", "s3://a b"]
-        {
+        for wrong in [
+            "",
+            "folder:",
+            "/archive",
+            "ftp://x",
+            "folder",
+            "s3://",
+            "s3:///a",
+            "s3://a b",
+            "s3://a/b c",
+            "s3://a/b//c",
+            "s3://a/../c",
+            "s3://a/%20",
+        ] {
             assert!(wrong.parse::<Address>().is_err(), "{wrong}");
         }
     }

@@ -58,7 +58,7 @@ pub enum KeyError {
         source: rcgen::Error,
     },
     /// The key cannot be made, or does not sign.
-    #[error("Ed25519")]
+    #[error("the Ed25519 key cannot be made, or does not sign")]
     Ed25519(#[from] rcgen::Error),
 }
 

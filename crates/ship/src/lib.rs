@@ -1,5 +1,5 @@
-//! Ships sealed runs to an object store: a folder, or a bucket of S3 (feature `s3`). Each run is one Parquet file with all of its records and its
-//! seal, under a name that follows from the run, and is never written again.
+//! Ships sealed runs to an object store: a folder, or a bucket of S3 (feature `s3`). Each run is one Parquet file with
+//! all of its records and its seal, under a name that follows from the run, and is never written again.
 //!
 //! ```text
 //!  journal ─▶ read and checked ─▶ put under a new name ─▶ read back, checked ─▶ receipt put

@@ -27,7 +27,8 @@ pub(super) struct ShipArgs {
     /// Name of the bench in the names of objects [default: its id in the journal]
     #[arg(long)]
     bench: Option<Label>,
-    /// Sign seals with the key of the bench in this file (`rigd bench-key new`)
+    /// Sign seals with the key of the bench in this file (`rigd bench-key new`). An object that is there already stays as it
+    /// is, signed or not
     #[arg(long, value_name = "FILE")]
     sign: Option<PathBuf>,
     #[command(flatten)]
@@ -130,8 +131,8 @@ fn shipped(shipper: &Shipper, reader: &Reader, run: &Run) -> Result<ShippedView,
         Ok(Outcome::Shipped { object }) => (Word::Shipped, Some(object), None),
         Ok(Outcome::Present { object }) => (Word::Present, Some(object), None),
         Ok(Outcome::Clash { object }) => {
-            let reason = "the store has this run with other records: two benches, or a restored one, \
-                          have given one id to two runs";
+            let reason = "the store has this run with other records; keep both, and look how one id came to two runs: \
+                          a copied or restored data directory that went on gives one";
             (Word::Clash, Some(object), Some(reason.to_owned()))
         }
         Err(

@@ -34,7 +34,7 @@ use tokio_rustls::{
 
 /// Time limit of a request with its answer.
 const LIMIT: Duration = Duration::from_secs(60);
-/// The certificates that vouch for servers, where the system keeps them.
+/// The certificates of authorities, where the system keeps them.
 const CERTIFICATES: &str = "/etc/ssl/certs/ca-certificates.crt";
 
 /// Makes the client.
@@ -81,7 +81,7 @@ impl HttpConnector for Connector {
     }
 }
 
-/// TLS with servers for which the certificates of a file vouch.
+/// TLS with servers that the certificates of a file confirm.
 fn trusting(path: &std::path::Path) -> Result<Arc<ClientConfig>, TrustError> {
     let mut roots = RootCertStore::empty();
     let read: Result<Vec<_>, _> = CertificateDer::pem_file_iter(path)?.collect();
