@@ -189,7 +189,7 @@ mod tests {
             Self { person: sim.person(1), sim, _rig: rig }
         }
 
-        /// Has the drive of a unit go by so many counts, and looks before.
+        /// Looks, and then has the drive of a unit go by this many counts.
         async fn turn(&mut self, unit: u8, counts: i32) {
             self.person.look();
             let data = [0, 2, counts, 10_000, 1_000_000, 1_000_000, 1000, 1];

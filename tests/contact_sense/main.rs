@@ -15,7 +15,7 @@ use rand_core::Rng;
 use rand_pcg::Pcg64;
 use rig_engine::RunStatus;
 use rig_store::Record;
-use rig_tests::{TestRig, changed, text};
+use rig_tests::{TestRig, touches_of_smoke};
 
 /// Judges what a run makes of a broken contact sense and of lost steps.
 #[derive(Debug, Clone, Parser)]
@@ -138,14 +138,8 @@ async fn play(seed: u64, fault: Option<&str>) -> End {
     if let Some(fault) = fault {
         rig.fault(fault);
     }
-    let changes = [
-        ("samples = [\"1\", \"5\"]", "samples = [\"5\"]"),
-        ("directions = [\"front\", \"back\", \"left\"]", "directions = [\"front\"]"),
-        ("angles_deg = [0, 45]", "angles_deg = [0, 15, 30, 45]"),
-    ];
-    let protocol = changed(&text("config/protocols/smoke.toml"), &changes);
-    let (protocol, _) = protocol.split_once("[blind]").expect("smoke has blind touches");
-    let (run, status) = rig.run(rig.protocol(protocol)).await;
+    let protocol = touches_of_smoke("[0, 15, 30, 45]");
+    let (run, status) = rig.run(rig.protocol(&protocol)).await;
     let mut end = End {
         status,
         shifts: BTreeMap::new(),

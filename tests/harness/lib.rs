@@ -42,6 +42,22 @@ pub fn changed(text: &str, changes: &[(&str, &str)]) -> String {
     })
 }
 
+/// The touches of the smoke protocol on sample 5 from the front, at these contact angles, such as `[0, 30]`.
+///
+/// # Panics
+/// When the protocol is not as it was.
+pub fn touches_of_smoke(angles_deg: &str) -> String {
+    let angles = format!("angles_deg = {angles_deg}");
+    let changes = [
+        ("samples = [\"1\", \"5\"]", "samples = [\"5\"]"),
+        ("directions = [\"front\", \"back\", \"left\"]", "directions = [\"front\"]"),
+        ("angles_deg = [0, 45]", &*angles),
+    ];
+    let text = changed(&text("config/protocols/smoke.toml"), &changes);
+    let (touches, _) = text.split_once("[blind]").expect("smoke has blind touches");
+    touches.to_owned()
+}
+
 /// An open simulated rig with its journal.
 #[derive(Debug)]
 pub struct TestRig {

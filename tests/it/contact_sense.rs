@@ -2,21 +2,14 @@
 
 use rig_engine::RunStatus;
 use rig_store::Record;
-use rig_tests::{TestRig, changed, text};
+use rig_tests::{TestRig, touches_of_smoke};
 
 /// Plays two touches on the stiffest sample with a fault at the n-th message to the analyzer, and
 /// returns the shifts that stand at the end.
 async fn shifts_with(fault: &str, nth: u32) -> (Vec<f64>, RunStatus, Option<String>) {
     let rig = TestRig::open().await;
     rig.fault(&format!("fault {fault} nth={nth}"));
-    let changes = [
-        ("samples = [\"1\", \"5\"]", "samples = [\"5\"]"),
-        ("directions = [\"front\", \"back\", \"left\"]", "directions = [\"front\"]"),
-        ("angles_deg = [0, 45]", "angles_deg = [0, 30]"),
-    ];
-    let protocol = changed(&text("config/protocols/smoke.toml"), &changes);
-    let (protocol, _) = protocol.split_once("[blind]").expect("smoke has blind touches");
-    let (run, status) = rig.run(rig.protocol(protocol)).await;
+    let (run, status) = rig.run(rig.protocol(&touches_of_smoke("[0, 30]"))).await;
     let (mut shifts, mut cause) = (Vec::new(), None);
     for stored in rig.records(run) {
         match stored.record() {

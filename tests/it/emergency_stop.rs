@@ -4,19 +4,7 @@
 use rig_engine::{Command, RigState, RunStatus};
 use rig_sim::world::AxisId;
 use rig_store::{Clearance, Record};
-use rig_tests::{TestRig, text};
-
-/// One touch.
-fn one_touch() -> String {
-    let changes = [
-        ("samples = [\"1\", \"5\"]", "samples = [\"5\"]"),
-        ("directions = [\"front\", \"back\", \"left\"]", "directions = [\"front\"]"),
-        ("angles_deg = [0, 45]", "angles_deg = [30]"),
-    ];
-    let text = rig_tests::changed(&text("config/protocols/smoke.toml"), &changes);
-    let (touches, _) = text.split_once("[blind]").expect("smoke has blind touches");
-    touches.to_owned()
-}
+use rig_tests::{TestRig, touches_of_smoke};
 
 /// The height of the tip in truth, mm; how many violations there were; whether an axis moves.
 fn truth(rig: &TestRig) -> (f64, usize, bool) {
@@ -37,7 +25,7 @@ async fn pressed_at(nth: u32, rig_file: &[(&str, &str)]) -> Option<bool> {
     let rig = TestRig::open_changed(rig_file).await;
     let clear_mm = rig.facts.limits.linear.rest_target().position().value();
     rig.fault(&format!("fault bus emergency-stop unit=1 nth={nth}"));
-    let (run, status) = rig.run(rig.protocol(&one_touch())).await;
+    let (run, status) = rig.run(rig.protocol(&touches_of_smoke("[30]"))).await;
     if status != RunStatus::Faulted {
         rig.close().await;
         return None;

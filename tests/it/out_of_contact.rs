@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use rig_engine::{RigState, RunStatus};
 use rig_store::{Clearance, Record};
-use rig_tests::{TestRig, text};
+use rig_tests::{TestRig, touches_of_smoke};
 
 /// How a run with one fault of the bus ended.
 struct End {
@@ -21,18 +21,6 @@ struct End {
     clearance: &'static str,
 }
 
-/// One touch.
-fn one_touch() -> String {
-    let changes = [
-        ("samples = [\"1\", \"5\"]", "samples = [\"5\"]"),
-        ("directions = [\"front\", \"back\", \"left\"]", "directions = [\"front\"]"),
-        ("angles_deg = [0, 45]", "angles_deg = [30]"),
-    ];
-    let text = rig_tests::changed(&text("config/protocols/smoke.toml"), &changes);
-    let (touches, _) = text.split_once("[blind]").expect("smoke has blind touches");
-    touches.to_owned()
-}
-
 /// A fault at the n-th request to the linear drive from the beginning of a run of one touch; `None` if
 /// the run was over before.
 async fn run_with(fault: &str, nth: u32, rig_file: &[(&str, &str)]) -> Option<End> {
@@ -46,7 +34,7 @@ async fn run_with_each(fault: &str, at: Range<u32>, rig_file: &[(&str, &str)]) -
     for nth in at {
         rig.fault(&format!("fault bus {fault} unit=1 nth={nth}"));
     }
-    let (run, status) = rig.run(rig.protocol(&one_touch())).await;
+    let (run, status) = rig.run(rig.protocol(&touches_of_smoke("[30]"))).await;
     let records = rig.records(run);
     let mut causes = Vec::new();
     let mut was_down = None;
@@ -166,7 +154,7 @@ async fn after_the_patience_the_latched_rig_goes_on_trying_and_the_probe_gets_ou
     let rig = TestRig::open_changed(&[]).await;
     // In the sample, for longer than the patience of two minutes.
     rig.fault("fault bus unplug ms=400000 unit=1 nth=45");
-    let (run, status) = rig.run(rig.protocol(&one_touch())).await;
+    let (run, status) = rig.run(rig.protocol(&touches_of_smoke("[30]"))).await;
     assert_eq!(status, RunStatus::Faulted);
     let was_down = |stored: &rig_store::StoredRecord| match stored.record() {
         Ok(Record::Fault(fault)) => fault.probe != Clearance::Clear,

@@ -2,20 +2,13 @@
 
 use rig_engine::{Command, RefusalAnswer, RigState, RunStatus};
 use rig_store::Record;
-use rig_tests::{TestRig, changed, text};
+use rig_tests::{TestRig, changed, touches_of_smoke};
 
 /// Sample 5 has its resonance in contact beyond the window.
 fn narrow(on_refusal: &str) -> String {
     let policy = format!("indentation_mm = 0.5\non_refusal = \"{on_refusal}\"");
-    let changes = [
-        ("samples = [\"1\", \"5\"]", "samples = [\"5\"]"),
-        ("directions = [\"front\", \"back\", \"left\"]", "directions = [\"front\"]"),
-        ("max_hz = 260", "max_hz = 205"),
-        ("indentation_mm = 0.5", &*policy),
-    ];
-    let protocol = changed(&text("config/protocols/smoke.toml"), &changes);
-    let (touches, _) = protocol.split_once("[blind]").expect("smoke has blind touches");
-    touches.to_owned()
+    let changes = [("max_hz = 260", "max_hz = 205"), ("indentation_mm = 0.5", &*policy)];
+    changed(&touches_of_smoke("[0, 45]"), &changes)
 }
 
 #[tokio::test]

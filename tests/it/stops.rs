@@ -26,7 +26,7 @@ async fn a_stop_reaches_both_drives_in_every_activity() {
     bench.close().await;
 }
 
-/// The way out after a stop during a move at a height of 15 mm, with so many more stops: how long it
+/// The way out after a stop during a move at a height of 15 mm, with this many more stops: how long it
 /// takes until the rig is latched with the probe clear, and the stops that arrived at each drive.
 async fn way_out(stops: u32) -> (Duration, [usize; 2]) {
     let rig = LoadedRig::load(&shipped("config/rigs/simulated.toml")).unwrap();

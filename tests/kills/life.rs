@@ -196,7 +196,7 @@ struct Life<'a> {
 }
 
 impl Life<'_> {
-    /// One life of the daemon. Says whether it was killed, as soon as it has written so many events.
+    /// One life of the daemon. Says whether it was killed, as soon as it has written this many events.
     async fn live(&mut self, kill_after: Option<u64>) -> Result<bool, String> {
         let (was_in_contact, was_begun) = (self.is_in_contact(), self.run.is_some());
         let rig = self.bench.rig.load();

@@ -195,7 +195,7 @@ def measured(name, port, pid, clients):
 
 
 def stop_among(port, crowd):
-    """So many clients connect at once and ask for streams; how long a stop takes that is asked for behind them."""
+    """This many clients connect at once and ask for streams; how long a stop takes that is asked for behind them."""
     selector = selectors.DefaultSelector()
     for _ in range(crowd):
         client = socket.socket()

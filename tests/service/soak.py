@@ -31,7 +31,7 @@ WARM_UP_PART = 0.25
 GROWTH_MAX = {"memory, MB": 10.0, "handles": 6.0, "threads": 2.0}
 # Nothing in here takes longer than this, s.
 PATIENCE_S = 120
-# A person stops the rig, and the configuration is reloaded, every so many runs.
+# A person stops the rig, and the configuration is reloaded, after this many runs.
 STOP_EVERY, RELOAD_EVERY = 9, 7
 
 parser = argparse.ArgumentParser()

@@ -6,7 +6,7 @@ programs get the same numbers. A call goes from the arrays to the resonance: the
 looked for within it; rigd also finds the uncertainty and judges the readings.
 
 RMSE/CRLB is the root of the mean square error over its Cramer-Rao bound for four unknowns. A result
-that is none, or further than the linewidth from the truth, counts as lost and is left out of it.
+that is not finite, or further than the linewidth from the truth, counts as lost and is left out of it.
 
 The programs take turns sweep by sweep; rigd runs before and after, and the turn with the larger mean
 counts. The goals are judged by mean, median and 99th percentile: the last two of rigd differ by what it

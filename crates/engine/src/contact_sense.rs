@@ -58,7 +58,7 @@ const NO_SHIFT_SIGMAS: f64 = 6.0;
 /// is larger; one below this part of the threshold is none.
 const NO_CHANGE_PART: f64 = 0.5;
 
-/// A drift of so many standard deviations may change the impedance by this part of the threshold before a contact is
+/// A drift of this many standard deviations may change the impedance by this part of the threshold before a contact is
 /// taken for one.
 const DRIFT_SIGMAS: f64 = 3.0;
 const DRIFT_PART: f64 = 0.5;

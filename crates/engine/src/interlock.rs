@@ -464,7 +464,7 @@ mod tests {
             interlock.ended(&up, Some(&Report::LinearAt(Position::new(at_mm))));
             assert_eq!(interlock.clearance(), expected, "{at_mm} mm");
         }
-        // The same place is none of a retract in a move that is not one.
+        // A move to the same place is no retract.
         let mut interlock = begin();
         let up = Operation::MoveLinear { target: low, speed_mm_per_s: 1.0 };
         interlock.admit(&up).unwrap();

@@ -25,7 +25,7 @@ const EARLY_TIME_CONSTANTS: f64 = 3.0;
 /// surface by less than a micrometre.
 const BASELINE_TIME_CONSTANTS: f64 = 4.0;
 
-/// A reading integrates so many cycles that the standard deviation of each of its parts is this many times
+/// A reading integrates as many cycles as make the standard deviation of each of its parts this many times
 /// smaller than the contact threshold. Baseline and reading then differ by more in one of 10⁷ cases without a
 /// contact.
 const NOISES_OF_THRESHOLD: f64 = 8.0;

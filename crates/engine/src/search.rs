@@ -467,7 +467,7 @@ mod tests {
         let up = Position::new(20.4);
         assert_eq!(search.read(reading(1500.0)), SearchStep::MoveTo(up));
         assert_eq!(search.arrived(up), SearchStep::Read { is_after_contact: true });
-        // A contact there too is none of a surface.
+        // A contact there too does not show a surface.
         let end = search.read(reading(1500.0));
         assert!(matches!(end, SearchStep::Fault(Fault::ContactTooEarly { .. })), "{end:?}");
     }

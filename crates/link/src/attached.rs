@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_has_a_device_open_is_named() {
+    fn the_programs_that_have_a_device_open_are_named() {
         let scratch = Scratch::new("proc");
         let device = scratch.path("ttyUSB0");
         fs::write(&device, "").unwrap();

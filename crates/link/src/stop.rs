@@ -62,7 +62,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn whoever_waits_is_woken() {
+    async fn every_waiting_task_is_woken() {
         let stop = StopSignal::new();
         let waiting = tokio::spawn({
             let stop = stop.clone();

@@ -67,7 +67,7 @@ impl Transcript {
         Self { ring: Arc::new(Mutex::new(ring)) }
     }
 
-    /// Keeps the last `capacity` frames from now on, instead of those of before.
+    /// Changes the number of frames that are kept to `capacity`. The newest ones stay.
     pub fn keep(&self, capacity: usize) {
         let mut ring = self.lock();
         ring.capacity = capacity.max(1);

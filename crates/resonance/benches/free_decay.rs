@@ -5,7 +5,7 @@
 //! any phase after each change of frequency, dead times and gaps are up to 3 ms long, and their lengths
 //! are known to a millisecond. A second mode of this part of the first capacitance lies `PLACE`
 //! linewidths above (1), this share of the readings is wrong, and the analyzer has this phase error. If
-//! `SURVEY_S` is not 0, a survey of so many seconds comes before each sweep. For each sensor it prints how
+//! `SURVEY_S` is not 0, a survey of that many seconds comes before each sweep. For each sensor it prints how
 //! many sweeps were accepted, their median, 95 % and longest time on the rig, bias, error and coverage,
 //! how many were off by more than five standard deviations, readings and stays of a sweep, the mean,
 //! 99.9 % and longest time of a planning step, and why the others were refused; of the surveys the error

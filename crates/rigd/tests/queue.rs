@@ -102,7 +102,7 @@ fn wait_for(address: &str, is_wanted: impl Fn(&Value) -> bool) -> Value {
     }
 }
 
-/// The figures, when the daemon has judged the models of so many runs.
+/// The figures, when the daemon has judged the models of this many runs.
 #[track_caller]
 fn wait_until_judged(address: &str, runs: f64) -> String {
     let began = Instant::now();

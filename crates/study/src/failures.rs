@@ -55,7 +55,7 @@ pub(crate) struct Args {
 
 /// No axis has this name.
 #[derive(Debug, thiserror::Error)]
-#[error("axis {name}: there is none of this name; there are {}", names())]
+#[error("there is no axis {name}; the axes are {}", names())]
 struct NoSuchAxis {
     name: String,
 }

@@ -279,7 +279,7 @@ fn time_limit_s(readings: &[Reading], degrees: f64, fit_s: f64) -> f64 {
     spans * span_s + TIME_REL * (fit_s - middle_s).abs()
 }
 
-/// Largest scatter about a fit, over the noise that was known before, within so many standard deviations.
+/// Largest scatter about a fit, over the noise that was known before, within this many standard deviations.
 pub(crate) fn most_scatter(noise: Option<FitNoise>, degrees: f64, sigmas: f64) -> f64 {
     let (known, guess) =
         noise.map_or((4.0, GUESS * GUESS), |noise| (noise.degrees_of_freedom, 1.0));

@@ -93,7 +93,7 @@ pub(crate) fn plan() -> Plan {
     }
 }
 
-/// A reading that is none of a sweep.
+/// A reading that belongs to no sweep.
 #[derive(Debug)]
 pub(crate) struct Listened {
     /// At the frequency of the self-test.
@@ -153,7 +153,7 @@ pub(crate) struct World {
     pub(crate) measured_hz: (f64, bool),
     /// When the analyzer was set to its frequency.
     set_at: RigTime,
-    /// Each reading that is none of a sweep.
+    /// Each reading that belongs to no sweep.
     pub(crate) listened: Vec<Listened>,
     /// When the first fault was noted.
     pub(crate) faulted_at: Option<RigTime>,

@@ -102,7 +102,7 @@ impl Commission {
         if self.stated_at.is_none_or(|at| FRESH < now.since(at)) {
             return Err(Refusal::StepUnconfirmed { what });
         }
-        // A number that is none is refused too.
+        // NaN is refused too.
         let is_short = by.abs() <= limit + ROUNDING;
         let is_slow = 0.0 < speed_per_s && speed_per_s <= limit_per_s;
         if !is_short {

@@ -39,7 +39,7 @@ pub(super) struct ParquetTable<W: Write + Send> {
 }
 
 impl<W: Write + Send> ParquetTable<W> {
-    /// `more` are entries of the metadata of the file, besides those about the columns.
+    /// `more` are entries of the metadata of the file, beside those about the columns.
     pub(super) fn new(
         columns: &[Column],
         more: Vec<(&str, String)>,

@@ -4,7 +4,7 @@ import { day, fixed, measured } from "./format.ts";
 import { SampleMark } from "./icons.tsx";
 import type { RunDetail, TouchRow } from "./wire.ts";
 
-/** A difference beyond so many of its standard deviations is called one. */
+/** A difference counts as one beyond this many of its standard deviations. */
 const CLEAR_SIGMAS = 3;
 
 interface Row { sample: string; a: number; b: number; sigma: number }

@@ -102,7 +102,7 @@ enum Part {
     Rig,
 }
 
-/// Variables that rigd reads besides those of the directories.
+/// Variables that rigd reads beside those of the directories.
 const VARIABLES: [&str; 9] = [
     "LOGNAME",
     "USER",

@@ -54,7 +54,7 @@ impl Terminal {
         }
     }
 
-    /// Shows the prompt once more after an answer that is none.
+    /// Shows the prompt once more after a text that is no answer.
     pub(super) fn ask_again(&mut self) {
         self.repeat();
         self.is_reading = self.questions.send(()).is_ok();

@@ -41,7 +41,7 @@ impl LoadedScene {
     pub fn load(path: &Path) -> Result<Self, FileError> {
         let (name, toml) = read(path, FileKind::Scene)?;
         let scene = rig_sim::scene::read(&name, &toml).map_err(FileError::Faults)?;
-        // The journal has no path, so that a run gives the same bytes wherever its files are.
+        // The journal has no path, so that a run gives the same bytes in any directory.
         let source = Source { name: scene.name.clone(), toml };
         Ok(Self { scene, source })
     }
