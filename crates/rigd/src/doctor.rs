@@ -3,6 +3,7 @@
 //! Every check gives a finding, also a good one, so that a person sees that the check was made.
 
 pub(crate) mod advice;
+pub(crate) mod commissioning;
 mod data;
 mod device;
 mod growth;

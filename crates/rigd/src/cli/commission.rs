@@ -20,7 +20,7 @@ use super::{
     screen::{indented, say, say_clearly},
     session::open_by,
     signals::Signals,
-    table::{facts, print, print_json},
+    table::{print, print_json, wrapped},
 };
 use crate::{
     calibrations::{self, CalibrationsError, Witness},
@@ -288,7 +288,7 @@ fn show(args: &ShowArgs) -> Result<(), Failure> {
         (_, _, why) => format!("missing: {}", why.unwrap_or_default()),
     };
     let views = views(&standing);
-    print(&facts(&views.iter().map(|view| (view.step, text(view))).collect::<Vec<_>>()))?;
+    print(&wrapped(&views.iter().map(|view| (view.step, text(view))).collect::<Vec<_>>()))?;
     if rig.is_put_together_as_described() {
         say("The simulated bench is put together as the rig file says: it needs no calibration.");
     }
@@ -317,7 +317,7 @@ fn changes() -> String {
         let voids: Vec<_> = change.voids().iter().map(|kind| kind.name()).collect();
         (change.name(), format!("{}: {}", change.text(), voids.join(", ")))
     });
-    facts(&rows)
+    wrapped(&rows)
 }
 
 fn views(standing: &Standing) -> Vec<StepView> {

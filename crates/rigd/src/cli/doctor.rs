@@ -10,7 +10,8 @@ use super::{
     table::{note, print, print_json},
 };
 use crate::{
-    doctor::{self, Finding, Level, host::HostFacts},
+    calibrations,
+    doctor::{self, Finding, Level, commissioning, host::HostFacts},
     loaded_rig::LoadedRig,
     rig::{self, OpenError, Rung},
 };
@@ -63,7 +64,13 @@ pub(super) fn doctor(args: &DoctorArgs) -> Result<(), Failure> {
     }
     let host = HostFacts::look(&rig.file);
     let name = rig.file.name.clone();
-    let findings = doctor::findings(&args.data.dir(), &name, host.as_ref(), &rig::inspect(rig)?);
+    let shown = (!rig.is_put_together_as_described()).then(|| {
+        let standing = calibrations::standing(&rig.basis(), &args.data.dir());
+        commissioning::findings(&standing, &rig.unproven())
+    });
+    let mut findings =
+        doctor::findings(&args.data.dir(), &name, host.as_ref(), &rig::inspect(rig)?);
+    findings.extend(shown.into_iter().flatten());
     let count = |level| findings.iter().filter(|finding| finding.level == level).count();
     let (problems, warnings) = (count(Level::Problem), count(Level::Warning));
     if args.output.json {

@@ -63,7 +63,9 @@ pub(super) fn run(args: &SelftestArgs) -> Result<(), Failure> {
         print_json(&archive.checks)?;
     } else {
         print(&report.checks.iter().map(line).collect::<Vec<_>>().join("\n"))?;
-        note(&format!("{}: {} checks", report.rig, report.checks.len()));
+        let count = report.checks.len();
+        let checks = if count == 1 { "check" } else { "checks" };
+        note(&format!("{}: {count} {checks}", report.rig));
     }
     let problems = report.count(Level::Problem);
     if problems > 0 { Err(Failure::Unfit { problems }) } else { Ok(()) }
