@@ -1,6 +1,7 @@
 //! Charts with two axes.
 
 mod draw;
+mod ends;
 mod legend;
 mod series;
 #[cfg(test)]

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use super::{
     Chart,
+    ends::Ends,
     legend::{INSET, Legend},
     series::{Band, Point, Rule, Series},
 };
@@ -64,6 +65,7 @@ fn draw(chart: &Chart, id: &str) -> Result<String, ChartError> {
     for series in &chart.series {
         plot.draw_points(&mut svg, series);
     }
+    Ends::of(&chart.series).draw(&mut svg, plot.right, |value| plot.y_of(value));
     Ok(svg.end())
 }
 
@@ -101,7 +103,7 @@ impl Plot {
         let texts = y.ticks.iter().filter_map(|tick| tick.text.as_deref());
         let widest = texts.map(|text| width_of(text, FONT_PX)).fold(0.0, f64::max);
         let left = 22.0 + widest + TICK_LENGTH + 6.0;
-        let right = width - 14.0;
+        let right = width - 14.0 - Ends::of(&chart.series).width();
         let xs = points().map(|point| point.x).chain(edges().map(|edge| edge.x));
         let x = chart.x.fit(xs, (right - left) / X_TICK_PX)?;
         for rule in &chart.rules {
@@ -194,8 +196,8 @@ impl Plot {
         let Some(stroke) = series.stroke else { return };
         if series.points.len() > 1 {
             let path = self.path(series.points.iter().map(|point| (point.x, point.y)));
-            let class = stroke.class(series.colour % COLOURS);
-            svg.add(format_args!("<path class=\"{class}\" d=\"{path}\"/>\n"));
+            let attributes = stroke.attributes(series.colour % COLOURS);
+            svg.add(format_args!("<path {attributes} d=\"{path}\"/>\n"));
         }
     }
 

@@ -88,8 +88,9 @@ impl Legend {
                 ));
             }
             if let Some(stroke) = entry.stroke {
-                let class = stroke.class(entry.colour);
-                svg.line(&class, (x, middle.1), (x + 22.0, middle.1));
+                let attributes = stroke.attributes(entry.colour);
+                let (from, to, y) = (Coordinate(x), Coordinate(x + 22.0), Coordinate(middle.1));
+                svg.add(format_args!("<path {attributes} d=\"M{from} {y}L{to} {y}\"/>\n"));
             }
             if let Some(marker) = entry.marker {
                 marker.draw(svg, entry.colour, middle, None);

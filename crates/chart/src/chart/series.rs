@@ -7,6 +7,8 @@ use crate::Marker;
 pub struct Series {
     /// Name in the legend; `None` omits the entry.
     pub name: Option<String>,
+    /// Name beside the plot, at the last point; `None` omits it.
+    pub end: Option<String>,
     /// The points, in drawing order.
     pub points: Vec<Point>,
     /// Index of the colour.
@@ -24,14 +26,17 @@ pub enum Stroke {
     Solid,
     /// A dashed line.
     Dashed,
+    /// A dotted line.
+    Dotted,
 }
 
 impl Stroke {
-    /// The CSS class of a line.
-    pub(crate) fn class(self, colour: usize) -> String {
+    /// The attributes of a line but its path.
+    pub(crate) fn attributes(self, colour: usize) -> String {
         match self {
-            Self::Solid => format!("line s{colour}"),
-            Self::Dashed => format!("line dashed s{colour}"),
+            Self::Solid => format!("class=\"line s{colour}\""),
+            Self::Dashed => format!("class=\"line dashed s{colour}\""),
+            Self::Dotted => format!("class=\"line s{colour}\" stroke-dasharray=\"1 4.5\""),
         }
     }
 }
@@ -105,6 +110,7 @@ impl Series {
     ) -> Self {
         Self {
             name: Some(name.to_owned()),
+            end: None,
             points: points.into_iter().map(Into::into).collect(),
             colour,
             marker: Some(Marker::of(colour)),
@@ -120,6 +126,26 @@ impl Series {
     ) -> Self {
         let stroke = Some(Stroke::Solid);
         Self { marker: None, stroke, ..Self::scatter(name, colour, points) }
+    }
+
+    /// The same with its name beside the plot instead of in the legend.
+    #[must_use]
+    pub fn named_at_end(mut self) -> Self {
+        self.end = self.name.take();
+        self
+    }
+
+    /// The same in another colour.
+    #[must_use]
+    pub const fn coloured(mut self, colour: usize) -> Self {
+        self.colour = colour;
+        self
+    }
+
+    /// An entry of the legend alone, in grey.
+    pub fn key(name: &str, marker: Option<Marker>, stroke: Option<Stroke>) -> Self {
+        const GREY: usize = 6;
+        Self { marker, stroke, ..Self::scatter(name, GREY, Vec::<Point>::new()) }
     }
 
     /// A line through points, with the marker of the colour.

@@ -8,7 +8,7 @@ use rig_analysis::{
     score::wilson_95,
     stiffness::{Compensation, PosedTouch},
 };
-use rig_chart::{Axis, Chart, Marker, Point, Series};
+use rig_chart::{Axis, Chart, Marker, Point, Rule, Series, Stroke};
 use rig_contact::{ContactLaw, Depth, Direction, Models, Pose, Sensor, SensorDescription, Tier};
 use rig_report::{RecognitionSummary, TouchRow};
 use rig_store::{Ending, RunStatus};
@@ -16,7 +16,7 @@ use rigd::{loaded_rig::LoadedRig, protocol_file::LoadedProtocol};
 
 use super::{
     Args,
-    figures::{self, direction_style, legend, noiseless},
+    figures::{self, direction_keys, direction_style, noiseless, sample_at_end},
 };
 use crate::{
     bench_run::{BenchError, BenchRun},
@@ -139,10 +139,12 @@ fn figure_11(run: &PaperRun) -> Chart {
     let mut chart = Chart::new(
         "Figure 11: shift over the angle in three directions, simulated bench",
         "Shifts of five samples; solid lines and circles to the front, dashed lines and squares to \
-         the back, triangles without a line to the left.",
+         the back, dotted lines and triangles to the left.",
         angle_axis(),
         Axis::linear("shift, Hz").including(0.0),
     );
+    chart.size_px = (720, 520);
+    chart.series.extend(direction_keys());
     for sample in 0..SAMPLES_MPA.len() {
         for direction in Direction::ALL {
             let (marker, stroke) = direction_style(direction);
@@ -152,9 +154,9 @@ fn figure_11(run: &PaperRun) -> Chart {
                     Some(Point::from((angle, mean_hz(run, sample, Some(direction), angle)?)))
                 })
                 .collect();
-            let joined =
-                Series { name: legend(sample, direction), ..Series::joined("", sample, points) };
-            chart.series.push(Series { marker: Some(marker), stroke, ..joined });
+            let joined = Series::joined("", sample, points);
+            let (end, stroke) = (sample_at_end(sample, direction), Some(stroke));
+            chart.series.push(Series { name: None, end, marker: Some(marker), stroke, ..joined });
         }
     }
     chart
@@ -172,7 +174,8 @@ fn figure_12(run: &PaperRun) -> Chart {
             .into_iter()
             .filter_map(|angle| Some((angle, mean_hz(run, sample, None, angle)?)))
             .collect();
-        chart.series.push(Series::joined(&format!("sample {}", sample + 1), sample, points));
+        let joined = Series::joined(&format!("sample {}", sample + 1), sample, points);
+        chart.series.push(joined.named_at_end());
     }
     chart
 }
@@ -306,8 +309,8 @@ fn figure_13(blind: &[&BenchTouch]) -> Chart {
         "Figure 13: shifts of the blind touches, simulated bench",
         "Shift of each blind touch in its order, coloured by the sample that was touched. A ring \
          marks a touch that k-means on shifts, the paper's method, puts into the class of another \
-         sample.",
-        Axis::linear("blind touch").with_range(0.0, blind.len() as f64 + 1.0),
+         sample; dashed lines are the borders between its classes.",
+        Axis::linear("blind touch, in its order").with_range(0.0, blind.len() as f64 + 1.0),
         Axis::linear("shift, Hz").including(0.0),
     );
     for sample in 0..SAMPLES_MPA.len() {
@@ -321,6 +324,10 @@ fn figure_13(blind: &[&BenchTouch]) -> Chart {
     let shifts: Vec<f64> = blind.iter().map(|touch| touch.shift_hz).collect();
     // The clusters are in the order of their centres, and the samples in that of their stiffness.
     if let Ok(found) = optimal(&shifts, SAMPLES_MPA.len()) {
+        chart.series.push(Series::key("border of two classes", None, Some(Stroke::Dashed)));
+        let borders = found.centres.windows(2).map(|pair| f64::midpoint(pair[0], pair[1]));
+        let rule = |value| Rule::AtY { value, label: String::new() };
+        chart.rules.extend(borders.map(rule));
         let missed: Vec<(f64, f64)> = (1_u16..)
             .zip(blind.iter().zip(&found.clusters))
             .filter(|(_, (touch, cluster))| touch.sample != **cluster)

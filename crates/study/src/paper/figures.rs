@@ -5,7 +5,7 @@ mod directions;
 mod sensitivity;
 mod sensors;
 
-use rig_chart::{Marker, Stroke};
+use rig_chart::{Marker, Series, Stroke};
 use rig_contact::{ContactLaw, Direction, Friction, Models, Sensor, Tier};
 
 use crate::{
@@ -52,20 +52,26 @@ pub(super) fn spread(simulation: &TouchSimulation<'_>, young_mpa: f64) -> f64 {
 }
 
 /// How charts of all samples tell the directions apart.
-pub(super) fn direction_style(direction: Direction) -> (Marker, Option<Stroke>) {
+pub(super) const fn direction_style(direction: Direction) -> (Marker, Stroke) {
     match direction {
-        Direction::Front => (Marker::Circle, Some(Stroke::Solid)),
-        Direction::Back => (Marker::Square, Some(Stroke::Dashed)),
-        Direction::Left => (Marker::Up, None),
+        Direction::Front => (Marker::Circle, Stroke::Solid),
+        Direction::Back => (Marker::Square, Stroke::Dashed),
+        Direction::Left => (Marker::Up, Stroke::Dotted),
     }
 }
 
-/// The legend of a curve: each sample once, by its front, and each other direction once.
-pub(super) fn legend(sample: usize, direction: Direction) -> Option<String> {
-    match direction {
-        Direction::Front => Some(format!("sample {}, front", sample + 1)),
-        other => (sample == 0).then(|| format!("{}, every sample", other.name())),
-    }
+/// The legend of the directions.
+pub(super) fn direction_keys() -> impl Iterator<Item = Series> {
+    Direction::ALL.into_iter().map(|direction| {
+        let (marker, stroke) = direction_style(direction);
+        Series::key(direction.name(), Some(marker), Some(stroke))
+    })
+}
+
+/// The name of a sample, at the end of one of its directions.
+pub(super) fn sample_at_end(sample: usize, direction: Direction) -> Option<String> {
+    // To the left the shift is between those to the front and the back.
+    (direction == Direction::Left).then(|| format!("sample {}", sample + 1))
 }
 
 /// Angles of the curves, degrees.

@@ -113,7 +113,8 @@ pub(super) fn add(page: &mut Page, repeats: u32, seed: u64) {
          Rates of 100 points of 5 samples are multiples of 0.2 %; of the printed rates 96.7, 77.3, \
          73.7 and 94.1 are not, so that points were counted in parts or by directions. The paper \
          takes the range at the boundary of the interval; with an arm, the shift to the front \
-         rises first, and such a range misses the points in between.",
+         rises first, and such a range misses the points in between. The ranges are those of the model \
+         that also makes the points: a bench that differs from its model recognises fewer.",
     );
     page.table(by_ranges(repeats, seed));
     page.text(
@@ -165,10 +166,11 @@ fn chart(repeats: u32, seed: u64) -> Chart {
             )
         });
         let ours: Vec<(f64, f64)> = ours.collect();
-        chart.series.push(Series::joined(&format!("{}, ours", sensor.name), index, ours));
+        let ours = Series::joined(&format!("{}, ours", sensor.name), index, ours);
+        chart.series.push(ours.named_at_end());
         let printed: Vec<(f64, f64)> = INTERVALS_DEG.into_iter().zip(PRINTED[index]).collect();
         let printed = Series::joined(&format!("{}, printed", sensor.name), index, printed);
-        chart.series.push(Series { stroke: Some(Stroke::Dashed), ..printed });
+        chart.series.push(Series { stroke: Some(Stroke::Dashed), ..printed }.named_at_end());
     }
     chart
 }

@@ -27,7 +27,8 @@ pub(super) fn by_equation(page: &mut Page) {
         let points = (0..=89).map(f64::from).map(|angle| {
             (angle, simulation.exact_hz(SAMPLES_MPA[sample], Direction::Front, angle))
         });
-        chart.series.push(Series::line(&format!("sample {}", sample + 1), colour, points));
+        let line = Series::line(&format!("sample {}", sample + 1), colour, points);
+        chart.series.push(line.named_at_end());
     }
     page.chart("figure-4.svg", chart);
     page.text(
@@ -86,7 +87,7 @@ pub(super) fn mean_of_directions(page: &mut Page, models: &Models) {
     for (sample, &young) in SAMPLES_MPA.iter().enumerate() {
         let line = curve().map(|angle| (angle, mean_hz(&simulations[1].1, young, angle)));
         let name = format!("sample {}", sample + 1);
-        chart.series.push(Series::line(&name, sample, line.collect::<Vec<_>>()));
+        chart.series.push(Series::line(&name, sample, line.collect::<Vec<_>>()).named_at_end());
     }
     page.chart("figure-7.svg", chart);
     let mut table =

@@ -3,7 +3,7 @@
 use rig_chart::{Axis, Chart, Point, Series};
 use rig_contact::{ContactLaw, Direction, Friction, Models, Sensor, SensorDesign, Tier};
 
-use super::{curve, direction_style, legend, noiseless, spread};
+use super::{curve, direction_keys, direction_style, noiseless, sample_at_end, spread};
 use crate::{
     page::{Page, Table},
     paper_bench::{ANGLES_DEG, Control, SAMPLES_MPA},
@@ -22,10 +22,12 @@ pub(super) fn add(page: &mut Page, simulation: &TouchSimulation<'_>) {
     let mut chart = Chart::new(
         "Figure 6: shift over the angle in three directions",
         "Shifts of five samples; solid lines and circles to the front, dashed lines and squares to \
-         the back, triangles without a line to the left.",
+         the back, dotted lines and triangles to the left.",
         Axis::linear("contact angle, °").with_ticks(&ANGLES_DEG),
         Axis::linear("shift, Hz").including(0.0),
     );
+    chart.size_px = (720, 520);
+    chart.series.extend(direction_keys());
     let mut table = Table::new(&["sample", "direction", "0°, Hz", "15°", "30°", "45°"]);
     for (sample, &young_mpa) in SAMPLES_MPA.iter().enumerate() {
         for direction in Direction::ALL {
@@ -33,12 +35,12 @@ pub(super) fn add(page: &mut Page, simulation: &TouchSimulation<'_>) {
             let line =
                 curve().map(|angle| (angle, simulation.exact_hz(young_mpa, direction, angle)));
             let line = Series::line("", sample, line.collect::<Vec<_>>());
-            chart.series.push(Series { name: None, stroke, ..line });
+            let end = sample_at_end(sample, direction);
+            chart.series.push(Series { name: None, end, stroke: Some(stroke), ..line });
             let shifts = ANGLES_DEG.map(|angle| simulation.exact_hz(young_mpa, direction, angle));
             let points: Vec<Point> = ANGLES_DEG.into_iter().zip(shifts).map(Point::from).collect();
             let scatter = Series::scatter("", sample, points);
-            let name = legend(sample, direction);
-            chart.series.push(Series { name, marker: Some(marker), ..scatter });
+            chart.series.push(Series { name: None, marker: Some(marker), ..scatter });
             let head = [(sample + 1).to_string(), direction.name().to_owned()];
             table.row(head.into_iter().chain(shifts.map(|hz| format!("{hz:.2}"))));
         }

@@ -1,6 +1,6 @@
 //! Figure 8: the three sensors that the paper compares.
 
-use rig_chart::{Axis, Chart, Rule, Series, Stroke};
+use rig_chart::{Axis, Chart, Marker, Point, Rule, Series, Stroke};
 use rig_contact::{
     ContactLaw, Direction, Tier,
     equations::{Arithmetic, angle_influence, influence_over_discrimination},
@@ -84,7 +84,7 @@ fn shift_chart(sensors: &[Compared; 3]) -> Chart {
                 curve().map(|angle| (angle, mean_hz(&simulation, SAMPLES_MPA[sample], angle)));
             let name = format!("{}, sample {}", sensor.name, sample + 1);
             let line = Series::line(&name, colour, line.collect::<Vec<_>>());
-            chart.series.push(Series { stroke: Some(stroke), ..line });
+            chart.series.push(Series { stroke: Some(stroke), ..line }.named_at_end());
         }
     }
     chart
@@ -94,28 +94,39 @@ fn shift_chart(sensors: &[Compared; 3]) -> Chart {
 fn optimum_chart(sensors: &[Compared; 3]) -> Chart {
     let mut chart = Chart::new(
         "Figure 8b: D1 and D1/D2 of three sensors, over those of the first",
-        "Solid lines are D1 of sample 3, dashed lines D1/D2, each over its value for the first sensor. \
+        "Circles are D1 of sample 3, diamonds D1/D2, each over its value for the first sensor. \
          By the paper both are smallest for the first sensor, so that every point would be above 1.",
-        Axis::linear("sensor: 1 is L 35, R 0.5; 2 is L 35, R 1; 3 is L 20, R 0.5")
-            .with_ticks(&[1.0, 2.0, 3.0]),
-        Axis::linear("over that of sensor 1").including(0.0),
+        Axis::linear("sensor: length and ball radius, mm")
+            .with_range(0.5, 3.5)
+            .with_names((1_u8..).map(f64::from).zip(sensors.iter().map(|sensor| sensor.name))),
+        Axis::linear("over that of the first sensor").including(0.0),
     );
+    for (name, marker) in QUANTITIES {
+        chart.series.push(Series::key(name, Some(marker), None));
+    }
     for (colour, (name, tier, control)) in MODELS.into_iter().enumerate() {
         let values = sensors.each_ref().map(|sensor| optimum(sensor, tier, control));
-        let over = |of: fn(&(f64, f64)) -> f64| {
-            (1_u8..)
-                .zip(&values)
-                .map(|(at, value)| (f64::from(at), of(value) / of(&values[0])))
-                .collect()
-        };
-        let (d1, quotient): (Vec<_>, Vec<_>) = (over(|value| value.0), over(|value| value.1));
-        chart.series.push(Series::joined(&format!("D1, {name}"), colour, d1));
-        let quotient = Series::joined(&format!("D1/D2, {name}"), colour, quotient);
-        chart.series.push(Series { stroke: Some(Stroke::Dashed), ..quotient });
+        chart.series.push(Series::key(name, None, Some(Stroke::Solid)).coloured(colour));
+        let values = values.map(|(d1, quotient)| [d1, quotient]);
+        for (index, (_, marker)) in QUANTITIES.into_iter().enumerate() {
+            // Side by side, so that equal values do not cover each other.
+            let beside = (f64::from(u8::try_from(2 * colour + index).unwrap_or(0)) - 2.5) * 0.08;
+            let points = (1_u8..).zip(&values).map(|(at, value)| Point {
+                x: f64::from(at) + beside,
+                y: value[index] / values[0][index],
+                error: None,
+                note: Some(name.to_owned()),
+            });
+            let scatter = Series::scatter("", colour, points);
+            chart.series.push(Series { name: None, marker: Some(marker), ..scatter });
+        }
     }
-    chart.rules.push(Rule::AtY { value: 1.0, label: "sensor 1".to_owned() });
+    chart.rules.push(Rule::AtY { value: 1.0, label: "as the first sensor".to_owned() });
     chart
 }
+
+/// The quantities of Figure 8b with their markers.
+const QUANTITIES: [(&str, Marker); 2] = [("D1", Marker::Circle), ("D1/D2", Marker::Diamond)];
 
 /// The models that the sensors are compared by.
 const MODELS: [(&str, Tier, Control); 3] = [
