@@ -1,7 +1,7 @@
 //! The uncertainty budget of a stiffness: its standard deviation, split by cause.
 //!
-//! The parts are to first order and independent, so that their squares add up to the square of the
-//! standard deviation.
+//! The parts are to first order, and their squares add up to the square of the standard deviation. Parts that share
+//! errors have what they share divided among them.
 //!
 //! # Source
 //! JCGM 100:2008, Guide to the expression of uncertainty in measurement, equation (10).
@@ -31,8 +31,8 @@ pub enum Part {
     /// The model: the terms that were learnt, the way to hold the depth that was not taken, and the misfit of
     /// the main touches.
     Model,
-    /// The sample: its variation between the points of a site whose angle is inferred, and the scatter of
-    /// its touches or sites beyond all of these.
+    /// The sample: its variation between the points that were touched, and the scatter of its touches or sites beyond
+    /// all of these.
     Sample,
 }
 
@@ -120,6 +120,25 @@ impl Budget {
         ]);
         parts.0[Part::Sample as usize] = sample;
         parts
+    }
+
+    /// The parts of two independent errors together.
+    #[must_use]
+    pub(crate) fn plus(mut self, other: &Self) -> Self {
+        self.0.iter_mut().zip(other.0).for_each(|(own, other)| *own += other);
+        self
+    }
+
+    /// Parts that share errors, with the relative standard deviation of their sum: what they have in common is
+    /// divided among them in proportion.
+    #[must_use]
+    pub(crate) fn sharing(mut self, total_rel: f64) -> Self {
+        let alone = self.total();
+        if alone > 0.0 {
+            let by = (total_rel / alone).powi(2);
+            self.0.iter_mut().for_each(|part| *part *= by);
+        }
+        self
     }
 
     /// The parts of a weighted sum of independent relative errors.

@@ -4,6 +4,8 @@
 //! factor, because a shift depends mainly on the ratio of the two stiffnesses. Samples of known
 //! stiffness give this one factor; differences between samples stay as measured.
 
+use std::collections::BTreeMap;
+
 /// An inferred stiffness beside the known one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Comparison {
@@ -11,8 +13,6 @@ pub struct Comparison {
     pub sample: usize,
     /// Inferred Young's modulus, MPa.
     pub young_mpa: f64,
-    /// Standard deviation of the inferred modulus, MPa.
-    pub sigma_mpa: f64,
     /// Known Young's modulus, MPa.
     pub known_mpa: f64,
 }
@@ -22,62 +22,54 @@ pub struct Comparison {
 pub struct Calibration {
     /// Geometric mean of inferred over known stiffness. An inferred stiffness is divided by it.
     pub factor: f64,
-    /// Relative standard deviation of the factor: the larger of the one from the inferred stiffnesses
-    /// and the one from the scatter between samples.
-    pub sigma_rel: f64,
     /// Number of samples used.
     pub samples: usize,
-    /// The variance of the mean logarithm of each of them, by its index.
-    of_samples: Vec<(usize, f64)>,
-    /// Variance of the factor's logarithm by the scatter between samples.
-    scatter: f64,
+    /// Relative standard deviation of the factor by the scatter between samples; `None` for a single one.
+    pub scatter_rel: Option<f64>,
 }
 
-impl Calibration {
-    /// The part of `sigma_rel` that is due to samples other than this one.
-    pub fn sigma_rel_of_others(&self, sample: usize) -> f64 {
-        let n = self.samples as f64;
-        let others = || self.of_samples.iter().filter(|one| one.0 != sample);
-        let propagated = others().map(|(_, variance)| variance).sum::<f64>() / (n * n);
-        let scatter = self.scatter * others().count() as f64 / n;
-        propagated.max(scatter).sqrt()
+impl Comparison {
+    /// The logarithm of inferred over known stiffness; `None` unless both are positive and finite.
+    fn log(&self) -> Option<f64> {
+        let is_usable =
+            [self.young_mpa, self.known_mpa].iter().all(|mpa| mpa.is_finite() && *mpa > 0.0);
+        is_usable.then(|| (self.young_mpa / self.known_mpa).ln())
     }
 }
 
-/// The calibration factor, with the same weight for each sample; `None` without a usable comparison.
-pub fn calibrate(comparisons: &[Comparison]) -> Option<Calibration> {
-    let is_usable = |one: &Comparison| {
-        let all = [one.young_mpa, one.known_mpa];
-        all.iter().all(|stiffness| stiffness.is_finite() && *stiffness > 0.0)
+/// The weight of each comparison in the logarithm of the factor: each sample has the same weight, and so has each
+/// comparison of a sample. A comparison that is not usable has none.
+pub fn weights(comparisons: &[Comparison]) -> Vec<f64> {
+    let usable = || comparisons.iter().filter(|one| one.log().is_some()).map(|one| one.sample);
+    let mut samples: Vec<usize> = usable().collect();
+    samples.sort_unstable();
+    samples.dedup();
+    let weight = |one: &Comparison| {
+        let of_sample = usable().filter(|sample| *sample == one.sample).count();
+        one.log().map_or(0.0, |_| 1.0 / (samples.len() * of_sample) as f64)
     };
-    let mut usable: Vec<Comparison> = comparisons.iter().copied().filter(is_usable).collect();
-    usable.sort_by_key(|one| one.sample);
-    let samples: Vec<(f64, f64)> =
-        usable.chunk_by(|a, b| a.sample == b.sample).map(of_sample).collect();
-    let indices = usable.chunk_by(|a, b| a.sample == b.sample).map(|of_one| of_one[0].sample);
-    if samples.is_empty() {
-        return None;
+    comparisons.iter().map(weight).collect()
+}
+
+/// The calibration factor; `None` without a usable comparison.
+pub fn calibrate(comparisons: &[Comparison]) -> Option<Calibration> {
+    let weights = weights(comparisons);
+    // Of each sample: the weight and the weighted sum of its logarithms.
+    let mut samples: BTreeMap<usize, (f64, f64)> = BTreeMap::new();
+    for (one, weight) in comparisons.iter().zip(weights) {
+        let Some(log) = one.log() else { continue };
+        let (sum_of_weights, sum) = samples.entry(one.sample).or_default();
+        *sum_of_weights += weight;
+        *sum += weight * log;
     }
     let n = samples.len() as f64;
-    let mean = samples.iter().map(|(log, _)| log).sum::<f64>() / n;
-    let propagated = samples.iter().map(|(_, variance)| variance).sum::<f64>() / (n * n);
-    let squares = samples.iter().map(|(log, _)| (log - mean).powi(2)).sum::<f64>();
-    let scatter = if samples.len() > 1 { squares / (n - 1.0) / n } else { 0.0 };
-    Some(Calibration {
+    let mean = samples.values().map(|(_, sum)| sum).sum::<f64>();
+    let squares: f64 = samples.values().map(|(weight, sum)| (sum / weight - mean).powi(2)).sum();
+    (!samples.is_empty()).then(|| Calibration {
         factor: mean.exp(),
-        sigma_rel: propagated.max(scatter).sqrt(),
         samples: samples.len(),
-        of_samples: indices.zip(samples.iter().map(|(_, variance)| *variance)).collect(),
-        scatter,
+        scatter_rel: (samples.len() > 1).then(|| (squares / (n - 1.0) / n).sqrt()),
     })
-}
-
-/// The mean logarithm of the ratios of one sample, and its variance.
-fn of_sample(comparisons: &[Comparison]) -> (f64, f64) {
-    let n = comparisons.len() as f64;
-    let logs = comparisons.iter().map(|one| (one.young_mpa / one.known_mpa).ln());
-    let variances = comparisons.iter().map(|one| (one.sigma_mpa / one.young_mpa).powi(2));
-    (logs.sum::<f64>() / n, variances.sum::<f64>() / (n * n))
 }
 
 #[cfg(test)]
@@ -85,34 +77,43 @@ mod tests {
     use super::*;
 
     fn one(sample: usize, young_mpa: f64, known_mpa: f64) -> Comparison {
-        Comparison { sample, young_mpa, sigma_mpa: 0.02 * young_mpa, known_mpa }
+        Comparison { sample, young_mpa, known_mpa }
     }
 
     #[track_caller]
-    fn check(comparisons: &[Comparison], factor: f64, sigma_rel: f64) {
+    fn check(comparisons: &[Comparison], factor: f64, scatter_rel: Option<f64>) {
         let found = calibrate(comparisons).unwrap();
         assert!((found.factor / factor - 1.0).abs() < 1e-12, "{found:?}");
-        assert!((found.sigma_rel - sigma_rel).abs() < 1e-12, "{found:?}");
+        let is_same = match (found.scatter_rel, scatter_rel) {
+            (Some(found), Some(expected)) => (found - expected).abs() < 1e-12,
+            (found, expected) => found == expected,
+        };
+        assert!(is_same, "{found:?}");
     }
 
     #[test]
-    fn a_common_factor_is_found_and_is_as_uncertain_as_the_inferred_stiffness() {
-        check(&[one(0, 0.11, 0.1)], 1.1, 0.02);
+    fn a_common_factor_is_found() {
+        check(&[one(0, 0.11, 0.1)], 1.1, None);
         let four = [one(0, 0.11, 0.1), one(1, 0.44, 0.4), one(0, 0.11, 0.1), one(1, 0.44, 0.4)];
-        check(&four, 1.1, 0.02 / 2.0);
+        check(&four, 1.1, Some(0.0));
+        assert_eq!(weights(&four), [0.25; 4]);
     }
 
     #[test]
-    fn a_sample_touched_more_often_has_no_more_weight_and_scatter_between_samples_counts() {
+    fn a_sample_touched_more_often_has_no_more_weight_and_scatter_between_samples_is_told() {
         // The logarithms of the samples are 0.1 above and below those of the readings.
         let (up, down) = (0.1_f64.exp(), (-0.1_f64).exp());
-        check(&[one(0, up, 1.0), one(0, up, 1.0), one(1, down, 1.0)], 1.0, 0.1);
+        let three = [one(0, up, 1.0), one(0, up, 1.0), one(1, down, 1.0)];
+        check(&three, 1.0, Some(0.1));
+        assert_eq!(weights(&three), [0.25, 0.25, 0.5]);
     }
 
     #[test]
     fn what_cannot_be_compared_is_left_out() {
         assert_eq!(calibrate(&[]), None);
         assert_eq!(calibrate(&[one(0, f64::NAN, 1.0), one(1, 1.0, 0.0)]), None);
-        assert_eq!(calibrate(&[one(0, 1.0, 0.0), one(1, 2.0, 1.0)]).unwrap().samples, 1);
+        let two = [one(0, 1.0, 0.0), one(1, 2.0, 1.0)];
+        assert_eq!(calibrate(&two).unwrap().samples, 1);
+        assert_eq!(weights(&two), [0.0, 1.0]);
     }
 }

@@ -4,6 +4,7 @@
 //! all angles and in all directions within their uncertainties. χ² of their differences judges the
 //! model; the quantities that the touches identify are fitted until χ² is least.
 
+mod errors;
 mod evidence;
 mod fit;
 mod judge;
@@ -16,6 +17,8 @@ use rig_contact::{
     inverse::{InverseError, TiltInference},
 };
 
+pub(crate) use errors::{Entering, TouchErrors};
+pub(crate) use judge::{BY_CHANCE, chi2_probability};
 pub use judge::{Evidence, ModelCheck, Pattern, Residual, Verdict};
 
 use crate::{
@@ -144,6 +147,7 @@ pub struct RunModel {
     sides: Vec<[(Terms, Compensation); 2]>,
     /// The model that holds the depth in the other way, if the touches could choose it.
     rival: Option<(Terms, Compensation)>,
+    errors: TouchErrors,
     check: Option<ModelCheck>,
 }
 
@@ -185,6 +189,8 @@ impl RunModel {
             covariance: Vec::new(),
             sides: Vec::new(),
             rival: None,
+            // A site has the variation from point to point in its own uncertainty.
+            errors: TouchErrors::default(),
             check: judge::of_sites(sites),
         }
     }
@@ -217,6 +223,11 @@ impl RunModel {
     /// holds the depth, and the probability of the other way to hold the depth if the touches chose between both.
     pub fn covariance(&self) -> &[Vec<f64>] {
         &self.covariance
+    }
+
+    /// The errors of the main touches, in the list of the caller.
+    pub(crate) const fn errors(&self) -> &TouchErrors {
+        &self.errors
     }
 
     /// The judgement by the main touches; `None` when they leave no degree of freedom.

@@ -35,17 +35,15 @@ pub struct RunTouches<'a> {
 pub struct RunYoung {
     /// The stiffness with the uncertainty of the touch alone.
     pub own: Young,
-    /// Relative standard deviation that other touches share: of calibration and model.
-    pub common_rel: f64,
-    /// The whole uncertainty by cause.
+    /// The whole uncertainty by cause, those of calibration and model included.
     pub budget: Budget,
 }
 
 impl RunYoung {
     /// The stiffness with its whole uncertainty.
     pub fn whole(&self) -> Young {
-        let Young { mpa, sigma_mpa } = self.own;
-        Young { mpa, sigma_mpa: sigma_mpa.hypot(self.common_rel * mpa) }
+        let Young { mpa, .. } = self.own;
+        Young { mpa, sigma_mpa: self.budget.total() * mpa }
     }
 }
 
@@ -115,18 +113,16 @@ pub fn calibrated(
     model: &RunModel,
 ) -> RunStiffness {
     let calibration = RunCalibration::of(main, at, touches, model);
-    let all = |readings: &[Reading]| {
-        readings.iter().map(|reading| calibration.touch(reading)).collect::<Vec<_>>()
-    };
+    let blind = blind.iter().map(|reading| calibration.touch(reading, None)).collect();
+    let main_touch = |(index, reading)| calibration.touch(reading, Some(index));
+    let main_touches = main.iter().enumerate().map(main_touch).collect();
     let sample = |(sample, known_mpa): (usize, &Option<f64>)| {
-        let of_sample =
-            || main.iter().zip(&at.is_there).filter(|(reading, _)| reading.sample == sample);
-        let found: Vec<Young> = of_sample()
-            .filter_map(|(reading, _)| Some(reading.found.as_ref().ok()?.young))
-            .collect();
+        let of_sample = || main.iter().enumerate().filter(|(_, one)| one.sample == sample);
+        let found: Vec<Young> =
+            of_sample().filter_map(|(_, one)| Some(one.found.as_ref().ok()?.young)).collect();
         let mean = SampleStiffness::mean(sample, &found, of_sample().count() - found.len())?;
         Some(calibration.sample(&mean, of_sample(), *known_mpa))
     };
     let samples = touches.known_mpa.iter().enumerate().filter_map(sample).collect();
-    RunStiffness { samples, main: all(main), blind: all(blind), calibration }
+    RunStiffness { samples, main: main_touches, blind, calibration }
 }

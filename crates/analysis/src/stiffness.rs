@@ -4,8 +4,8 @@
 //! unknown angle needs several touches, each with the probe turned.
 
 use rig_contact::{
-    Contact, ContactLaw, Depth, Friction, Models, Pose, Requirements, SensorDescription, Tier,
-    Tissue,
+    Contact, ContactLaw, Depth, Friction, Models, Pose, Refusal, Requirements, SensorDescription,
+    Tier, Tissue,
     inverse::{
         AnglePrior, AzimuthPrior, InverseError, OneTouch, SiteTouch, TiltInference, TissueKind,
         TouchModel, TouchSigmas, infer_tilt,
@@ -293,6 +293,19 @@ impl Compensation {
         let tissue = Tissue::new(young_mpa, kind.poisson, kind.loss).ok()?;
         let load = self.models.sensor().load(&tissue, &contact).ok()?;
         Some((load.depth_mm / touch.normal_depth_mm()).ln())
+    }
+
+    /// The friction that a touch needs to stick; `None` outside of the model.
+    pub(crate) fn needed_friction(&self, touch: &PosedTouch, young_mpa: f64) -> Option<f64> {
+        let Self { law, kind, .. } = *self;
+        // No contact holds without friction, and its refusal says what it needs.
+        let friction = Friction::Coulomb { coefficient: 0.0 };
+        let contact = Contact { pose: touch.pose, depth: touch.depth, law, friction };
+        let tissue = Tissue::new(young_mpa, kind.poisson, kind.loss).ok()?;
+        match self.models.sensor().load(&tissue, &contact) {
+            Err(Refusal::Slips { needed, .. }) => Some(needed),
+            _ => None,
+        }
     }
 
     /// The tangential over the normal contact stiffness.

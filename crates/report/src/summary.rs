@@ -132,6 +132,9 @@ pub struct ModelSummary {
     pub tangential_ratio: TermSummary,
     /// Length of the probe's arm, mm.
     pub arm_mm: TermSummary,
+    /// The least exponent of the depth, by which the contact grows otherwise than its law, that touches like these
+    /// show in 95 % of the runs; `None` if they cannot show any.
+    pub depth_exponent_noticed: Option<f64>,
     /// `indentation` or `stage`: whichever holds the depth.
     pub depth: &'static str,
     /// The same by the rig file.
@@ -194,6 +197,7 @@ impl ModelSummary {
             added_rel: check.added_rel,
             tangential_ratio: term(ratio, terms.tangential_ratio, described.tangential_ratio),
             arm_mm: term(arm, terms.arm_mm, described.arm_mm),
+            depth_exponent_noticed: check.exponent_noticed,
             depth: depth(terms.deflects),
             depth_described: depth(described.deflects),
         })

@@ -32,7 +32,8 @@ fn page() -> Page {
          docs/studies`. The sensor is the reference sensor. Unless a row says otherwise, the \
          standard deviations of a touch are {shift_hz} Hz for its shift, {depth_mm} mm for the \
          surface found, and {angle_deg}° for its angle. [compensation.md](compensation.md) tests \
-         the inference on many random touches."
+         the inference on many random touches. Truth and inference have the same model here; \
+         [truths.md](truths.md) has truths that differ."
     ));
     known::add(&mut page);
     protocols::add(&mut page);

@@ -3,6 +3,7 @@
 //! Each subcommand is a module with its arguments and a `run`. Results go to standard output or to
 //! a folder, messages to standard error.
 
+mod analyse;
 mod analyzer;
 mod bench_run;
 mod bound;
@@ -49,6 +50,7 @@ enum Command {
     Compensation(compensation::Args),
     SpeedAccuracy(speed_accuracy::Args),
     Truths(truths::Args),
+    Analyse(analyse::Args),
     Failures(failures::Args),
     Touch(touch::Args),
 }
@@ -65,6 +67,7 @@ fn main() -> ExitCode {
         Command::Compensation(args) => compensation::run(&args, &mut out),
         Command::Failures(args) => failures::run(&args, &mut out),
         Command::Truths(args) => truths::run(&args, &mut out),
+        Command::Analyse(args) => analyse::run(&args, &mut out),
         Command::Touch(args) => touch::run(&args, &mut out),
         Command::SpeedAccuracy(args) => speed_accuracy::run(&args, &mut out),
     };

@@ -13,6 +13,12 @@ use super::{
 
 /// A column that is left with less than this part of its length does not differ from the fitted ones.
 const LEFT_OVER: f64 = 0.01;
+/// Numbers of touches that slip while the others stick, as far as they are tried. A touch more or less changes little.
+const SLIPPING: [usize; 5] = [1, 2, 4, 8, 16];
+/// A normal variable exceeds this five times in a hundred.
+const NORMAL_OF_FIVE_PERCENT: f64 = 1.644_854;
+/// Terms by which the evidence for a depth is looked for.
+pub(super) const DEPTH_TERMS: f64 = 2.0;
 
 /// The residuals as independent rows of unit variance.
 pub(super) struct Rows<'a> {
@@ -68,12 +74,17 @@ impl<'a> Rows<'a> {
 
     /// The direction of a column beyond the fitted ones; `None` when nothing is left.
     fn beyond_fitted(&self, column: &[f64]) -> Option<Vec<f64>> {
+        Some(self.left_of(column)?.0)
+    }
+
+    /// The direction of a column beyond the fitted ones, and the length that is left.
+    fn left_of(&self, column: &[f64]) -> Option<(Vec<f64>, f64)> {
         let rows = linear::forward(&self.factor, column);
         let before = dot(&rows, &rows);
         let rest = self.rest(rows);
         let after = dot(&rest, &rest);
-        let is_left = after > LEFT_OVER * before;
-        is_left.then(|| rest.into_iter().map(|row| row / after.sqrt()).collect())
+        let left = after.sqrt();
+        (after > LEFT_OVER * before).then(|| (rest.iter().map(|row| row / left).collect(), left))
     }
 
     /// Rao's score of a term.
@@ -81,19 +92,27 @@ impl<'a> Rows<'a> {
         let (Column::Either(pattern, values) | Column::Positive(pattern, values)) = column;
         let direction = self.beyond_fitted(values)?;
         let score = dot(&direction, &self.residuals);
-        // Without a common depth error the same weights give another variance.
-        let weights = linear::backward(&self.factor, &direction);
-        let alone: f64 = weights
-            .iter()
-            .zip(&self.fit.state.weights)
-            .map(|(own, weight)| own * own / weight)
-            .sum();
-        let sigmas = score / alone.max(1.0).sqrt();
+        let sigmas = score / self.score_sigma(&direction);
         let (removed, probability) = match column {
             Column::Either(..) => (score * score, chi2_probability(sigmas * sigmas, 1.0)),
             Column::Positive(..) => (score.max(0.0).powi(2), above(sigmas)),
         };
         Some(Evidence { pattern: *pattern, chi2_removed: removed, probability })
+    }
+
+    /// The standard deviation of the score in a direction. Without a common depth error the same weights give
+    /// another one; it is the larger of both.
+    fn score_sigma(&self, direction: &[f64]) -> f64 {
+        let weights = linear::backward(&self.factor, direction);
+        let own = weights.iter().zip(&self.fit.state.weights);
+        own.map(|(own, weight)| own * own / weight).sum::<f64>().max(1.0).sqrt()
+    }
+
+    /// The exponent of the depth, by which the contact would grow otherwise than its law, that a score beyond this
+    /// many standard deviations shows in 95 % of the runs; `None` if nothing is left of it beyond the fitted terms.
+    pub(super) fn exponent_noticed(&self, beyond_sigmas: f64) -> Option<f64> {
+        let (direction, left) = self.left_of(&self.touches.log_depths()?)?;
+        Some((beyond_sigmas + NORMAL_OF_FIVE_PERCENT) * self.score_sigma(&direction) / left)
     }
 
     /// The evidence for each cause but the samples: the best of its terms.
@@ -128,6 +147,18 @@ impl<'a> Rows<'a> {
                 let below = ratio.iter().zip(&angles);
                 let below = below.map(|(slope, angle)| if angle < split { -*slope } else { 0.0 });
                 columns.push(Column::Positive(Pattern::Friction, below.collect()));
+            }
+            // The touches that need most friction slip first.
+            let needed = touches.needed_friction(state);
+            let mut most = needed.clone();
+            most.sort_by(|a, b| b.total_cmp(a));
+            for least in SLIPPING.iter().filter_map(|&count| most.get(count - 1)) {
+                let slips = |row: usize, touch: usize| {
+                    if needed[touch] >= *least { ratio[row] } else { 0.0 }
+                };
+                let rows = touches.rows().enumerate();
+                let slipping = rows.map(|(row, touch)| slips(row, touch)).collect();
+                columns.push(Column::Positive(Pattern::Friction, slipping));
             }
             columns.push(Column::Either(Pattern::Friction, ratio));
         }

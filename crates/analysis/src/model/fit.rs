@@ -7,7 +7,8 @@
 use std::f64::consts::PI;
 
 use super::{
-    LAW_EXPONENT_SIGMA, LearntTerm, MainTouches, ModelSource, RunModel, Term, Terms, judge,
+    LAW_EXPONENT_SIGMA, LearntTerm, MainTouches, ModelSource, RunModel, Term, Terms, TouchErrors,
+    judge,
     known::Known,
     linear::{self, Matrix},
     pair::Difference,
@@ -47,6 +48,8 @@ pub(super) struct Fit {
     pub(super) terms: Terms,
     pub(super) learnt: Vec<Term>,
     pub(super) covariance: Matrix,
+    /// The change of each learnt term with the error of each row.
+    gains: Matrix,
     pub(super) state: State,
     /// The slope of each residual over each learnt term.
     pub(super) slopes: Matrix,
@@ -81,6 +84,7 @@ pub(super) fn model(
 ) -> RunModel {
     let start = Terms::of(described, main.touches);
     let touches = Usable::new(described, main);
+    let errors = TouchErrors::of_touches(main.touches.len(), main.sample_rel.powi(2));
     let found = match source {
         ModelSource::Learnt => touches.learn(&start),
         ModelSource::Described => touches.fit(&start, &[]).map(|fit| (fit, None)),
@@ -94,6 +98,7 @@ pub(super) fn model(
             covariance: Vec::new(),
             sides: Vec::new(),
             rival: None,
+            errors,
             check: None,
         };
     };
@@ -128,6 +133,7 @@ pub(super) fn model(
         covariance,
         sides,
         rival: rival.map(|(model, _)| model),
+        errors: errors.of_fit(&touches.indices, &touches.covariance(&fit.state), &fit.gains),
         check,
     }
 }
@@ -273,27 +279,19 @@ impl<'a> Usable<'a> {
             }
         }
         let inverse = linear::inverse(&information(&slopes, &state.weights))?;
-        let covariance = self.spread(&inverse, &slopes, &state);
-        Some(Fit { terms, learnt: learnt.to_vec(), covariance, state, slopes })
-    }
-
-    /// Covariance of the terms when touches at one place of the stages share a part of their depth
-    /// error.
-    fn spread(&self, inverse: &Matrix, slopes: &Matrix, state: &State) -> Matrix {
-        let n = slopes.len();
-        let middle = |a: usize, b: usize| self.covaried(&slopes[a], &slopes[b], state);
-        let middle: Matrix = (0..n).map(|a| (0..n).map(|b| middle(a, b)).collect()).collect();
-        let entry = |a: usize, b: usize| linear::form(&inverse[a], &middle, &inverse[b]);
-        (0..n).map(|a| (0..n).map(|b| entry(a, b)).collect()).collect()
-    }
-
-    /// aᵀ W V W b with the covariance V of the rows, of whose depth error `SHARED_DEPTH` is common to one
-    /// place of the stages.
-    fn covaried(&self, a: &[f64], b: &[f64], state: &State) -> f64 {
-        let weight = |values: &[f64]| -> Vec<f64> {
-            values.iter().zip(&state.weights).map(|(value, weight)| value * weight).collect()
+        // The next step of the fit after an error of one row.
+        let gain = |row: usize, of_term: &Vec<f64>| {
+            let along: f64 = of_term.iter().zip(&slopes).map(|(by, slope)| by * slope[row]).sum();
+            -along * state.weights[row]
         };
-        linear::form(&weight(a), &self.covariance(state), &weight(b))
+        let rows = 0..state.weights.len();
+        let gains: Matrix =
+            inverse.iter().map(|term| rows.clone().map(|row| gain(row, term)).collect()).collect();
+        let errors = self.covariance(&state);
+        let entry = |a: &Vec<f64>, b: &Vec<f64>| linear::form(a, &errors, b);
+        let covariance =
+            gains.iter().map(|a| gains.iter().map(|b| entry(a, b)).collect()).collect();
+        Some(Fit { terms, learnt: learnt.to_vec(), covariance, gains, state, slopes })
     }
 
     /// The covariance of the rows. Touches at one place of the stages have `SHARED_DEPTH` of the variance of
@@ -359,6 +357,15 @@ impl<'a> Usable<'a> {
             self.touches.iter().enumerate().map(smooth).collect();
         let (indices, pairs) = (self.indices.clone(), self.pairs.clone());
         Some(Self { touches: touches?, indices, pairs, ..*self })
+    }
+
+    /// The friction that each touch needs to stick, by the described model and the mean stiffness of its sample.
+    pub(super) fn needed_friction(&self, state: &State) -> Vec<f64> {
+        let needed = |(index, touch): (usize, &PosedTouch)| {
+            let young_mpa = (state.logs[index] - state.residuals[index]).exp();
+            self.described.needed_friction(touch, young_mpa).unwrap_or(0.0)
+        };
+        self.touches.iter().enumerate().map(needed).collect()
     }
 
     /// The logarithm of the stiffness of each touch, and the difference of each pair.

@@ -1,12 +1,13 @@
-//! The common factor of all stiffnesses of a run, from its samples of known stiffness.
+//! The common factor of all stiffnesses of a run, from its samples of known stiffness, and the uncertainty of what
+//! is calibrated by it.
 
 use rig_contact::inverse::InverseError;
 
 use super::{RunSample, RunTouches, RunYoung};
 use crate::{
     budget::{Budget, Part},
-    calibration::{Calibration, Comparison, calibrate},
-    model::{ModelReading, RunModel},
+    calibration::{Comparison, calibrate, weights},
+    model::{BY_CHANCE, Entering, ModelReading, RunModel, TouchErrors, Verdict, chi2_probability},
     stiffness::{SampleStiffness, Young},
 };
 
@@ -21,14 +22,19 @@ pub struct RunCalibration {
     pub sigma_rel: f64,
     /// Where the factor comes from.
     pub source: ScaleSource,
-    /// The change of the factor's logarithm for a unit of each learnt term of the model.
+    /// The change of the factor's logarithm for a unit of each term of the model.
     gradient: Vec<f64>,
-    /// The comparison with known samples.
-    known: Option<Calibration>,
-    /// Covariance of these terms.
-    covariance: Vec<Vec<f64>>,
-    /// Relative standard deviation that a misfit of the model adds.
-    added_rel: f64,
+    /// How the errors of the main touches enter the factor.
+    in_factor: Entering,
+    /// The variance of the factor by the scatter between samples over the stated one, if that is beyond chance.
+    excess: f64,
+    errors: TouchErrors,
+    /// Variances of the terms of the model that are not learnt, at their places in a gradient.
+    not_learnt: Vec<f64>,
+    /// Relative standard deviation that the misfit of the model adds to every result.
+    misfit_rel: f64,
+    /// Relative standard deviation of a touch beyond the stated one, under a model that holds.
+    scatter_rel: f64,
 }
 
 /// The source of the factor of a calibration.
@@ -72,19 +78,17 @@ impl RunCalibration {
         touches: &RunTouches<'_>,
         model: &RunModel,
     ) -> Self {
-        let there = main.iter().zip(&at.is_there).filter(|(_, is_there)| **is_there);
-        let compared = |(reading, _): (&Reading, &bool)| {
-            let known_mpa = touches.known_mpa[reading.sample]?;
-            Some((reading.sample, known_mpa, reading.found.as_ref().ok()?.clone()))
-        };
-        let compared: Vec<(usize, f64, ModelReading)> = there.filter_map(compared).collect();
-        let comparison = |&(sample, known_mpa, ref found): &(usize, f64, ModelReading)| {
-            let Young { mpa: young_mpa, sigma_mpa } = found.young;
-            Comparison { sample, young_mpa, sigma_mpa, known_mpa }
-        };
-        let comparisons: Vec<Comparison> = compared.iter().map(comparison).collect();
-        let covariance = model.covariance().to_vec();
+        let own = |reading: &Reading| Some(reading.found.as_ref().ok()?.budget.total().powi(2));
+        let errors = model.errors().clone().with_others(&main.iter().map(own).collect::<Vec<_>>());
+        let terms = model.covariance().len();
+        let is_learnt = |term: usize| term < model.learnt().len();
+        let variance =
+            |term: usize| if is_learnt(term) { 0.0 } else { model.covariance()[term][term] };
         let check = model.check();
+        let added_rel = check.map_or(0.0, |check| check.added_rel);
+        // Under a model that holds, what scatters beyond the stated is each touch by itself.
+        let holds = check.is_none_or(|check| check.verdict == Verdict::Holds);
+        let (misfit_rel, scatter_rel) = if holds { (0.0, added_rel) } else { (added_rel, 0.0) };
         let described = Self {
             resonance_ratio: touches.resonance_ratio,
             factor: 1.0,
@@ -92,90 +96,132 @@ impl RunCalibration {
             // the same contact smaller instead of larger.
             sigma_rel: touches.scale_rel.hypot(2.0 * (touches.resonance_ratio - 1.0)),
             source: ScaleSource::Described,
-            known: None,
-            gradient: vec![0.0; covariance.len()],
-            covariance,
-            added_rel: check.map_or(0.0, |check| check.added_rel),
+            gradient: vec![0.0; terms],
+            in_factor: errors.none(),
+            excess: 1.0,
+            errors,
+            not_learnt: (0..terms).map(variance).collect(),
+            misfit_rel,
+            scatter_rel,
         };
+        let compared = |index: usize| {
+            let Reading { sample, ref found } = main[index];
+            let young_mpa = found.as_ref().ok().filter(|_| at.is_there[index])?.young.mpa;
+            let known_mpa = touches.known_mpa[sample]?;
+            Some((index, Comparison { sample, young_mpa, known_mpa }))
+        };
+        let (indices, comparisons): (Vec<usize>, Vec<Comparison>) =
+            (0..main.len()).filter_map(compared).unzip();
         let Some(scale) = calibrate(&comparisons) else { return described };
-        // As in the factor, each sample has the same weight.
-        let samples: Vec<usize> = compared.iter().map(|one| one.0).collect();
-        let of_sample = |sample: usize| {
-            let of_sample = compared.iter().filter(move |one| one.0 == sample);
-            mean_gradient(of_sample.map(|one| &one.2))
-        };
-        let mut distinct = samples;
-        distinct.sort_unstable();
-        distinct.dedup();
-        let means: Vec<Vec<f64>> = distinct.into_iter().map(of_sample).collect();
+        let (mut in_factor, mut gradient) = (described.in_factor.clone(), vec![0.0; terms]);
+        for (index, weight) in indices.into_iter().zip(weights(&comparisons)) {
+            in_factor[index] = weight;
+            if let Ok(found) = &main[index].found {
+                add(&mut gradient, weight, &found.gradient);
+            }
+        }
+        let variance = described.errors.variance(&in_factor);
+        let freedom = scale.samples as f64 - 1.0;
+        let excess = excess(scale.scatter_rel.map_or(0.0, |rel| rel * rel / variance), freedom);
         Self {
             factor: scale.factor,
-            sigma_rel: scale.sigma_rel,
+            sigma_rel: (excess * variance).sqrt(),
             source: ScaleSource::Known { samples: scale.samples, angle_deg: at.angle_deg },
-            gradient: mean(means.iter().map(Vec::as_slice)),
-            known: Some(scale),
+            gradient,
+            in_factor,
+            excess,
             ..described
         }
     }
 
-    /// The relative standard deviation that touches with this gradient share by the learnt terms and the
-    /// misfit of the model.
-    fn model_rel(&self, gradient: &[f64]) -> f64 {
-        let less: Vec<f64> =
-            gradient.iter().zip(&self.gradient).map(|(own, all)| own - all).collect();
-        let row = |values: &Vec<f64>| values.iter().zip(&less).map(|(a, b)| a * b).sum::<f64>();
-        let variance: f64 =
-            less.iter().zip(&self.covariance).map(|(own, values)| own * row(values)).sum();
-        variance.max(0.0).sqrt().hypot(self.added_rel)
+    /// The budget of a calibrated result with these parts of its own.
+    ///
+    /// The errors of the main touches enter it directly, through the factor and through the learnt terms. As
+    /// one sum they have one variance.
+    fn whole(&self, own: Budget, directly: &Directly, gradient: &[f64]) -> Budget {
+        let mut less = gradient.to_vec();
+        add(&mut less, -1.0, &self.gradient);
+        let through_learnt = self.errors.through_learnt(&less);
+        let through_factor: Entering = (self.in_factor.iter().zip(&directly.of_factor))
+            .map(|(all, direct)| direct - all)
+            .collect();
+        let of_factor = self.errors.variance(&through_factor);
+        let of_learnt = self.errors.variance(&through_learnt);
+        let sum = |own: &Entering| -> Entering {
+            let others = through_factor.iter().zip(&through_learnt);
+            own.iter().zip(others).map(|(own, (factor, learnt))| own + factor + learnt).collect()
+        };
+        let variance =
+            self.errors.variance_at_points(&sum(&directly.measured), &sum(&directly.points));
+        let shared = own
+            .with(Part::Sensor, of_factor.sqrt())
+            .with(Part::Model, of_learnt.sqrt())
+            .sharing(variance.max(0.0).sqrt());
+        let of_sensor = shared.of(Part::Sensor) * self.excess.sqrt();
+        let of_sensor = match self.source {
+            ScaleSource::Known { .. } => of_sensor,
+            ScaleSource::Described => self.sigma_rel,
+        };
+        let not_learnt: f64 =
+            less.iter().zip(&self.not_learnt).map(|(by, variance)| by * by * variance).sum();
+        let of_model = shared.of(Part::Model).hypot(not_learnt.sqrt()).hypot(self.misfit_rel);
+        shared.with(Part::Sensor, of_sensor).with(Part::Model, of_model)
     }
 
-    /// The parts of a touch or a sample, with those that all share.
-    const fn whole(own: Budget, sensor_rel: f64, model_rel: f64) -> Budget {
-        own.with(Part::Sensor, sensor_rel).with(Part::Model, model_rel)
-    }
-
-    /// Calibrates the stiffness of a touch or site.
-    pub(super) fn touch(&self, reading: &Reading) -> Result<RunYoung, InverseError> {
+    /// Calibrates the stiffness of a touch or site; of a main touch, with its index.
+    pub(super) fn touch(
+        &self,
+        reading: &Reading,
+        main: Option<usize>,
+    ) -> Result<RunYoung, InverseError> {
         let found = reading.found.as_ref().map_err(|error| *error)?;
         let Young { mpa, sigma_mpa } = found.young;
         let own = Young { mpa: mpa / self.factor, sigma_mpa: sigma_mpa / self.factor };
-        let model_rel = self.model_rel(&found.gradient);
-        let budget = Self::whole(found.budget, self.sigma_rel, model_rel);
-        Ok(RunYoung { own, common_rel: model_rel.hypot(self.sigma_rel), budget })
+        let mut directly = Directly::none(&self.errors);
+        let budget = if let Some(index) = main {
+            directly.measured[index] = 1.0;
+            self.whole(found.budget, &directly, &found.gradient)
+        } else {
+            // The error of a blind touch is in nothing else.
+            self.whole(Budget::default(), &directly, &found.gradient).plus(&found.budget)
+        };
+        let of_sample = budget.of(Part::Sample).hypot(self.scatter_rel);
+        Ok(RunYoung { own, budget: budget.with(Part::Sample, of_sample) })
     }
 
-    /// Calibrates the mean stiffness of a sample with these touches, each with whether it is compared.
+    /// Calibrates the mean stiffness of a sample with these touches, each with its index.
     ///
     /// The factor is also from the compared touches of the sample itself, so that their errors go partly out
     /// of its stiffness. The error of a touch enters by its weight in the mean less that in the factor.
     pub(super) fn sample<'a>(
         &self,
         found: &SampleStiffness,
-        touches: impl Iterator<Item = (&'a Reading, &'a bool)> + Clone,
+        touches: impl Iterator<Item = (usize, &'a Reading)>,
         known_mpa: Option<f64>,
     ) -> RunSample {
         let young_mpa = found.young_mpa / self.factor;
-        let readings = touches
-            .filter_map(|(reading, is_there)| Some((reading.found.as_ref().ok()?, *is_there)));
-        let all: f64 = readings.clone().map(|(reading, _)| weight(reading)).sum();
-        let compared = readings.clone().filter(|(_, is_there)| *is_there).count() as f64;
-        let known = self.known.as_ref().filter(|_| known_mpa.is_some() && compared > 0.0);
-        let in_factor = known.map_or(0.0, |known| 1.0 / (known.samples as f64 * compared));
-        let enters = |(reading, is_there): (&ModelReading, bool)| {
-            weight(reading) / all - if is_there { in_factor } else { 0.0 }
-        };
-        let own = Budget::weighted(readings.clone().map(|one| (enters(one), one.0.budget)));
-        // The scatter shows the variation over the sample; that of a few touches may be small by
-        // chance.
-        let squares: f64 = readings.clone().map(|one| enters(one).powi(2)).sum();
-        let scatter =
-            found.spread_mpa.map_or(0.0, |spread| spread / found.young_mpa * squares.sqrt());
-        let beyond = (scatter.powi(2) - own.total().powi(2)).max(0.0);
-        let of_sample = own.of(Part::Sample).hypot(beyond.sqrt());
-        let sensor_rel =
-            known.map_or(self.sigma_rel, |known| known.sigma_rel_of_others(found.sample));
-        let model_rel = self.model_rel(&mean_gradient(readings.map(|(reading, _)| reading)));
-        let budget = Self::whole(own.with(Part::Sample, of_sample), sensor_rel, model_rel);
+        let readings: Vec<(usize, &ModelReading)> = touches
+            .filter_map(|(index, reading)| Some((index, reading.found.as_ref().ok()?)))
+            .collect();
+        let all: f64 = readings.iter().map(|(_, reading)| weight(reading)).sum();
+        let mut directly = Directly::none(&self.errors);
+        let mut gradient = vec![0.0; self.gradient.len()];
+        for &(index, reading) in &readings {
+            let in_mean = weight(reading) / all;
+            directly.of_factor[index] = self.in_factor[index];
+            directly.measured[index] = in_mean - self.in_factor[index];
+            add(&mut gradient, in_mean, &reading.gradient);
+        }
+        directly.points.clone_from(&directly.measured);
+        let enters =
+            |(index, reading): &(usize, &ModelReading)| (directly.measured[*index], reading.budget);
+        let own = Budget::weighted(readings.iter().map(enters));
+        let squares: f64 = directly.points.iter().map(|by| by * by).sum();
+        let of_points = (self.errors.of_point() * squares).sqrt();
+        let own = own.with(Part::Sample, own.of(Part::Sample).hypot(of_points));
+        let beyond = (self.excess_of_touches(&readings) - 1.0).sqrt() * own.total();
+        let budget = self.whole(own, &directly, &gradient);
+        let budget = budget.with(Part::Sample, budget.of(Part::Sample).hypot(beyond));
         RunSample {
             sample: found.sample,
             young_mpa,
@@ -186,6 +232,45 @@ impl RunCalibration {
             touches: found.touches,
         }
     }
+
+    /// The variance of the touches of a sample about their mean over the stated one, if that is beyond chance.
+    ///
+    /// # Source
+    /// Birge, Phys. Rev. 40 (1932) 207.
+    fn excess_of_touches(&self, readings: &[(usize, &ModelReading)]) -> f64 {
+        let one = |(_, reading): &(usize, &ModelReading)| {
+            let variance = reading.budget.total().powi(2) + self.errors.of_point();
+            (reading.young.mpa.ln(), 1.0 / variance)
+        };
+        let all: f64 = readings.iter().map(|reading| one(reading).1).sum();
+        let mean = readings.iter().map(one).map(|(log, weight)| weight * log).sum::<f64>() / all;
+        let chi2: f64 =
+            readings.iter().map(one).map(|(log, weight)| weight * (log - mean).powi(2)).sum();
+        let freedom = readings.len() as f64 - 1.0;
+        excess(chi2 / freedom, freedom)
+    }
+}
+
+/// How the error of each main touch enters a result directly, and not through the learnt terms.
+struct Directly {
+    /// Its measurement, less its part of the factor if that is not an error of the calibration to this result.
+    measured: Entering,
+    /// The stiffness of its point against that of the sample, in the same way.
+    points: Entering,
+    /// Its part of the factor that is counted above.
+    of_factor: Entering,
+}
+
+impl Directly {
+    fn none(errors: &TouchErrors) -> Self {
+        Self { measured: errors.none(), points: errors.none(), of_factor: errors.none() }
+    }
+}
+
+/// χ² for each degree of freedom, if it is larger than one beyond chance; one otherwise.
+fn excess(chi2_per_dof: f64, freedom: f64) -> f64 {
+    let is_beyond = freedom > 0.0 && chi2_probability(chi2_per_dof * freedom, freedom) < BY_CHANCE;
+    if is_beyond { chi2_per_dof.max(1.0) } else { 1.0 }
 }
 
 /// The weight of a touch in the mean of its sample.
@@ -193,19 +278,9 @@ fn weight(reading: &ModelReading) -> f64 {
     (reading.young.mpa / reading.young.sigma_mpa).powi(2)
 }
 
-fn mean_gradient<'a>(readings: impl Iterator<Item = &'a ModelReading>) -> Vec<f64> {
-    mean(readings.map(|reading| reading.gradient.as_slice()))
-}
-
-/// The mean of vectors of one length; empty without any.
-fn mean<'a>(all: impl Iterator<Item = &'a [f64]>) -> Vec<f64> {
-    let (mut sum, mut count) = (Vec::new(), 0.0);
-    for one in all {
-        sum.resize(one.len(), 0.0);
-        sum.iter_mut().zip(one).for_each(|(sum, value): (&mut f64, &f64)| *sum += value);
-        count += 1.0;
-    }
-    sum.into_iter().map(|sum| sum / count).collect()
+/// Adds a multiple of a vector.
+fn add(sum: &mut [f64], by: f64, to: &[f64]) {
+    sum.iter_mut().zip(to).for_each(|(sum, value)| *sum += by * value);
 }
 
 #[cfg(test)]

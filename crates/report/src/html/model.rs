@@ -24,6 +24,7 @@ pub(super) fn model(results: &RunResults, stiffness: &Stiffness) -> Markup {
         @if !learnt(model).is_empty() { p { (learnt(model)) } }
         (residuals(results, stiffness, check))
         @if check.verdict != Verdict::Holds { (evidence(&results.data, check)) }
+        @else { p { (not_told(check)) } }
     }
 }
 
@@ -53,6 +54,32 @@ fn verdict(data: &RunData, check: &ModelCheck) -> Markup {
                 " to its uncertainty."
             }
         },
+    }
+}
+
+/// What a model that holds does not say.
+fn not_told(check: &ModelCheck) -> String {
+    /// Between Hertz's and Sneddon's law at one radius.
+    const OTHER_LAW: f64 = 0.1;
+    let advice = "The protocol key halfway_mm measures each touch at a second depth, which tells them apart.";
+    let alike = "another contact law, a layered sample, or a thin one on a hard base";
+    match check.exponent_noticed {
+        None => format!(
+            "It holds for these depths only: the touches cannot show {alike}, because each has the pattern of another \
+             friction or arm. {advice}"
+        ),
+        Some(exponent) => {
+            let seen = format!(
+                "Touches like these show, in 95 of 100 runs, a contact that grows with the depth otherwise than its law \
+                 by an exponent of {} or more; Hertz's law and Sneddon's differ by about {OTHER_LAW}.",
+                fixed(exponent, 2)
+            );
+            if exponent > OTHER_LAW {
+                format!("{seen} They cannot show less of {alike}. {advice}")
+            } else {
+                seen
+            }
+        }
     }
 }
 

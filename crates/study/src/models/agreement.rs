@@ -3,7 +3,10 @@
 use rig_chart::{Axis, COLOURS, Chart, Marker, Point, Rule, Series};
 use rig_contact::{ContactLaw, Direction, Friction, Models, Requirements, Sensor, Tier};
 
-use super::{cost::Costs, variant::Variant};
+use super::{
+    cost::{Costs, unit_ns},
+    variant::Variant,
+};
 use crate::{
     files::Csv,
     page::{Page, Table},
@@ -177,9 +180,9 @@ pub(super) fn measure(variant: Variant, truth: Control) -> Differences {
 fn chart(truth: Control, points: &[(Variant, Differences)], costs: &Costs) -> Chart {
     let mut chart = Chart::new(
         &format!("Cost and agreement of each tier, depth held by the {}", truth.name()),
-        "Nanoseconds of one evaluation against the largest difference from the reference in Hz. Each line is a tier, from \
+        "Time of one evaluation over that of E1 against the largest difference from the reference in Hz. Each line is a tier, from \
          the series contact radius to the exact one; dashed lines are the tolerances of uses.",
-        Axis::log("one evaluation, ns"),
+        Axis::log("time of one evaluation, over that of E1"),
         Axis::log("largest difference from the reference, Hz"),
     );
     for (colour, tier) in Tier::ALL.into_iter().enumerate() {
@@ -191,7 +194,8 @@ fn chart(truth: Control, points: &[(Variant, Differences)], costs: &Costs) -> Ch
         let points: Vec<Point> = of_tier
             .filter_map(|(variant, found)| {
                 let note = Some(format!("{}, {}", tier.name(), variant.law.name()));
-                Some(Point { x: *costs.get(variant)?, y: found.max_hz, error: None, note })
+                let x = costs.get(variant)? / unit_ns(costs);
+                Some(Point { x, y: found.max_hz, error: None, note })
             })
             .collect();
         if !points.is_empty() {

@@ -38,6 +38,19 @@ pub(super) fn stored() -> Costs {
     STORED.lines().filter_map(line).collect()
 }
 
+/// The cost of E1 with the series contact radius and the indentation held, to which the page compares the others.
+/// Ratios of one session differ less from computer to computer than nanoseconds.
+pub(super) fn unit_ns(costs: &Costs) -> f64 {
+    let (tier, law, control) = (Tier::E1, ContactLaw::SneddonSeries, Control::Indentation);
+    costs.get(&Variant { tier, law, control }).copied().unwrap_or(f64::NAN)
+}
+
+/// A ratio with two digits.
+pub(super) fn ratio(of_unit: f64) -> String {
+    let decimals = if of_unit < 1.0 { 2 } else { usize::from(of_unit < 10.0) };
+    format!("{of_unit:.decimals$}")
+}
+
 /// Measures every variant in turn, each by the shortest of several runs.
 pub(super) fn measure() -> Costs {
     Variant::all().map(|variant| (variant, measure_one(variant))).collect()

@@ -4,7 +4,7 @@ use rig_contact::{ContactLaw, Tier};
 
 use super::{
     agreement::measure,
-    cost::{Costs, ImpedanceCosts},
+    cost::{Costs, ImpedanceCosts, ratio, unit_ns},
     variant::Variant,
 };
 use crate::{
@@ -28,7 +28,7 @@ pub(super) fn add(page: &mut Page, costs: &Costs, of_impedance: &ImpedanceCosts)
         "stiffness ratio up to",
         "stage moves",
         "impedance",
-        "cost, ns",
+        "cost, over E1",
         "largest difference from the reference, Hz",
     ]);
     for tier in Tier::ALL {
@@ -53,15 +53,19 @@ pub(super) fn add(page: &mut Page, costs: &Costs, of_impedance: &ImpedanceCosts)
             },
             yes(validity.takes_stage_moves),
             yes(validity.has_impedance),
-            costs.get(&variant).map_or(String::new(), |ns| format!("{ns:.0}")),
+            costs.get(&variant).map_or(String::new(), |ns| ratio(ns / unit_ns(costs))),
             difference,
         ]);
     }
     page.table(table);
-    page.text("The cost of an impedance:");
-    let mut table = Table::new(&["step", "cost, ns"]);
+    page.text(format!(
+        "A cost is the time of one evaluation over that of E1, {:.0} ns on the computer that measured. \
+         The cost of an impedance:",
+        unit_ns(costs)
+    ));
+    let mut table = Table::new(&["step", "cost, over E1"]);
     for (step, ns) in of_impedance {
-        table.row([(*step).to_owned(), format!("{ns:.0}")]);
+        table.row([(*step).to_owned(), ratio(ns / unit_ns(costs))]);
     }
     page.table(table);
 }

@@ -4,8 +4,8 @@ use std::f64::consts::PI;
 
 use rig_analysis::stiffness::{Halfway, PosedTouch};
 use rig_contact::{
-    Contact, ContactLaw, Depth, Direction, Friction, Models, Pose, Sensor, SensorDesign, Specimen,
-    Tier, Tissue,
+    Contact, ContactLaw, Depth, Direction, Friction, Models, Pose, Refusal, Sensor, SensorDesign,
+    Specimen, Tier, Tissue,
 };
 use rig_model::random::Stream;
 
@@ -46,6 +46,8 @@ pub(super) struct Truth {
     friction: Friction,
     /// Above this angle it slides, degrees.
     slips_beyond_deg: f64,
+    /// It sticks up to this tangential over normal force.
+    sticks_up_to: f64,
     is_held_by_stage: bool,
     /// The exponent with which the stiffness grows with the depth along the normal.
     layered: f64,
@@ -79,6 +81,7 @@ impl Truth {
         law: ContactLaw::Sneddon,
         friction: Friction::Sticking,
         slips_beyond_deg: f64::INFINITY,
+        sticks_up_to: f64::INFINITY,
         is_held_by_stage: false,
         layered: 0.0,
         adhesion_j_per_m2: 0.0,
@@ -153,6 +156,9 @@ impl Truth {
             Self { name: "adhesion of 0.05 J/m²", adhesion_j_per_m2: 0.05, ..one },
             thin("samples 5 mm thick on a hard base", 5.0),
             thin("samples 2 mm thick on a hard base", 2.0),
+            Self { name: "Hertz's law", is_within: false, law: ContactLaw::Hertz, ..one },
+            Self { name: "slip at a friction of 0.7", is_within: false, sticks_up_to: 0.7, ..one },
+            Self { name: "slip at a friction of 1", is_within: false, sticks_up_to: 1.0, ..one },
         ]
     }
 
@@ -303,6 +309,12 @@ impl Bench {
         let specimen = Specimen::new(truth.adhesion_j_per_m2, truth.thickness_mm);
         let specimen = specimen.expect("both are possible");
         let mut contact = Contact { pose, depth, law: truth.law, friction };
+        if truth.sticks_up_to.is_finite() {
+            contact.friction = Friction::Coulomb { coefficient: truth.sticks_up_to };
+            let load = sensor.load_on(&tissue(felt_mpa), &contact, &specimen);
+            let slips = matches!(load, Err(Refusal::Slips { .. }));
+            contact.friction = if slips { Friction::Frictionless } else { friction };
+        }
         if truth.relaxed > 0.0 {
             // The sensor presses on a tissue that is softer at rest than in vibration.
             let softer = tissue(felt_mpa * (1.0 - truth.relaxed));
