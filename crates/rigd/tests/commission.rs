@@ -166,7 +166,6 @@ fn nothing_moves_on_a_bench_that_nobody_has_commissioned() {
 #[test]
 fn benches_of_any_sign_scale_and_zero_are_found_out_also_with_a_person_who_errs() {
     let mut chance = Stream::new(18, 0);
-    let mut any_failed = false;
     for seed in 0..12 {
         let sense = |chance: &mut Stream| if chance.uniform() < 0.5 { -1.0 } else { 1.0 };
         // From a third of the described step to three times it, and some close to it.
@@ -181,8 +180,7 @@ fn benches_of_any_sign_scale_and_zero_are_found_out_also_with_a_person_who_errs(
             zero_deg: 6.0 * chance.uniform() - 3.0,
         };
         let bench = Bench::new(truth, seed, 0.05);
-        let (rounds, failures) = bench.commission();
-        any_failed |= failures > 0;
+        let (rounds, _) = bench.commission();
         let (linear, rotary) = (bench.rig().linear.scale, bench.rig().rotary.scale);
         let of = format!("seed {seed}, {rounds} rounds: {truth:?}, {linear:?}, {rotary:?}");
         // The limit of acceptance, and three standard deviations.
@@ -192,8 +190,6 @@ fn benches_of_any_sign_scale_and_zero_are_found_out_also_with_a_person_who_errs(
         let home = bench.rigd(&["home"]);
         assert!(home.status.success(), "{of}: {}", stderr(&home));
     }
-    // With one answer in twenty wrong, a step fails now and then, and is made again.
-    println!("a step failed: {any_failed}");
 }
 
 #[test]

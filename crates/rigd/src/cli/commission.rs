@@ -24,6 +24,7 @@ use super::{
 };
 use crate::{
     calibrations::{self, CalibrationsError, Witness},
+    endpoint::{Endpoint, EndpointError},
     loaded_rig::LoadedRig,
     operator::Operator,
     rig,
@@ -308,8 +309,15 @@ fn changed(args: &ChangedArgs) -> Result<(), Failure> {
             .map_err(CommissionFailure::from)?;
         say(&format!("Record: {}", path.display()));
     }
+    if !matches!(Endpoint::find(&data), Err(EndpointError::None { .. })) {
+        say(&indented(IN_SERVICE, 0));
+    }
     Ok(())
 }
+
+/// A daemon looks at the calibrations when it starts.
+const IN_SERVICE: &str = "A daemon serves this data directory. Its rig stays in service until it ends: end it now, and \
+                          `rigd commission` asks for what is missing.";
 
 /// What each change of a bench voids.
 fn changes() -> String {
