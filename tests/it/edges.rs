@@ -108,7 +108,7 @@ const IMPURE: [&str; 7] = [
     "indicatif",
 ];
 
-/// The dependencies of each crate of the house, without those of its tests.
+/// The dependencies of each crate of the workspace, without those of its tests.
 fn dependencies() -> BTreeMap<String, Vec<String>> {
     let output = Command::new(env!("CARGO"))
         .args(["metadata", "--format-version", "1", "--no-deps", "--offline"])

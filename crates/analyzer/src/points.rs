@@ -131,7 +131,7 @@ impl Analyzer {
         let measured = match answer::reading(reading, &commands.answer) {
             Ok(Some(measured)) => measured,
             Ok(None) => {
-                // Earlier it cannot be ready, and a line with echoes has better things to carry.
+                // Earlier it cannot be ready, and each question takes time on a line with echoes.
                 sleep_until(begun + Duration::from_secs_f64(wanted.delay_s + trigger_s)).await;
                 self.fetch_until(commands, begun + within).await?
             }

@@ -220,7 +220,7 @@ impl Cursor {
                 self.is_behind = !self.page.is_empty();
                 continue;
             }
-            // The rig has gone, and nobody tells.
+            // The rig has gone, and no event says so.
             self.status.has_changed().ok()?;
             match self.news.recv().await {
                 Ok(news) if news.event > self.last => {
