@@ -119,7 +119,9 @@ pub enum Refusal {
         what: &'static str,
     },
     /// Each step of commissioning needs the word of a person.
-    #[error("{what}: no person has confirmed in the last minute that it may begin and that nothing is below the probe")]
+    #[error(
+        "{what}: no person has confirmed in the last minute that it may begin and that nothing is below the probe"
+    )]
     StepUnconfirmed {
         /// The command.
         what: &'static str,
