@@ -4,7 +4,7 @@ use rig_analyzer::{Analyzer, AnalyzerError};
 use rig_engine::{Device, Failure, FailureKind, Operation, Report};
 use rig_interlock::Outcome;
 use rig_link::StopSignal;
-use rig_model::{Deg, DriveLevel, Mm, Reading, SweepPoint, Unit, with_causes};
+use rig_model::{Deg, DriveLevel, Mm, Position, Reading, SweepPoint, Unit, with_causes};
 use rig_stage::{AxisStatus, BusError, HaltFrames, LineFault, Stage, StageError};
 use tokio::sync::mpsc;
 
@@ -43,9 +43,15 @@ impl Axes {
 
 impl Perform for Axes {
     async fn perform(&mut self, operation: &Operation, stop: &StopSignal) -> Ended {
+        let linear = |error| stage_failure(Device::LinearStage, &error);
+        if stop.is_raised() && matches!(operation, Operation::Descend { .. }) {
+            // It is ended before it has begun: a descent without a way, after which the search goes on.
+            let at = self.read_linear().await.map_err(linear)?;
+            return Ok(Report::Descended { at, way: Vec::new() });
+        }
         not_after_a_stop(Device::LinearStage, stop)?;
         if self.gate.needs_reading(operation) {
-            self.read_linear().await.map_err(|error| stage_failure(Device::LinearStage, &error))?;
+            self.read_linear().await.map_err(linear)?;
         }
         self.gate.admit(operation)?;
         let ended = self.carry_out(operation, stop).await;
@@ -56,7 +62,7 @@ impl Perform for Axes {
 
 impl Axes {
     /// Reads the linear stage back, where nothing moves it.
-    async fn read_linear(&mut self) -> Result<(), StageError<Mm>> {
+    async fn read_linear(&mut self) -> Result<Position<Mm>, StageError<Mm>> {
         let status = self.linear.status().await?;
         not_under_emergency_stop(&status, false)?;
         if let Some(alarm) = status.alarm {
@@ -66,7 +72,7 @@ impl Axes {
         if !status.is_moving {
             self.gate.read(Outcome::LinearAt(at));
         }
-        Ok(())
+        Ok(at)
     }
 
     async fn carry_out(&mut self, operation: &Operation, stop: &StopSignal) -> Ended {
@@ -173,7 +179,7 @@ pub(crate) fn analyzer_failure(error: AnalyzerError) -> Failure {
 async fn prepare<U: Unit>(
     stage: &mut Stage<U>,
     stop: &StopSignal,
-) -> Result<rig_model::Position<U>, StageError<U>> {
+) -> Result<Position<U>, StageError<U>> {
     // Another device may answer now than before the fault.
     let status = stage.identify().await?;
     if status.is_homed {

@@ -69,12 +69,12 @@ impl Owners {
 
     /// Ends the operation in progress. A moving axis stops at once, even while its bus is busy.
     pub(super) fn interrupt(&mut self) {
-        self.analyzer.interrupt();
+        self.analyzer.end();
         if let Some(descending) = &mut self.descending {
             descending.stream_ended();
         }
         if self.axes.is_busy() {
-            self.axes.interrupt();
+            self.axes.end();
             drop(self.halt.now());
         }
     }
@@ -85,9 +85,10 @@ impl Owners {
         self.end_stream();
     }
 
+    /// A stream that waits for another measurement, which may take minutes, is not waited for.
     fn end_stream(&mut self) {
-        let is_under_way = self.analyzer.end();
-        if let Some(descending) = self.descending.as_mut().filter(|_| !is_under_way) {
+        let is_waiting = self.analyzer.end();
+        if let Some(descending) = self.descending.as_mut().filter(|_| is_waiting) {
             descending.stream_ended();
         }
     }

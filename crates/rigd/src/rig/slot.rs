@@ -19,37 +19,45 @@ pub(super) trait Perform: Sized + 'static {
 /// What gives the devices back, with the end of an operation if it was one.
 type InFlight<D> = Pin<Box<dyn Future<Output = (D, Option<(OperationId, Ended)>)>>>;
 
+/// An operation that waits for the end of another one.
+struct Waiting {
+    id: OperationId,
+    operation: Operation,
+    /// It was asked to end before it has begun: it begins with its stop raised, and says so at once.
+    is_stopped: bool,
+}
+
 /// Devices and the operation that they carry out. An operation that comes while another is under way
-/// waits for its end.
+/// waits for its end. Each operation reports, unless a later one takes its place while it waits: the engine
+/// begins another one only if it no longer expects a report.
 pub(super) struct Slot<D> {
     devices: Option<D>,
     in_flight: Option<InFlight<D>>,
-    waiting: Option<(OperationId, Operation)>,
-    /// They do something that is no operation.
-    is_attending: bool,
+    waiting: Option<Waiting>,
     stop: StopSignal,
 }
 
 impl<D: Perform> Slot<D> {
     pub(super) fn new(devices: D) -> Self {
-        let stop = StopSignal::new();
-        Self { devices: Some(devices), in_flight: None, waiting: None, is_attending: false, stop }
+        Self { devices: Some(devices), in_flight: None, waiting: None, stop: StopSignal::new() }
     }
 
     /// Begins an operation, or lets it wait for the end of the one under way.
     pub(super) fn start(&mut self, id: OperationId, operation: Operation) {
-        if self.devices.is_some() {
-            self.stop.lower();
-        }
-        self.begin(id, operation);
+        self.begin(Waiting { id, operation, is_stopped: false });
     }
 
-    fn begin(&mut self, id: OperationId, operation: Operation) {
+    fn begin(&mut self, next: Waiting) {
         let Some(mut devices) = self.devices.take() else {
-            // One that the engine has given up never began.
-            self.waiting = Some((id, operation));
+            self.waiting = Some(next);
             return;
         };
+        let Waiting { id, operation, is_stopped } = next;
+        if is_stopped {
+            self.stop.raise();
+        } else {
+            self.stop.lower();
+        }
         let stop = self.stop.clone();
         self.in_flight = Some(Box::pin(async move {
             let ended = devices.perform(&operation, &stop).await;
@@ -65,7 +73,6 @@ impl<D: Perform> Slot<D> {
         let (tell, told) = oneshot::channel();
         if let Some(mut devices) = self.devices.take() {
             self.stop.lower();
-            self.is_attending = true;
             let stop = self.stop.clone();
             self.in_flight = Some(Box::pin(async move {
                 // The caller may have gone away.
@@ -76,19 +83,13 @@ impl<D: Perform> Slot<D> {
         told
     }
 
-    /// Has the operation under way end early.
-    pub(super) fn interrupt(&mut self) {
-        self.stop.raise();
-        // The engine waits for the end of the only operation that it has begun.
-        if !self.is_attending {
-            self.waiting = None;
-        }
-    }
-
-    /// Has the operation under way end early, in order. `false` if it had not begun, and never will.
+    /// Has the operation under way end early, and the one that waits for it too. Returns whether one waits.
     pub(super) fn end(&mut self) -> bool {
         self.stop.raise();
-        self.waiting.take().is_none()
+        if let Some(waiting) = &mut self.waiting {
+            waiting.is_stopped = true;
+        }
+        self.waiting.is_some()
     }
 
     pub(super) const fn is_busy(&self) -> bool {
@@ -102,12 +103,8 @@ impl<D: Perform> Slot<D> {
         let (devices, ended) = in_flight.await;
         self.in_flight = None;
         self.devices = Some(devices);
-        let was_attending = std::mem::take(&mut self.is_attending);
-        match self.waiting.take() {
-            // A stop that came meanwhile ends it.
-            Some((id, operation)) if was_attending => self.begin(id, operation),
-            Some((id, operation)) => self.start(id, operation),
-            None => {}
+        if let Some(waiting) = self.waiting.take() {
+            self.begin(waiting);
         }
         ended
     }
@@ -134,20 +131,39 @@ mod tests {
     /// The engine waits for the end of what it has begun.
     #[tokio::test]
     async fn an_operation_begun_while_the_devices_are_asked_something_else_always_ends() {
-        for is_interrupted in [false, true] {
+        for is_stopped in [false, true] {
             let mut slot = Slot::new(Devices);
             let told = slot.attend(async |_, _| 7);
             assert!(slot.is_busy());
             slot.start(OperationId(1), Operation::StopMotion);
-            if is_interrupted {
-                slot.interrupt();
+            if is_stopped {
+                assert!(slot.end());
             }
             assert_eq!(slot.ended().await, None);
             assert_eq!(told.await, Ok(7));
             let (id, ended) = slot.ended().await.unwrap();
-            assert_eq!((id, ended.is_err()), (OperationId(1), is_interrupted));
+            assert_eq!((id, ended.is_err()), (OperationId(1), is_stopped));
             slot.start(OperationId(2), Operation::StopMotion);
             assert!(slot.ended().await.unwrap().1.is_ok());
+        }
+    }
+
+    /// The first one has been given up, and its end says nothing of the second.
+    #[tokio::test]
+    async fn an_operation_that_waits_for_a_stopped_one_begins_unless_it_is_stopped_too() {
+        for is_stopped in [false, true] {
+            let mut slot = Slot::new(Devices);
+            slot.start(OperationId(1), Operation::StopMotion);
+            assert!(!slot.end());
+            slot.start(OperationId(2), Operation::StopMotion);
+            if is_stopped {
+                assert!(slot.end());
+            }
+            let (id, ended) = slot.ended().await.unwrap();
+            assert_eq!((id, ended.is_err()), (OperationId(1), true));
+            let (id, ended) = slot.ended().await.unwrap();
+            assert_eq!((id, ended.is_err()), (OperationId(2), is_stopped));
+            assert!(!slot.is_busy());
         }
     }
 }

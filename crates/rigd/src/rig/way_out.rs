@@ -264,7 +264,7 @@ async fn retract(
                     axes.start(id, operation);
                 }
                 Effect::Interrupt => {
-                    axes.interrupt();
+                    axes.end();
                     drop(bus.halt(frames.clone()));
                 }
                 // Nothing is lowered.
