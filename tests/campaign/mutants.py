@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Takes away one guard after another (mutants.toml) in a copy of the sources, and plays the campaign
-until it fails. Prints the first seed that notices and what it says. The exit code is 0 only if every
-mutant was noticed. A row that does not apply ends the program.
+until it fails, or runs the tests of its crate. Prints the first seed or test that notices, and what it says.
+The exit code is 0 only if every mutant was noticed. A row that does not apply ends the program.
 
     tests/campaign/mutants.py [--only WORD] [--seeds N] [--jobs J]
     tests/campaign/mutants.py --check    only sees that every row applies
@@ -41,19 +41,51 @@ def apply(tree, edits):
         path.write_text(text.replace(edit["find"], edit["replace"]))
 
 
-def build(tree):
-    # Built again for each row: the time to build counts more than that of the campaign.
-    environment = {
-        **os.environ,
-        "CARGO_TARGET_DIR": str(SCRATCH / "build"),
-        "CARGO_PROFILE_RELEASE_INCREMENTAL": "true",
-        "CARGO_PROFILE_RELEASE_OPT_LEVEL": "1",
-    }
-    command = ["cargo", "build", "--quiet", "--release", "--locked", "-p", "rig-tests", "--bin", "campaign"]
-    built = subprocess.run(command, cwd=tree, env=environment, capture_output=True, text=True)
+# Built again for each row: the time to build counts more than that of the campaign.
+ENVIRONMENT = {
+    **os.environ,
+    "CARGO_TARGET_DIR": str(SCRATCH / "build"),
+    "CARGO_PROFILE_RELEASE_INCREMENTAL": "true",
+    "CARGO_PROFILE_RELEASE_OPT_LEVEL": "1",
+}
+
+
+def cargo(tree, *arguments):
+    command = ["cargo", *arguments]
+    return subprocess.run(command, cwd=tree, env=ENVIRONMENT, capture_output=True, text=True)
+
+
+def build(tree, *arguments):
+    built = cargo(tree, *arguments)
     if built.returncode != 0:
         sys.exit(built.stderr)
-    return SCRATCH / "build" / "release" / "campaign"
+
+
+def by_tests(tree, row):
+    """The test of the crate that notices, with what it says; None if none does."""
+    tests = ["test", "--quiet", "--locked", "-p", row["package"]]
+    build(tree, *tests, "--no-run")
+    tested = cargo(tree, *tests)
+    if tested.returncode == 0:
+        return None
+    names = re.findall(r"^---- (.*) stdout ----$", tested.stdout, re.MULTILINE)
+    return f"{len(names)} tests | {row['name']} | {', '.join(names)[:160]}"
+
+
+def by_campaign(tree, row, arguments):
+    """The first seed that notices, with what it says; None if none does."""
+    build(tree, "build", "--quiet", "--release", "--locked", "-p", "rig-tests", "--bin", "campaign")
+    command = [SCRATCH / "build" / "release" / "campaign"]
+    command += ["--seeds", str(arguments.seeds), "--jobs", str(arguments.jobs), "--until-failed"]
+    command += ["--engine"] if row["by"] == "engine" else []
+    played = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    lines = played.stdout.splitlines()
+    first = next((i for i, line in enumerate(lines) if re.match(r"seed \d+:", line)), None)
+    if played.returncode == 0 or first is None:
+        return None
+    seed = lines[first].split(":")[0]
+    what = lines[first] if row["by"] == "engine" else lines[first + 1]
+    return f"{seed} | {row['name']} | {what.strip()[:160]}"
 
 
 def main():
@@ -78,21 +110,13 @@ def main():
     for row in rows:
         begun = time.monotonic()
         apply(tree, row["edits"])
-        campaign = build(tree)
+        noticed = by_tests(tree, row) if row["by"] == "tests" else by_campaign(tree, row, arguments)
         copy_sources(tree)
-        command = [campaign, "--seeds", str(arguments.seeds), "--jobs", str(arguments.jobs), "--until-failed"]
-        command += ["--engine"] if row["by"] == "engine" else []
-        played = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-        lines = played.stdout.splitlines()
-        first = next((i for i, line in enumerate(lines) if re.match(r"seed \d+:", line)), None)
         minutes = (time.monotonic() - begun) / 60
-        if played.returncode == 0 or first is None:
+        if noticed is None:
             survivors += 1
-            print(f"NOT NOTICED in {arguments.seeds} seeds | {row['name']} | {minutes:.1f} min", flush=True)
-            continue
-        seed = lines[first].split(":")[0]
-        what = lines[first] if row["by"] == "engine" else lines[first + 1]
-        print(f"{seed} | {row['name']} | {what.strip()[:160]} | {minutes:.1f} min", flush=True)
+            noticed = f"NOT NOTICED | {row['name']}"
+        print(f"{noticed} | {minutes:.1f} min", flush=True)
     print(f"{len(rows)} mutants, {survivors} not noticed")
     sys.exit(survivors > 0)
 

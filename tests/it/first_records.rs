@@ -6,7 +6,10 @@ use rig_engine::RigState;
 use rig_sim::world::AxisId;
 use rig_store::{DiskFailure, MemoryDisk, Reader};
 use rig_tests::shipped;
-use rigd::{loaded_rig::LoadedRig, rig};
+use rigd::{
+    loaded_rig::LoadedRig,
+    rig::{self, RigHandle},
+};
 
 /// What became of a rig that was opened on a failing disk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,6 +33,8 @@ async fn opened(nth: u64, failure: DiskFailure) -> (End, usize) {
     let Ok((handle, rig)) = rig::open_in_memory(rig, &disk, None).await else {
         return (End::NotOpened, 0);
     };
+    let before_mm = target_mm(&handle);
+    assert!(before_mm > CLEAR_MM + 1.0, "the way out would go up: {before_mm} mm");
     let mut status = handle.status();
     let mut serving = pin!(rig.serve());
     let is_settled = |state| matches!(state, RigState::Idle | RigState::Latched);
@@ -41,13 +46,21 @@ async fn opened(nth: u64, failure: DiskFailure) -> (End, usize) {
             status.snapshot.state
         }
     };
-    let simulation = handle.simulation().unwrap();
-    let target_mm = simulation.with(|_, rig| rig.world().stage(AxisId::Linear).target());
+    let target_mm = target_mm(&handle);
     assert!(target_mm > CLEAR_MM - WITHIN_MM, "{failure:?} from call {nth} on: {target_mm} mm");
     tokio::join!(handle.close(), serving);
     let records = Reader::open_in_memory(&disk).unwrap().events_after(0, u32::MAX).unwrap().len();
+    // The only way down is that of a rig that is prepared, whose first record is on the disk.
+    let is_down = target_mm < before_mm - WITHIN_MM;
+    assert!(!is_down || records > 0, "{failure:?} from call {nth} on: down to {target_mm} mm");
     let end = if state == RigState::Idle { End::Idle } else { End::Latched };
     (end, records)
+}
+
+/// Where the linear stage of the bench was sent, mm.
+fn target_mm(handle: &RigHandle) -> f64 {
+    let simulation = handle.simulation().unwrap();
+    simulation.with(|_, rig| rig.world().stage(AxisId::Linear).target())
 }
 
 #[test]

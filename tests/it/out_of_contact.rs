@@ -62,7 +62,8 @@ async fn run_with_each(fault: &str, at: Range<u32>, rig_file: &[(&str, &str)]) -
         was_down: was_down.expect("a faulted run has its fault"),
         causes,
         tip_mm: truth.tip_mm,
-        is_out: (truth.tip_mm - clear).abs() < 0.1,
+        // A drive that was homed upwards stays at the top.
+        is_out: clear - 0.1 < truth.tip_mm,
         violations,
         clearance,
     })

@@ -7,7 +7,7 @@
 //!   └───────┘ ◀─────┐          └───────┘                └────────────┘
 //!       ▲           └── read-back of a retract ◀─────────────┘ │
 //!       │                                                      │ a linear operation fails
-//!       └───────────── read-back of a move to rest ── Unknown ◀┘
+//!       └──────── read-back of a move to rest or above ── Unknown ◀┘
 //! ```
 //!
 //! A retract goes to the clear position, or only above everything that the sample reaches in its next turn. The
@@ -173,7 +173,10 @@ impl Interlock {
             }
             Operation::PrepareRotary => self.admit_turn(None)?,
             Operation::MoveRotary { target, .. } => self.admit_turn(Some(*target))?,
-            Operation::MoveLinear { target, .. } if *target == rest => self.height = None,
+            // The clear position, or above it.
+            Operation::MoveLinear { target, .. } if rest.position() <= target.position() => {
+                self.height = None;
+            }
             Operation::MoveLinear { target, .. } | Operation::Descend { target, .. } => {
                 let target = target.position();
                 if self.clearance == Clearance::Unknown {
@@ -213,13 +216,14 @@ impl Interlock {
         let low = self.low.take_if(|_| !matches!(operation, Operation::Measure { .. }));
         match (operation, report) {
             (Operation::MoveLinear { target, .. }, Some(Report::LinearAt(read_back))) => {
-                let is_rest = *target == self.limits.linear.rest_target();
+                let rest = self.limits.linear.rest_target().position();
+                let is_up = rest <= target.position();
                 let is_low = low == Some(*target) && self.is_clear_here(*target);
-                if is_rest || is_low {
+                if is_up || is_low {
                     let is_there = self.limits.linear.is_at(*read_back, *target);
                     self.clearance = if is_there { Clearance::Clear } else { Clearance::Unknown };
                     self.height = is_there.then_some(*read_back);
-                    self.floor = target.position();
+                    self.floor = if is_up { rest } else { target.position() };
                 }
             }
             (Operation::MoveRotary { .. } | Operation::PrepareRotary, report) => {
@@ -247,7 +251,7 @@ impl Interlock {
 
 #[cfg(test)]
 #[path = "../../model/tests/support/limits.rs"]
-mod bench;
+pub(crate) mod bench;
 
 #[cfg(test)]
 mod tests {
@@ -346,6 +350,25 @@ mod tests {
         interlock.ended(&move_linear(40.0), Some(&clear));
         assert_eq!(interlock.clearance(), Clearance::Clear);
         interlock.admit(&Operation::HomeLinear).unwrap_err();
+    }
+
+    #[test]
+    fn the_probe_is_not_lowered_from_where_it_is_not_known() {
+        let mut interlock = Interlock::new(limits());
+        let lift = move_linear(40.0);
+        let lower = move_linear(20.0);
+        let target = Position::new(20.0);
+        for _ in 0..2 {
+            interlock.declare(Position::new(19.0));
+            let refusal = interlock.admit(&lower).unwrap_err();
+            assert_eq!(refusal, InterlockError::LoweringFromUnknown { target });
+            interlock.admit(&lift).unwrap();
+            interlock.ended(&lift, Some(&Report::LinearAt(Position::new(40.0))));
+            interlock.declare(Position::new(19.0));
+            interlock.admit(&lower).unwrap();
+            // Nobody knows where a move that failed has ended.
+            interlock.ended(&lower, None);
+        }
     }
 
     #[test]

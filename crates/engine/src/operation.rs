@@ -86,12 +86,9 @@ pub enum Report {
     Stopped,
 }
 
-/// The move that takes the probe clear. It is always allowed.
-pub(crate) fn retract(limits: &RigLimits) -> Operation {
-    Operation::MoveLinear {
-        target: limits.linear.rest_target(),
-        speed_mm_per_s: limits.motion.travel_speed_mm_per_s,
-    }
+/// The move that takes the probe to this target, at its clear position or above. It is always allowed.
+pub(crate) const fn retract(limits: &RigLimits, target: Target<Mm>) -> Operation {
+    Operation::MoveLinear { target, speed_mm_per_s: limits.motion.travel_speed_mm_per_s }
 }
 
 /// The longest time that an operation may take.

@@ -19,7 +19,8 @@
 //! that comes after it. A drive whose emergency stop is pressed is not moved again: nothing may move when the
 //! button is released. A stage that
 //! moved and is not clear after a few retracts, or that does not know its position and has no safe way to
-//! find it, is not moved again.
+//! find it, is not moved again. A probe that may be above its clear position is found first, and stays there: a way
+//! out goes up or nowhere.
 //!
 //! It also prepares the rig: it finds the linear stage, moves the probe clear, and homes the rotary stage
 //! if it is not homed. A linear stage that has lost its position is homed in an unknown direction only
@@ -27,13 +28,17 @@
 
 use std::time::Duration;
 
-use rig_model::{Clearance, RigLimits, RigTime};
+use rig_model::{Clearance, Mm, RigLimits, RigTime, Target};
 
 use crate::{Device, Failure, FailureKind, Operation, fault::Fault, operation::retract};
 
 /// Number of retracts that may end without an answer of "clear" from a drive that answers. A stage that
 /// is blocked is not pushed without end.
 const RETRACT_ATTEMPTS: u32 = 3;
+
+/// Number of retracts after which the drive is found again at once, because of an alarm or a lost position. An alarm
+/// that comes with each move and goes by itself is not pushed against without end.
+const FINDS_MAX: u32 = 4;
 
 /// Number of different alarms that are reset. One that comes back shows that its cause is still there.
 const RESETS_MAX: usize = 2;
@@ -48,6 +53,8 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(5);
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum RecoveryStep {
     Do(Operation),
+    /// Take the probe here.
+    Retract(Target<Mm>),
     /// Wait, then call [`Recovery::waited`].
     Wait(Duration),
     /// The recovery is finished: the probe is clear, or nothing moves and it is unknown.
@@ -101,6 +108,7 @@ pub(crate) struct Recovery {
     give_up_at: RigTime,
     pause: Duration,
     retracts_left: u32,
+    finds_left: u32,
     /// The alarms that were reset.
     reset: Vec<u16>,
     /// The patience ended while the drive was waited for.
@@ -131,13 +139,14 @@ impl Recovery {
             give_up_at: now + patience,
             pause: FIRST_PAUSE,
             retracts_left: RETRACT_ATTEMPTS,
+            finds_left: FINDS_MAX,
             reset: Vec::new(),
             is_out_of_patience: false,
         };
         (recovery, RecoveryStep::Do(Operation::StopMotion))
     }
 
-    /// An operation of the recovery has ended; `clearance` is the present one.
+    /// An operation of the recovery has ended; `clearance` is the present one, and `up` the target of a retract.
     ///
     /// The stop is not repeated when it fails: the retract that follows is the safest action
     /// whether or not the rotary stage has answered.
@@ -146,7 +155,7 @@ impl Recovery {
         now: RigTime,
         report: RecoveryReport,
         clearance: Clearance,
-        limits: &RigLimits,
+        up: Target<Mm>,
     ) -> RecoveryStep {
         use RecoveryReport::{Alarmed, Blocked, Done, EmergencyStopped, Lost, Unready};
         match (self.phase, report) {
@@ -157,10 +166,10 @@ impl Recovery {
             (Phase::Stopping { cause: Alarmed(_) | Lost }, _)
             | (Phase::Stopping { .. }, Alarmed(_) | Lost) => self.find(),
             (Phase::Stopping { .. } | Phase::Finding, Done)
-            | (Phase::Stopping { .. }, Unready | Blocked) => self.retract(limits),
+            | (Phase::Stopping { .. }, Unready | Blocked) => self.retract(up),
             (Phase::Retracting, Done) if clearance == Clearance::Clear => self.finish(clearance),
-            (Phase::Retracting, Alarmed(code)) if self.may_reset(code) => self.find(),
-            (Phase::Retracting, Lost) => self.find(),
+            (Phase::Retracting, Alarmed(code)) if self.may_reset(code) => self.find_at_once(),
+            (Phase::Retracting, Lost) => self.find_at_once(),
             (Phase::Retracting, Done | Blocked | Alarmed(_)) | (Phase::Finding, Blocked) => {
                 self.retracts_left = self.retracts_left.saturating_sub(1);
                 if self.retracts_left == 0 {
@@ -181,7 +190,8 @@ impl Recovery {
 
     /// Begins one attempt more, without patience: the drive is found, and then one retract.
     pub(crate) fn again(&mut self, now: RigTime) -> RecoveryStep {
-        (self.give_up_at, self.retracts_left, self.is_out_of_patience) = (now, 1, false);
+        (self.give_up_at, self.is_out_of_patience) = (now, false);
+        (self.retracts_left, self.finds_left) = (1, 1);
         self.find()
     }
 
@@ -206,6 +216,15 @@ impl Recovery {
         RecoveryStep::Do(Operation::FindLinear { may_reset_alarm: false })
     }
 
+    /// Finds the drive again after a retract.
+    fn find_at_once(&mut self) -> RecoveryStep {
+        let Some(left) = self.finds_left.checked_sub(1) else {
+            return self.finish(Clearance::Unknown);
+        };
+        self.finds_left = left;
+        self.find()
+    }
+
     fn may_reset(&self, code: u16) -> bool {
         self.reset.len() < RESETS_MAX && !self.reset.contains(&code)
     }
@@ -215,9 +234,9 @@ impl Recovery {
         RecoveryStep::Do(Operation::FindLinear { may_reset_alarm: true })
     }
 
-    fn retract(&mut self, limits: &RigLimits) -> RecoveryStep {
+    fn retract(&mut self, up: Target<Mm>) -> RecoveryStep {
         self.phase = Phase::Retracting;
-        RecoveryStep::Do(retract(limits))
+        RecoveryStep::Retract(up)
     }
 
     fn wait(&mut self, now: RigTime) -> RecoveryStep {
@@ -255,7 +274,7 @@ impl Preparing {
         match self {
             Self::HomingLinear => Operation::HomeLinear,
             Self::FindingLinear => Operation::FindLinear { may_reset_alarm: true },
-            Self::Clearing => retract(limits),
+            Self::Clearing => retract(limits, limits.linear.rest_target()),
             Self::HomingRotary => Operation::PrepareRotary,
             Self::Levelling => Operation::MoveRotary {
                 target: limits.rotary.rest_target(),
@@ -278,4 +297,35 @@ impl Preparing {
 /// Whether an operation ended early on request, which is not a fault.
 pub(crate) fn is_interruption(failure: &Failure) -> bool {
     failure.kind == FailureKind::Interrupted
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::interlock::bench::limits;
+
+    #[test]
+    fn a_drive_that_fails_in_each_move_and_is_well_in_between_is_not_moved_without_end() {
+        let up = limits().linear.rest_target();
+        for failing in [RecoveryReport::Alarmed(0x30), RecoveryReport::Lost] {
+            let (now, patience) = (RigTime::ZERO, Duration::from_secs(60));
+            let (mut recovery, mut step) = Recovery::begin(now, patience, RecoveryReport::Done);
+            let (mut retracts, mut steps) = (0, 0);
+            while !matches!(step, RecoveryStep::Finished(_)) {
+                let report = match step {
+                    RecoveryStep::Retract(_) => {
+                        retracts += 1;
+                        failing
+                    }
+                    _ => RecoveryReport::Done,
+                };
+                step = recovery.ended(now, report, Clearance::Unknown, up);
+                steps += 1;
+                assert!(steps < 50, "{failing:?}: no end");
+            }
+            assert_eq!(step, RecoveryStep::Finished(Clearance::Unknown));
+            assert_eq!(retracts, 5, "{failing:?}");
+            assert!(!recovery.is_worth_trying());
+        }
+    }
 }

@@ -14,7 +14,7 @@
 use rig_model::{Impedance, Mm, PointResult, Position, Reading};
 use rig_protocol::Approach;
 
-use crate::Fault;
+use crate::{Device, Failure, FailureKind, Fault};
 
 /// Largest ratio of the steps of consecutive passes. Another pass costs the way up and down and the decay
 /// of the contact, as much as six steps; up to this ratio, the steps that it saves take less.
@@ -26,6 +26,10 @@ const ANEW_MAX: u32 = 4;
 /// A surface lies higher than this many standard deviations above where it is expected in 7 % of the
 /// searches; a contact in a longer step above costs another pass.
 const LIKELY_SIGMAS: f64 = 1.5;
+
+/// Steps in a row after which the stage may still be no lower. A step as short as the accuracy of the stage may end
+/// where it began, and one that is stuck would be asked for it without end.
+const STUCK_MAX: u32 = 3;
 
 /// The next step of a search for the surface.
 #[derive(Debug, Clone, PartialEq)]
@@ -124,6 +128,8 @@ pub struct Search {
     near: Option<Near>,
     /// No contact has been felt yet.
     is_first_pass: bool,
+    /// Steps in a row that have led no lower.
+    stuck: u32,
     commanded: Position<Mm>,
     here: Position<Mm>,
     trail: Vec<(Position<Mm>, Reading)>,
@@ -149,6 +155,7 @@ impl Search {
             anew: Anew { is_doubtful: false, next: None, left: ANEW_MAX, is_fresh: false },
             near: None,
             is_first_pass: true,
+            stuck: 0,
             commanded: start,
             here: start,
             trail: Vec::new(),
@@ -295,7 +302,12 @@ impl Search {
                 self.read_anew(clear.offset(self.approach.coarse_step_mm), clear)
             }
             (true, Some(clear)) => self.bracketed(clear, is_fresh),
-            (false, _) => {
+            (false, last) => {
+                let is_stuck = last.is_some_and(|last| last <= self.here);
+                self.stuck = if is_stuck { self.stuck + 1 } else { 0 };
+                if STUCK_MAX < self.stuck {
+                    return SearchStep::Fault(self.is_stuck());
+                }
                 self.last_clear = Some(self.here);
                 let floor = Self::floor(&self.approach, self.expected);
                 if self.commanded <= floor {
@@ -332,6 +344,15 @@ impl Search {
         self.is_after_contact = true;
         // A position far enough above to take up the backlash, even if it is above the start.
         self.go(clear.offset(self.approach.coarse_step_mm))
+    }
+
+    /// The fault of a stage that goes no lower.
+    fn is_stuck(&self) -> Fault {
+        let detail = format!(
+            "it was asked {} times in a row to go down by {} mm and stays at {}",
+            self.stuck, self.step_mm, self.here
+        );
+        Fault::Device(Failure { device: Device::LinearStage, kind: FailureKind::Blocked, detail })
     }
 
     fn go(&mut self, to: Position<Mm>) -> SearchStep {
@@ -490,6 +511,23 @@ mod tests {
         let shorted = Reading { measured: PointResult::Value(nothing), ..reading(1000.0) };
         let step = begin(nothing).read(shorted);
         assert!(matches!(step, SearchStep::Fault(Fault::ContactTooEarly { .. })), "{step:?}");
+    }
+
+    /// Its steps are as short as its accuracy, so that its drive says each time that it has arrived.
+    #[test]
+    fn a_stage_that_goes_no_lower_ends_the_search() {
+        let (mut search, mut step) =
+            Search::begin(APPROACH, Position::new(20.0), impedance(1000.0));
+        for _ in 0..5 {
+            assert!(matches!(step, SearchStep::MoveTo(_)), "{step:?}");
+            search.arrived(Position::new(20.4));
+            step = search.read(reading(1010.0));
+        }
+        let SearchStep::Fault(fault) = step else { panic!("{step:?}") };
+        assert_eq!(
+            fault.to_string(),
+            "linear stage: it was asked 4 times in a row to go down by 0.1 mm and stays at 20.400 mm"
+        );
     }
 
     #[test]

@@ -53,7 +53,7 @@ impl Interlock {
             self.begun(command);
             return Ok(());
         }
-        self.latch.admit(command, is_retract)?;
+        self.latch.admit(command, is_retract && self.depth.is_up(command))?;
         self.identity.admit(command, is_retract)?;
         self.turn.admit(now, command)?;
         self.intent.admit(command, is_retract)?;

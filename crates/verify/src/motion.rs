@@ -1,7 +1,7 @@
 //! Where the axes were: every move from record to record, and the rules of safe motion.
 //!
 //! ```text
-//!             intent                     moved to the clear position, read back there
+//!             intent                     moved to the clear position or above, read back there
 //!   ┌───────┐ ─────▶ ┌─────────┐ ─────────────────────────────┐
 //!   │ Clear │        │ Lowered │                              ▼
 //!   └───────┘        └─────────┘ ── fault, homing ──▶ Unknown ─▶ Clear
@@ -19,6 +19,8 @@ use crate::{
 
 /// Rounding of positions in records, mm or degrees.
 pub(crate) const ROUNDING: f64 = 1e-6;
+/// A tilt is read back within its tolerance, which moves the expected surface by less, mm.
+const TILT_MM: f64 = 0.02;
 /// Part by which the mean speed of a move may exceed its limit: clocks differ a little.
 const SPEED_SLACK: f64 = 0.05;
 
@@ -291,7 +293,9 @@ impl Motion {
             findings,
         );
         let is_there = (read_back - target).abs() <= linear.tolerance_mm + ROUNDING;
-        let is_retract = (target - linear.clear_mm).abs() <= ROUNDING;
+        // Before 2026-11-25 a read-back above the clear position was not said to show the probe clear.
+        let is_retract =
+            (target - linear.clear_mm).abs() <= ROUNDING || is_clear && linear.clear_mm <= target;
         let is_first = self.descent.as_ref().is_some_and(|descent| descent.moves.is_empty());
         let is_approach = self.descent.as_ref().is_some_and(|descent| descent.what == "approach");
         let is_up = before.is_some_and(|before| target > before);
@@ -362,7 +366,13 @@ impl Motion {
             let known = self.lowest_surface_mm.zip(self.rotary_deg);
             let start_mm = known.map(|(above, tilt)| settings.rig.surface_mm(tilt) + above - step);
             let is_way_down = descent.moves.len() == 1 && start_mm.is_some_and(|mm| mm <= target);
-            if let Some(lowest) = descent.lowest_mm.filter(|low| target < low - step - ROUNDING) {
+            // A search in steps after a descent begins where no surface is expected, as any other does.
+            let begin = self.rotary_deg.zip(settings.protocol.approach.start_above_mm);
+            let begin_mm =
+                begin.map(|(tilt, above)| settings.rig.surface_mm(tilt) + above - TILT_MM);
+            let is_below = begin_mm.is_none_or(|begin| target < begin);
+            let lowest = descent.lowest_mm.filter(|low| target < low - step - ROUNDING);
+            if let Some(lowest) = lowest.filter(|_| is_below) {
                 if is_way_down {
                     descent.way_down_us = Some(rig_us);
                     descent.follow(rig_us, read_back);

@@ -148,6 +148,7 @@ pub(crate) struct TouchKeys {
 pub(crate) struct Approach {
     pub(crate) give_up_below_mm: f64,
     pub(crate) coarse_step_mm: f64,
+    pub(crate) start_above_mm: Option<f64>,
     /// Of the file, or chosen for its aim.
     pub(crate) fine_step_mm: Option<f64>,
     pub(crate) contact_threshold: f64,

@@ -70,14 +70,11 @@ impl Engine {
             return self.prepare(now, first, effects);
         }
         let is_finding = attempts.recovery.is_finding();
-        let result = result.and_then(|report| match report {
-            Report::LinearAt(found) if is_finding => self.refuse_jump(found),
-            _ => Ok(()),
-        });
+        let result = result.and_then(|report| self.believe(&report, is_finding));
         let report = RecoveryReport::of_result(&result);
-        let clearance = self.interlock.clearance();
+        let (clearance, up) = (self.interlock.clearance(), self.up());
         if let Some(attempts) = &mut self.attempts {
-            let step = attempts.recovery.ended(now, report, clearance, &self.limits);
+            let step = attempts.recovery.ended(now, report, clearance, up);
             self.follow_attempt(now, step, result.err(), effects);
         }
     }
@@ -89,8 +86,10 @@ impl Engine {
         fault: Option<Fault>,
         effects: &mut Vec<Effect>,
     ) {
-        if let RecoveryStep::Do(operation) = step {
-            return self.issue(now, operation, effects);
+        match step {
+            RecoveryStep::Do(operation) => return self.issue(now, operation, effects),
+            RecoveryStep::Retract(to) => return self.retract(now, to, effects),
+            RecoveryStep::Wait(_) | RecoveryStep::Finished(_) => {}
         }
         let Some(attempts) = &self.attempts else { return };
         let (attempt, clearance) = (attempts.number, self.interlock.clearance());

@@ -1,12 +1,12 @@
 //! The reaction to any fault: end the operation in progress, stop, retract, then latch or be ready.
 
-use rig_model::{Clearance, Mm, Position, RigTime, Span};
+use rig_model::{Clearance, Mm, Position, RigTime, Span, Target};
 
 use super::{Activity, Engine, HadRun};
 use crate::{
     Effect, Event, Fault, Operation, Report, RunStatus,
     fault::StopReason,
-    operation::{Pending, limit},
+    operation::{Pending, limit, retract},
     recovery::{Recovery, RecoveryReport, RecoveryStep},
 };
 
@@ -118,11 +118,16 @@ impl Engine {
             return;
         };
         let cause = match &reason {
-            // Nobody has asked the drive yet who it is and where.
-            _ if self.linear.is_none() => RecoveryReport::Lost,
             StopReason::Fault(fault) => RecoveryReport::of(fault),
             StopReason::Abort { .. } => RecoveryReport::Done,
         };
+        let is_to_be_found = match cause {
+            // Nothing moves after it.
+            RecoveryReport::EmergencyStopped => false,
+            // Nobody has asked the drive yet who it is and where, or the probe may be above its clear position.
+            _ => self.linear.is_none() || self.may_be_high(),
+        };
+        let cause = if is_to_be_found { RecoveryReport::Lost } else { cause };
         let (recovery, step) = Recovery::begin(now, self.patience, cause);
         self.activity = Activity::Retracting(recovery, reason, had_run);
         self.follow_recovery(now, step, effects);
@@ -136,25 +141,52 @@ impl Engine {
         effects: &mut Vec<Effect>,
     ) {
         let Activity::Retracting(recovery, ..) = &mut self.activity else { return };
-        let result = match result {
-            Ok(Report::LinearAt(found)) if recovery.is_finding() => self.refuse_jump(found),
-            Ok(_) => Ok(()),
-            Err(fault) => Err(fault),
-        };
+        let is_finding = recovery.is_finding();
+        let result = result.and_then(|report| self.believe(&report, is_finding));
         let report = RecoveryReport::of_result(&result);
         if let Err(fault) = result {
             self.escalate(fault);
         }
-        let clearance = self.interlock.clearance();
+        let (clearance, up) = (self.interlock.clearance(), self.up());
         if let Activity::Retracting(recovery, ..) = &mut self.activity {
-            let step = recovery.ended(now, report, clearance, &self.limits);
+            let step = recovery.ended(now, report, clearance, up);
             self.follow_recovery(now, step, effects);
         }
     }
 
+    /// Takes in where the drive was found again.
+    pub(super) fn believe(&mut self, report: &Report, is_finding: bool) -> Result<(), Fault> {
+        if let &Report::LinearAt(found) = report
+            && is_finding
+        {
+            self.refuse_jump(found)?;
+            self.linear = Some(found);
+        }
+        Ok(())
+    }
+
+    /// Whether the probe may be above its clear position, where a move to that position would go down.
+    fn may_be_high(&self) -> bool {
+        self.reach.is_none_or(|reach| self.is_high(reach.max))
+    }
+
+    fn is_high(&self, at: Position<Mm>) -> bool {
+        let linear = &self.limits.linear;
+        linear.rest_target().position().offset(linear.tolerance()) < at
+    }
+
+    /// The target of a way out: the clear position, or the place above it where the probe was read back.
+    pub(super) fn up(&self) -> Target<Mm> {
+        let linear = &self.limits.linear;
+        let highest = linear.soft().max;
+        let above = self.linear.filter(|at| self.is_high(*at));
+        let above = above.map(|at| if highest < at { highest } else { at });
+        above.and_then(|at| linear.target(at).ok()).unwrap_or(linear.rest_target())
+    }
+
     /// A drive that was switched off may have a wrong position. A retract from it could go into the
     /// sample.
-    pub(super) fn refuse_jump(&self, found: Position<Mm>) -> Result<(), Fault> {
+    fn refuse_jump(&self, found: Position<Mm>) -> Result<(), Fault> {
         let Some(span) = self.reach else { return Ok(()) };
         let margin_mm = JUMP_TOLERANCES * self.limits.linear.tolerance();
         let (low, high) = (span.min.offset(-margin_mm), span.max.offset(margin_mm));
@@ -180,6 +212,7 @@ impl Engine {
     ) {
         let clearance = match step {
             RecoveryStep::Do(operation) => return self.issue(now, operation, effects),
+            RecoveryStep::Retract(to) => return self.retract(now, to, effects),
             RecoveryStep::Wait(pause) => {
                 self.wait_until = Some(now + pause);
                 return;
@@ -205,6 +238,11 @@ impl Engine {
         if recovery.is_worth_trying() {
             self.go_on_trying(now, recovery);
         }
+    }
+
+    /// Takes the probe up, or reads back that it is.
+    pub(super) fn retract(&mut self, now: RigTime, to: Target<Mm>, effects: &mut Vec<Effect>) {
+        self.issue(now, retract(&self.limits, to), effects);
     }
 
     pub(super) fn finish_faulted(&mut self, fault: Fault, had_run: HadRun) {

@@ -274,6 +274,12 @@ impl World {
                     "too deep: {target_mm}"
                 );
                 assert!(target_mm >= REST_MM || self.is_intent_durable, "no durable intent");
+                let is_way_out = self.engine.snapshot().state == RigState::Retracting;
+                assert!(
+                    !is_way_out || self.linear_mm - 0.011 < target_mm,
+                    "a way out goes down from {} mm to {target_mm} mm",
+                    self.linear_mm
+                );
             }
             _ => {}
         }

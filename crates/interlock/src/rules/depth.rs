@@ -89,6 +89,13 @@ impl Depth {
         Ok(())
     }
 
+    /// Whether a move of the linear stage leads up or nowhere, as far as its position is known.
+    pub(crate) fn is_up(&self, command: &PortCommand) -> bool {
+        let PortCommand::MoveLinear { to, .. } = command else { return false };
+        let tolerance_mm = self.limits.linear.tolerance();
+        self.linear_mm.is_none_or(|from_mm| from_mm <= to.value() + tolerance_mm)
+    }
+
     /// The linear position at which the tip touches a sample of nominal height. A ball of radius r
     /// beside the pivot by x touches the plane x sin α + z cos α = d when its centre fulfils it for
     /// d + r.

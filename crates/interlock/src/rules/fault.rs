@@ -1,4 +1,4 @@
-//! After a fault or a stop, only the way out of contact is open.
+//! After a fault or a stop, only the way out of contact is open, and it leads up or nowhere.
 
 use crate::{PortCommand, Refusal};
 

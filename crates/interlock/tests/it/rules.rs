@@ -223,6 +223,24 @@ fn after_a_fault_only_the_way_out_is_open_until_a_person_acknowledges() {
 }
 
 #[test]
+fn a_way_out_leads_up_or_nowhere() {
+    let to = |mm| PortCommand::MoveLinear { to: Position::new(mm), speed_mm_per_s: 1.0 };
+    let mut interlock = prepared(NOW);
+    admitted(&mut interlock, to(45.0), linear_at(45.0));
+    interlock.latched();
+    assert!(matches!(refused(&mut interlock, lift()), Refusal::Latched { .. }));
+    admitted(&mut interlock, to(45.0), linear_at(45.0));
+    admitted(&mut interlock, to(46.0), linear_at(46.0));
+    // A stage whose position is not known may be below.
+    interlock.admit(NOW, &to(46.0)).unwrap();
+    interlock.ended(NOW, &to(46.0), &Outcome::Failed);
+    admitted(&mut interlock, lift(), linear_at(REST_MM));
+    interlock.operator(NOW, "somebody", Word::Acknowledgement).unwrap();
+    admitted(&mut interlock, PortCommand::FindLinear, linear_at(45.0));
+    admitted(&mut interlock, lift(), linear_at(REST_MM));
+}
+
+#[test]
 fn after_a_stop_nothing_goes_on_before_the_probe_is_clear() {
     let mut interlock = prepared(NOW);
     interlock.intent_is_durable(Position::new(9.5));

@@ -378,8 +378,13 @@ impl Shell {
     fn start(&mut self, id: OperationId, operation: Operation) {
         let is_way_out = match &operation {
             Operation::StopMotion | Operation::FindLinear { .. } => true,
+            // To the clear position from below, or to where the probe is above it.
             Operation::MoveLinear { target, .. } => {
-                *target == self.setting.limits.linear.rest_target()
+                let linear = &self.setting.limits.linear;
+                let to = target.position();
+                let at = self.engine.snapshot().linear;
+                linear.rest_target().position() <= to
+                    && at.is_none_or(|at| at <= to.offset(linear.tolerance()))
             }
             _ => false,
         };
