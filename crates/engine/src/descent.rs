@@ -126,8 +126,9 @@ pub(crate) struct DescentSetting<'a> {
     /// Where the touches before expect the surface.
     pub(crate) near: Option<Near>,
     pub(crate) speed_mm_per_s: f64,
-    /// The point that is read.
+    /// The point that is read, and how long a reading takes, s.
     pub(crate) point: SweepPoint,
+    pub(crate) reading_s: f64,
     pub(crate) stream: ReadingStream,
     /// The impedance of the clear probe before the descent.
     pub(crate) baseline: Impedance,
@@ -163,11 +164,10 @@ impl Descent {
     pub(crate) fn begin(setting: &DescentSetting<'_>, no_load: &Resonance) -> (Self, DescentStep) {
         let &DescentSetting { approach, expected, floor, highest, near, speed_mm_per_s, .. } =
             setting;
-        let SweepPoint { frequency_hz, cycles, .. } = setting.point;
-        let ReadingStream { overhead_s, latency_s, latency_sigma_s } = setting.stream;
-        let reading_s = f64::from(cycles) / frequency_hz + overhead_s.unwrap_or_default();
+        let cycles = setting.point.cycles;
+        let ReadingStream { latency_s, latency_sigma_s, .. } = setting.stream;
         // The first readings are those of the clear probe, before any surface can be met.
-        let references_s = (ContactWatch::references() + 1) as f64 * reading_s;
+        let references_s = (ContactWatch::references() + 1) as f64 * setting.reading_s;
         let surface = near.map_or(highest, |near| near.start);
         let begin = surface.offset(speed_mm_per_s * references_s);
         let begin = if begin < highest { highest } else { begin };
@@ -208,6 +208,11 @@ impl Descent {
         self.readings.truncate(ContactWatch::references());
         self.rest.clear();
         DescentStep::GoDown(self.floor)
+    }
+
+    /// The speed on the way down, mm/s.
+    pub(crate) const fn speed_mm_per_s(&self) -> f64 {
+        self.speed_mm_per_s
     }
 
     /// By when the first reading must come of a descent that begins now.

@@ -67,6 +67,8 @@ pub(crate) struct TouchMachine {
     /// The impedance of the clear probe before the search, or anew in it, and when it was read.
     baseline: Option<Impedance>,
     baseline_at: RigTime,
+    /// The longest integration of these readings, s.
+    integration_s: f64,
     /// The linear stage as last read back in this touch, and when it last arrived from below.
     linear: Option<Position<Mm>>,
     risen: Option<RigTime>,
@@ -127,6 +129,7 @@ impl TouchMachine {
             window,
             baseline: None,
             baseline_at: RigTime::ZERO,
+            integration_s: 0.0,
             halfway: None,
             linear: None,
             risen: None,
@@ -337,6 +340,7 @@ impl TouchMachine {
             Ok(None) => return self.clear_unreadable(readings, context),
             Err(fault) => return MachineStep::Fault(Fault::ContactSense(fault)),
         }
+        self.integration_s = readings.iter().map(|one| one.integration_s).fold(0.0, f64::max);
         self.phase = Phase::Declaring;
         let down_to = Search::floor(&self.approach(context), self.expected(context));
         MachineStep::Declare { down_to, purpose: LoweringPurpose::FindSurface }

@@ -58,9 +58,16 @@ pub(crate) fn check(protocol: &Protocol, limits: &RigLimits, faults: &mut Faults
     });
 }
 
-/// The fastest descent that presses no deeper than the coarse step, mm/s.
+/// The fastest descent that presses no deeper than the coarse step, mm/s. A reading takes this long, s.
 fn fastest(coarse_mm: f64, reading_s: f64) -> f64 {
     coarse_mm / (READINGS * reading_s + STOP_S)
+}
+
+/// The speed of a descent that was to go down at `planned_mm_per_s`, with readings that take as long as those that the
+/// analyzer has made, mm/s; `None` if the search in steps is as fast.
+pub fn descent_speed(planned_mm_per_s: f64, coarse_mm: f64, reading_s: f64) -> Option<f64> {
+    let speed_mm_per_s = planned_mm_per_s.min(fastest(coarse_mm, reading_s));
+    (LEAST_MM_PER_S.min(planned_mm_per_s) <= speed_mm_per_s).then_some(speed_mm_per_s)
 }
 
 impl Protocol {

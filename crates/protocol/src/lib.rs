@@ -26,6 +26,7 @@ pub use aim::{
     AIM_KEYS, AimPlan, AimSettings, ErrorPart, ExpectedTouch, NoSensitivity, PartTimes, Percents,
     Sensitivity, TouchModel, Wanted,
 };
+pub use descent::descent_speed;
 pub use plan::{
     Action, Approach, Phase, Plan, Pose, Prompt, RefusalPolicy, Step, StepId, Touch, TouchSettings,
 };

@@ -23,6 +23,9 @@ use crate::{
 const READ_INTERVAL_MIN: Duration = Duration::from_millis(10);
 const READ_INTERVAL_MAX: Duration = Duration::from_secs(1);
 
+/// Longest exchange whose middle says when the position was read. One that was asked again or answered late does not.
+const EXCHANGE_MAX: Duration = Duration::from_millis(40);
+
 /// A move is stopped after twice the computed time plus this time.
 const MOVE_SLACK: Duration = Duration::from_secs(2);
 
@@ -45,8 +48,8 @@ pub struct Stage<U: Unit> {
     axis: Axis<U>,
     /// The last reading of the drive. `None` until it is identified.
     seen: Option<DriveReading>,
-    /// When its position was read: in the middle between question and answer.
-    seen_at: RigTime,
+    /// When its position was read, if that is known: in the middle between question and answer.
+    seen_at: Option<RigTime>,
 }
 
 impl<U: Unit> Stage<U> {
@@ -58,7 +61,7 @@ impl<U: Unit> Stage<U> {
         scale: Scale<U>,
         axis: Axis<U>,
     ) -> Self {
-        Self { bus, map, unit, scale, axis, seen: None, seen_at: RigTime::ZERO }
+        Self { bus, map, unit, scale, axis, seen: None, seen_at: None }
     }
 
     /// The counts of the drive.
@@ -338,7 +341,8 @@ impl<U: Unit> Stage<U> {
             let asked = self.bus.now();
             replies.push(self.ask(read_request(block)).await?);
             if index == self.map.position.block {
-                self.seen_at = asked + self.bus.now().since(asked) / 2;
+                let took = self.bus.now().since(asked);
+                self.seen_at = (took <= EXCHANGE_MAX).then(|| asked + took / 2);
             }
         }
         let reading = DriveReading::new(self.map, &replies);

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use rig_model::{Impedance, Mm, Position, Reading, RigTime};
-use rig_protocol::Approach;
+use rig_protocol::{Approach, descent_speed};
 
 use super::{Phase, TouchMachine};
 use crate::{
@@ -17,12 +17,24 @@ use crate::{
 const MARGIN_MM: f64 = 0.02;
 
 impl TouchMachine {
+    /// Begins a descent as fast as the protocol asks for, or as fast as the readings of the analyzer allow.
     pub(super) fn begin_descent(
         &mut self,
-        (approach, speed_mm_per_s): (Approach, f64),
+        (approach, planned_mm_per_s): (Approach, f64),
         baseline: Impedance,
         context: &mut MachineContext<'_>,
     ) -> MachineStep<TouchResult> {
+        let reading_s = self.reading_s(context);
+        let coarse_mm = approach.coarse_step_mm;
+        let Some(speed_mm_per_s) = descent_speed(planned_mm_per_s, coarse_mm, reading_s) else {
+            let reason = format!(
+                "a reading takes {:.0} ms: no descent is faster than the search in steps and \
+                 presses no deeper than coarse_step_mm = {coarse_mm}",
+                1e3 * reading_s
+            );
+            context.surface_not_found(Vec::new(), Some(reason));
+            return self.search_in_steps(None, context);
+        };
         let (limits, pose, expected) = (context.limits, self.touch.pose, self.expected(context));
         let floor = Search::floor(&approach, expected);
         // The interlock in front of the ports admits no longer step below the highest surface.
@@ -36,12 +48,22 @@ impl TouchMachine {
             near: self.near(&approach, expected, context),
             speed_mm_per_s,
             point,
+            reading_s,
             stream: limits.analyzer.stream,
             baseline,
         };
         let (descent, step) = Descent::begin(&setting, &self.no_load);
         self.phase = Phase::Descending(Box::new(descent));
         self.follow_descent(step, context)
+    }
+
+    /// The time of a reading of a stream, s. An analyzer may integrate longer than it was asked to, as in the self-test,
+    /// which has the same cycles.
+    fn reading_s(&self, context: &MachineContext<'_>) -> f64 {
+        let (point, _) = context.listening(&self.no_load).stream();
+        let asked_s = f64::from(point.cycles) / point.frequency_hz;
+        asked_s.max(self.integration_s)
+            + context.limits.analyzer.stream.overhead_s.unwrap_or_default()
     }
 
     /// Takes an event of the descent.
@@ -93,14 +115,13 @@ impl TouchMachine {
                 context.move_linear(to, context.limits.motion.travel_speed_mm_per_s)
             }
             DescentStep::GoDown(to) => {
-                let speed_mm_per_s = context.plan.touch.approach.descent_mm_per_s;
-                match (context.limits.linear.target(to), speed_mm_per_s) {
-                    (Ok(target), Some(speed_mm_per_s)) => {
+                let speed_mm_per_s = descent.speed_mm_per_s();
+                match context.limits.linear.target(to) {
+                    Ok(target) => {
                         let descend = Operation::Descend { target, speed_mm_per_s, point, level };
                         MachineStep::Do(descend)
                     }
-                    (Err(error), _) => MachineStep::Fault(Fault::LinearTarget(error)),
-                    _ => MachineStep::Fault(MachineEvent::Begin.out_of_order("a descent")),
+                    Err(error) => MachineStep::Fault(Fault::LinearTarget(error)),
                 }
             }
             DescentStep::ReadAtRest(readings) => {

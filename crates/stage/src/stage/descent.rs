@@ -48,7 +48,7 @@ impl<U: Unit> Stage<U> {
             let at = self.scale.position(reading.position.into());
             self.refuse_alarm(&reading, at).await?;
             if reading.is_moving {
-                way.push((self.seen_at, at));
+                way.extend(self.seen_at.map(|seen_at| (seen_at, at)));
             } else if self.start_within() < started.elapsed() || self.axis.is_at(at, target) {
                 // It has arrived, or is stuck.
                 return match self.follow(target, &order, from, stop).await {

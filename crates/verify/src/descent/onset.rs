@@ -101,31 +101,56 @@ pub(super) fn surface_mm(
     let before = all.iter().take_while(|one| one.1 < way.passes_s(stated_mm)).count();
     let windows = &all[before.saturating_sub(CLEAR_READINGS)..];
     let drive_hz = readings.first().map_or(free.resonance_hz, |reading| reading.frequency_hz);
-    let least = |surface_mm: f64, strengths: RangeInclusive<i32>| {
-        least_cost(strengths, |strength_hz, exponent| {
-            cost(free, drive_hz, windows, way, &Trial { surface_mm, exponent, strength_hz })
+    let least = |surface_mm: f64, strengths: RangeInclusive<i32>, most: f64| {
+        least_cost(strengths, most, |strength_hz, exponent, most| {
+            let trial = Trial { surface_mm, exponent, strength_hz };
+            cost(free, drive_hz, windows, way, &trial, most)
         })
     };
-    let (strength, _) = least(stated_mm, 0..=STRENGTHS.2);
+    let (strength, _) = least(stated_mm, 0..=STRENGTHS.2, f64::INFINITY);
     let near = strength - NEAR_STRENGTHS..=strength + NEAR_STRENGTHS;
     let best_near = |around_mm: f64, (places, step_mm): (i32, f64)| {
-        let place = |index: i32| around_mm + f64::from(index) * step_mm;
-        let cost = |surface_mm: f64| least(surface_mm, near.clone()).1;
-        let tried = (-places..=places).map(|index| (place(index), cost(place(index))));
-        tried.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(around_mm, |best| best.0)
+        let (mut best_mm, mut best) = (around_mm, f64::INFINITY);
+        for index in -places..=places {
+            let place_mm = around_mm + f64::from(index) * step_mm;
+            let (_, cost) = least(place_mm, near.clone(), best);
+            if cost < best {
+                (best_mm, best) = (place_mm, cost);
+            }
+        }
+        best_mm
     };
     best_near(best_near(stated_mm, PLACES), NEAR_PLACES)
 }
 
-/// The strength, by its number, and the least misfit of all contacts of these strengths.
-fn least_cost(strengths: RangeInclusive<i32>, cost: impl Fn(f64, f64) -> f64) -> (i32, f64) {
+/// The strength, by its number, and the least misfit of all contacts of these strengths, if that is less than `most`.
+fn least_cost(
+    strengths: RangeInclusive<i32>,
+    most: f64,
+    cost: impl Fn(f64, f64, f64) -> f64,
+) -> (i32, f64) {
     let (first_hz, ratio, _) = STRENGTHS;
-    let of = |index: i32, exponent: f64| cost(first_hz * ratio.powi(index), exponent);
-    let tried = strengths.flat_map(|index| EXPONENTS.map(|exponent| (index, of(index, exponent))));
-    tried.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, f64::INFINITY))
+    let mut least = (0, most);
+    for index in strengths {
+        for exponent in EXPONENTS {
+            let found = cost(first_hz * ratio.powi(index), exponent, least.1);
+            if found < least.1 {
+                least = (index, found);
+            }
+        }
+    }
+    least
 }
 
-fn cost(free: &Free, drive_hz: f64, windows: &[Window], way: &Way, trial: &Trial) -> f64 {
+/// The misfit of a contact, or infinity as soon as it is more than `most`.
+fn cost(
+    free: &Free,
+    drive_hz: f64,
+    windows: &[Window],
+    way: &Way,
+    trial: &Trial,
+    most: f64,
+) -> f64 {
     let omega = TAU * drive_hz;
     let natural = TAU * free.resonance_hz;
     let static_part = free.capacitance_f * Complex64::new(free.loss, 1.0) * omega;
@@ -165,6 +190,9 @@ fn cost(free: &Free, drive_hz: f64, windows: &[Window], way: &Way, trial: &Trial
         let expected = (static_part + mean / (end_s - begin_s)) / clear;
         let model = MODEL_PART * (1.0 - 1.0 / measured).norm().min(1.0);
         sum += (expected / measured - 1.0).norm_sqr() / (NOISE * NOISE + model * model);
+        if most < sum {
+            return f64::INFINITY;
+        }
     }
     sum
 }

@@ -33,9 +33,16 @@ impl Motion {
             let most = Some(limit.to_string());
             findings.within(Check::Speed, seq, what, "at most", speed_mm_per_s, most);
         }
-        if let Some(asked) = asked {
+        if let Some(asked) = asked.filter(|asked| asked + ROUNDING < speed_mm_per_s) {
             let what = "the speed of a descent that the protocol asks for, mm/s";
-            findings.agree(Check::Speed, seq, what, (asked, speed_mm_per_s), ROUNDING);
+            findings.within(Check::Speed, seq, what, asked, speed_mm_per_s, None);
+        }
+        // Two readings, and whatever else takes time, between a contact and the stop.
+        let longest_s = descended.readings.iter().map(|one| one.integration_s).fold(0.0, f64::max);
+        let most = settings.protocol.approach.coarse_step_mm / (2.0 * longest_s);
+        if most * (1.0 + ROUNDING) < speed_mm_per_s {
+            let what = "the speed of a descent that presses by a coarse step in two readings, mm/s";
+            findings.within(Check::Speed, seq, what, most, speed_mm_per_s, None);
         }
         if !settings.protocol.approach.is_by_descent() {
             let what = "a descent that the protocol does not ask for";
