@@ -70,8 +70,11 @@ pub(crate) struct Bench {
 /// Patience with a linear stage that does not answer, s: longer than the shorter interruptions of the menu.
 pub(crate) const PATIENCE_S: f64 = 60.0;
 
-/// Number of different benches.
-pub(crate) const BENCHES: u64 = 1024;
+/// Number of different benches whose surfaces are found in steps.
+const IN_STEPS: u64 = 1024;
+
+/// Number of all benches. Those above the ones in steps are the first of these, with descents.
+pub(crate) const BENCHES: u64 = IN_STEPS + IN_STEPS / 2;
 
 /// A part of the program, so that its digest says what was played, and no edit of a file disturbs a long
 /// campaign.
@@ -136,6 +139,10 @@ const SAMPLES: [(&str, f64, f64); 5] = [
 impl Bench {
     /// The bench of this number.
     pub(crate) fn new(number: u64) -> Self {
+        if number < IN_STEPS { Self::in_steps(number) } else { Self::descending(number - IN_STEPS) }
+    }
+
+    fn in_steps(number: u64) -> Self {
         let draw = &mut Draw::new(number, 0xbe9c);
         let (dialect, level_v, is_tcp) = *draw.one_of(&ANALYZERS);
         let (makes, forgets_position, drive) = *draw.one_of(&DRIVES);
@@ -170,10 +177,9 @@ impl Bench {
         }
     }
 
-    /// The same bench with a protocol that finds its surfaces by descents, if its analyzer can stream. The draws of
-    /// the bench itself stay what they are.
+    /// The bench of this number with a protocol that finds its surfaces by descents, if its analyzer can stream.
     pub(crate) fn descending(number: u64) -> Self {
-        let bench = Self::new(number);
+        let bench = Self::in_steps(number);
         let draw = &mut Draw::new(number, 0xde5c);
         let speed = format!("speed_mm_per_s = {:.2}\n", draw.between(0.3, 0.75));
         let stated = if draw.happens(0.5) { &*speed } else { "" };

@@ -27,8 +27,6 @@ struct Known {
 /// The benches that were needed so far.
 #[derive(Debug, Default)]
 pub(crate) struct Campaign {
-    /// Whether surfaces are found by descents.
-    is_descending: bool,
     known: Mutex<HashMap<u64, Arc<OnceLock<Known>>>>,
 }
 
@@ -51,10 +49,6 @@ pub(crate) fn drawn(seed: u64) -> (u64, Vec<Trouble>) {
 }
 
 impl Campaign {
-    pub(crate) fn new(is_descending: bool) -> Self {
-        Self { is_descending, known: Mutex::default() }
-    }
-
     /// Plays a seed.
     pub(crate) fn play(&self, seed: u64, has_records: bool) -> Ended {
         let (number, troubles) = drawn(seed);
@@ -64,8 +58,7 @@ impl Campaign {
         };
         let played = catch_unwind(AssertUnwindSafe(|| {
             let known = known.get_or_init(|| {
-                let make = if self.is_descending { Bench::descending } else { Bench::new };
-                let bench = make(number);
+                let bench = Bench::new(number);
                 let undisturbed = life::play(&bench, &[], false);
                 Known { bench, undisturbed }
             });

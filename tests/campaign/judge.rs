@@ -150,6 +150,24 @@ pub(crate) fn wrong_marks(bench: &Bench, played: &Played) -> Vec<String> {
         .collect()
 }
 
+/// A search presses by a coarse step, and by what the screw and the fit of a surface are wrong, mm.
+const SEARCH_MM: f64 = 0.13;
+
+/// With faults, it goes down to where it gives up, below a sample as high as the rig file allows on a tilted
+/// stage, mm.
+const FAULTED_SEARCH_MM: f64 = 0.4 + 0.3 + 0.05;
+
+/// Whether the search for a surface went deeper than a search may, apart from the steps that were lost.
+pub(crate) fn is_search_deep(played: &Played) -> Option<String> {
+    let lost_mm = played.begun.iter().filter_map(|(row, _)| MENU[*row].1.lost_mm());
+    let sunk_mm: f64 = lost_mm.map(|mm| (-mm).max(0.0)).sum();
+    let limit_mm = if played.begun.is_empty() { SEARCH_MM } else { FAULTED_SEARCH_MM + sunk_mm };
+    let deep_mm = played.searched_mm;
+    (limit_mm < deep_mm).then(|| {
+        format!("the search went {deep_mm:.3} mm into the sample; {limit_mm:.3} mm are allowed")
+    })
+}
+
 /// No contact is felt, or one always.
 const CONTACT_SENSES: [&str; 2] = ["analyzer blind-contact", "analyzer stuck-contact"];
 

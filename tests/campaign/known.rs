@@ -320,3 +320,29 @@ fn steps_lost_in_a_touch_without_a_check_of_slip_leave_a_mark() {
     }
     assert_eq!(judge::is_beyond_notice(&unmarked), None);
 }
+
+/// Seed 488939 of the menu 6c11055b454a65d6: steps were lost twice on the way into the sample. Nothing that the rig
+/// reads before the sweep differs; the check of slip after it does, and without one the touch is marked.
+#[test]
+fn steps_lost_on_the_way_in_show_in_nothing_before_the_sweep_and_the_touch_is_refused_or_marked() {
+    let lost =
+        [0.05, 0.15].map(|after_s| device(DOWNWARDS, RunPhase::Indentation, after_s)).to_vec();
+    for has_slip_check in [true, false] {
+        let is_such = |bench: &Bench| bench.has_slip_check == has_slip_check && !bench.is_uneven;
+        let bench = (0..64).map(Bench::new).find(is_such).expect("such a bench");
+        let [undisturbed, played] = [&[][..], &lost].map(|lost| life::play(&bench, lost, true));
+        assert_eq!((played.begun.len(), played.sunk), (2, 1), "{:?}", played.violations);
+        let before_sweep = |played: &Played| -> Vec<String> {
+            let is_before = |record: &&String| !record.contains(r#""purpose":"touch""#);
+            played.records.iter().take_while(is_before).cloned().collect()
+        };
+        let before = before_sweep(&played);
+        assert!(kinds(&played).len() > before.len() && 10 < before.len());
+        assert_eq!(before, before_sweep(&undisturbed));
+        let is_told = played.touches.values().all(|outcome| match outcome {
+            Outcome::Refused(_) => true,
+            Outcome::Measured { is_slip_checked, .. } => !has_slip_check && !is_slip_checked,
+        });
+        assert!(is_told, "{:?}", played.touches);
+    }
+}

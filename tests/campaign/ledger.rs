@@ -96,7 +96,10 @@ const SPECIMENS: u64 = 32;
 
 /// The first digits of a digest of what seeds draw: with another menu, a seed plays something else.
 pub(crate) fn menu() -> String {
-    let drawn = (0..SPECIMENS).map(|number| format!("{:?}{}", drawn(number), Bench::new(number)));
+    let drawn = (0..SPECIMENS).map(|number| {
+        let benches = [Bench::new(number), Bench::descending(number)];
+        format!("{:?}{}{}", drawn(number), benches[0], benches[1])
+    });
     head_of(format!("{MENU:?}{}", drawn.collect::<String>()))
 }
 

@@ -6,7 +6,7 @@ mod person;
 
 use std::{cell::Cell, collections::BTreeSet, pin::pin, time::Duration};
 
-use rig_engine::RigState;
+use rig_engine::{RigState, RunPhase};
 use rig_model::Clearance;
 use rig_sim::{
     SimHandle, control,
@@ -46,6 +46,8 @@ pub(crate) struct Played {
     pub(crate) sunk: u64,
     /// How often a person lifted the probe by hand.
     pub(crate) lifts: u64,
+    /// How deep the probe was in the sample, in truth, while its surface was looked for, mm.
+    pub(crate) searched_mm: f64,
     /// Digests of the run and of its end on the rig's clock: the same for the same seed.
     pub(crate) digest: u64,
     /// The records of the run, one to a line, if they are asked for.
@@ -281,6 +283,12 @@ impl Life<'_> {
         if status.journal_error.is_some() {
             self.look_at_unrecorded();
         }
+        if let Some(simulation) = &self.simulation
+            && Phase::of(status) == Some(Phase::Run(RunPhase::Search))
+        {
+            let deep_mm = simulation.with(|now, rig| rig.world().indentation_mm(now));
+            self.played.searched_mm = self.played.searched_mm.max(deep_mm);
+        }
     }
 
     /// Without a journal the probe is not lowered below its clear position. The move under way when it
@@ -388,6 +396,9 @@ impl Life<'_> {
             if is_in_contact {
                 self.fail("in contact at the end");
             }
+        }
+        if let Some(deep) = judge::is_search_deep(&self.played) {
+            self.fail(&deep);
         }
         let Some(run) = self.run else { return self.fail("no run began") };
         let prompts = self.bench.protocol.summary.prompts as u64;

@@ -95,10 +95,6 @@ struct Arguments {
     /// End at the first seed that fails.
     #[arg(long, conflicts_with = "page")]
     until_failed: bool,
-    /// Find the surfaces by descents, on the benches and with the faults of the same seeds. They are none of the
-    /// ledger's.
-    #[arg(long, conflicts_with = "page")]
-    descent: bool,
     /// Play the engine alone, with two troubles in each run.
     #[arg(long)]
     engine: bool,
@@ -152,7 +148,7 @@ fn faulted(arguments: &Arguments) -> ExitCode {
         Err(error) => return failed(&error),
     };
     let begun = Instant::now();
-    let campaign = Campaign::new(arguments.descent);
+    let campaign = Campaign::default();
     let counts = Mutex::new(Counts::default());
     each_seed(arguments, |seed| {
         let ended = campaign.play(seed, arguments.records);
@@ -164,7 +160,7 @@ fn faulted(arguments: &Arguments) -> ExitCode {
             for failure in &ended.failures {
                 println!("  {failure}");
             }
-            println!("  {}", replay(seed, if arguments.descent { " --descent" } else { "" }));
+            println!("  {}", replay(seed, ""));
         }
         counts.lock().unwrap_or_else(PoisonError::into_inner).add(seed, &ended);
         ended.failures.is_empty()

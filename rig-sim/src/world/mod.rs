@@ -326,6 +326,15 @@ impl World {
         self.indentation_mm(now) > 0.0
     }
 
+    /// How deep the probe is in the sample, mm; negative above it, and infinitely so without one.
+    pub fn indentation_mm(&self, now: RigTime) -> f64 {
+        self.mounted.map_or(f64::NEG_INFINITY, |mounted| {
+            let (tip_mm, tilt_deg) = (self.linear.load(now), self.rotary.load(now));
+            let radius_mm = self.scene.sensor.design.probe_radius_mm;
+            self.scene.place.indentation_mm(tip_mm, tilt_deg, radius_mm, mounted.raised_mm)
+        })
+    }
+
     /// The true state.
     pub fn truth(&mut self, now: RigTime) -> Truth {
         let touched = self.touched(now);
@@ -450,14 +459,6 @@ impl World {
         };
         let shift_hz = self.drift.shift_hz(now);
         self.sensor.circuit(touched, shift_hz)
-    }
-
-    fn indentation_mm(&self, now: RigTime) -> f64 {
-        self.mounted.map_or(f64::NEG_INFINITY, |mounted| {
-            let (tip_mm, tilt_deg) = (self.linear.load(now), self.rotary.load(now));
-            let radius_mm = self.scene.sensor.design.probe_radius_mm;
-            self.scene.place.indentation_mm(tip_mm, tilt_deg, radius_mm, mounted.raised_mm)
-        })
     }
 
     fn point(&self, now: RigTime, mounted: MountedSample) -> Point {
