@@ -199,7 +199,8 @@ def main():
     failures = []
     mine = {}
     worst = 0.0
-    for sweep in table(data / "sweeps.csv"):
+    sweeps = {sweep["sweep"]: sweep for sweep in table(data / "sweeps.csv")}
+    for sweep in sweeps.values():
         if sweep["outcome"] != "accepted":
             continue
         rows = readings[sweep["sweep"]]
@@ -225,7 +226,15 @@ def main():
     shifts = defaultdict(list)
     blind = []
     for touch in touches:
-        shift = mine[touch["sweep"]] - mine[touch["no_load_sweep"]]
+        reference = mine[touch["no_load_sweep"]]
+        if touch["next_no_load_sweep"]:
+            # Between both references, as far along as the table says.
+            ends = [float(sweeps[touch[name]]["resonance_hz"]) for name in ("no_load_sweep", "next_no_load_sweep")]
+            way = (float(touch["no_load_hz"]) - ends[0]) / (ends[1] - ends[0]) if ends[0] != ends[1] else 0.0
+            if not -1e-6 <= way <= 1 + 1e-6:
+                failures.append(f"{touch['step']}: the reference {touch['no_load_hz']} Hz is not between {ends}")
+            reference += way * (mine[touch["next_no_load_sweep"]] - reference)
+        shift = mine[touch["sweep"]] - reference
         if abs(shift - float(touch["shift_hz"])) > SIGMAS * float(touch["shift_sigma_hz"]):
             failures.append(f"{touch['step']}: shift {touch['shift_hz']} Hz, here {shift}")
         if touch["phase"] == "main":

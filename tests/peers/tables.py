@@ -20,10 +20,10 @@ import pyarrow.parquet
 from bench import SCENE, check, equal
 
 LABELS = ("sample", "class")
-WHOLE = ("repeat", "no_load_sweep", "sweep", "readings", "reading", "try", "attempts", "clock")
+WHOLE = ("repeat", "no_load_sweep", "next_no_load_sweep", "sweep", "readings", "reading", "try", "attempts", "clock")
 WORDS = ("step", "phase", "direction", "status", "reason", "started_at", "run_id", "purpose", "outcome",
          "flag", "fit_timing", "amended", "earlier", "model_verdict", *LABELS)
-FLAGS = ("is_simulated", "is_used", "is_confirmed", "is_slip_checked", "fit_always_loss")
+FLAGS = ("is_simulated", "is_used", "is_confirmed", "is_slip_checked", "is_reference_steady", "fit_always_loss")
 
 
 def kind(column):

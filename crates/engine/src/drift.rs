@@ -4,6 +4,8 @@
 //! walk and how large the rate is, differs from bench to bench. So each pair of both has a Kalman filter of its own,
 //! and each reference says how probable the pairs are. What is asked of them is their mixture.
 
+use std::time::Duration;
+
 use rig_model::RigTime;
 
 /// Standard deviations of the walk after an hour, Hz, and how probable each is before the first reference. A good
@@ -105,6 +107,15 @@ struct Part {
     sigma_hz: f64,
 }
 
+/// A reference that no drift explains.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Jump {
+    /// How far it is from where the drift lets it be expected, Hz.
+    pub(crate) off_hz: f64,
+    /// How far it may be in 19 of 20 cases, over 1.96, Hz.
+    pub(crate) sigma_hz: f64,
+}
+
 /// What the references so far say of the drift.
 #[derive(Debug, Clone)]
 pub(crate) struct Drift {
@@ -133,15 +144,16 @@ impl Default for Drift {
 }
 
 impl Drift {
-    /// A resonance was measured. Returns whether it is a jump: no drift that the ones before allow explains it.
+    /// A resonance was measured. Returns the jump if it is one: no drift that the ones before allow explains it.
     /// What was learnt counts half as much after a jump: another one soon is the drift of a bench that has changed.
-    pub(crate) fn measured(&mut self, at: RigTime, hz: f64, sigma_hz: f64) -> bool {
+    pub(crate) fn measured(&mut self, at: RigTime, hz: f64, sigma_hz: f64) -> Option<Jump> {
         let since_s = self.at.replace(at).map(|before| at.since(before).as_secs_f64());
         for pair in &mut self.pairs {
             *pair = pair.after(since_s.unwrap_or(0.0));
         }
         let parts = self.values(sigma_hz);
         let is_jump = since_s.is_some() && beyond(&parts, hz) < JUMP;
+        let jump = is_jump.then(|| jump(&parts, hz));
         for pair in &mut self.pairs {
             if is_jump || since_s.is_none() {
                 pair.begin(hz, sigma_hz);
@@ -156,7 +168,7 @@ impl Drift {
                 pair.weight = 0.5 * (pair.weight + pair.prior);
             }
         }
-        is_jump
+        jump
     }
 
     /// A person has turned the sensor.
@@ -177,6 +189,12 @@ impl Drift {
     pub(crate) fn moved_sigma_hz(&self, now: RigTime) -> f64 {
         let Some(at) = self.at else { return 0.0 };
         width(&self.moves(now.since(at).as_secs_f64()), 0.0, 0.95) / 1.96
+    }
+
+    /// Whether a touch that takes this long needs a reference before it: at its end the drift would have a larger
+    /// standard deviation than this, Hz.
+    pub(crate) fn asks_for_reference(&self, now: RigTime, touch: Duration, limit_hz: f64) -> bool {
+        self.at.is_none() || limit_hz < self.moved_sigma_hz(now + touch)
     }
 
     fn moves(&self, seconds: f64) -> Vec<Part> {
@@ -226,6 +244,13 @@ fn width(parts: &[Part], hz: f64, held: f64) -> f64 {
         *(if outside(middle) > 1.0 - held { &mut low } else { &mut high }) = middle;
     }
     high
+}
+
+/// How far a value is from the mean of a mixture.
+fn jump(parts: &[Part], hz: f64) -> Jump {
+    let all: f64 = parts.iter().map(|part| part.weight).sum();
+    let mean_hz = parts.iter().map(|part| part.weight * part.mean_hz).sum::<f64>() / all;
+    Jump { off_hz: hz - mean_hz, sigma_hz: width(parts, mean_hz, 0.95) / 1.96 }
 }
 
 /// How probable a value of a mixture is that is as far off the mean of its part, or farther.

@@ -293,6 +293,15 @@ pub enum Event {
     SweepFinished(Box<FinishedSweep>),
     /// A touch is done and the probe is clear.
     TouchFinished(Box<TouchResult>),
+    /// No drift explains the last reference: the resonance has jumped in the time since the one before it.
+    ReferenceJumped {
+        /// How far it is from where the drift lets it be expected, Hz.
+        off_hz: f64,
+        /// Its standard deviation there, Hz.
+        sigma_hz: f64,
+        /// The measured touches in between, whose shifts may be wrong by it.
+        touches: Vec<StepId>,
+    },
     /// A finished touch is contradicted by what was measured next, and refused.
     TouchDoubted(Box<TouchResult>),
     /// A command of a person or a program.

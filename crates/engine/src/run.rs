@@ -1,6 +1,6 @@
 //! Replays a plan, one step at a time.
 
-use std::collections::BTreeSet;
+use std::{collections::BTreeSet, time::Duration};
 
 use rig_model::{Clearance, DriveLevel, Reading, RigLimits, RigTime, SweepPoint, Window};
 use rig_protocol::{Action, NoLoadPolicy, Plan, Pose, Prompt, RefusalPolicy, Step, StepId, Touch};
@@ -11,7 +11,7 @@ use crate::{
     TouchResult,
     contact_sense::{Neighbours, check_drift, check_free, check_reference},
     descent::Vigil,
-    drift::Drift,
+    drift::{Drift, Jump},
     heights::{Change, Heights},
     interlock::Proven,
     listening::{Driven, Listening},
@@ -23,6 +23,9 @@ use crate::{
 
 /// The operator of what the policy of the protocol decides.
 const PROTOCOL: &str = "protocol";
+
+/// A touch is taken to last this long before there was one.
+const FIRST_TOUCH: Duration = Duration::from_secs(10);
 
 /// The surroundings of a run while a touch ends.
 struct Surroundings<'a> {
@@ -39,6 +42,11 @@ pub(crate) struct Run {
     machine: Machine,
     no_load: Option<Resonance>,
     drift: Drift,
+    /// The measured touches since the last reference.
+    unreferenced: Vec<StepId>,
+    /// When the last touch began, and how long it took.
+    touch_begun: RigTime,
+    touch_lasts: Duration,
     /// From the survey at the first no-load measurement, if the protocol asks for one.
     bench: Option<Bench>,
     /// The points that were asked for last, and their level.
@@ -83,6 +91,9 @@ impl Run {
             machine: Machine::Between,
             no_load: None,
             drift: Drift::default(),
+            unreferenced: Vec::new(),
+            touch_begun: RigTime::ZERO,
+            touch_lasts: FIRST_TOUCH,
             bench: None,
             asked: None,
             driven: None,
@@ -140,8 +151,22 @@ impl Run {
         };
         let Some(step) = self.plan.steps.get(index) else { return false };
         let is_alone = matches!(step.action, Action::NoLoad(_))
-            && self.plan.no_load == NoLoadPolicy::EveryTouch;
+            && matches!(self.plan.no_load, NoLoadPolicy::EveryTouch | NoLoadPolicy::ByDrift)
+            && !self.is_needed_anyway(index);
         is_skipped(step) || is_alone && self.plan.steps.get(index + 1).is_some_and(is_skipped)
+    }
+
+    /// By drift, the reference after a person was at the bench is also that of the touches behind a skipped one.
+    fn is_needed_anyway(&self, index: usize) -> bool {
+        self.plan.no_load == NoLoadPolicy::ByDrift && !self.plan.is_by_drift(index)
+    }
+
+    /// Whether the next step is a reference for which the drift does not ask.
+    fn is_not_due(&self, now: RigTime) -> bool {
+        let limit_hz = self.plan.drift_limit_hz();
+        self.plan.is_by_drift(self.index)
+            && self.no_load.is_some()
+            && !self.drift.asks_for_reference(now, self.touch_lasts, limit_hz)
     }
 
     pub(crate) fn advance(
@@ -181,7 +206,7 @@ impl Run {
             }
             Machine::NoLoad(machine) => {
                 let step = machine.advance(event, self.no_load.as_ref(), &mut context);
-                step.and_then(|reference| self.referred(&reference))
+                step.and_then(|reference| self.referred(&reference, notes))
             }
             Machine::Touch(machine) => {
                 let left = machine.left_at(&context);
@@ -216,13 +241,21 @@ impl Run {
     }
 
     /// The free sensor has been measured.
-    fn referred(&mut self, Reference { found, bench }: &Reference) -> MachineStep<()> {
+    fn referred(
+        &mut self,
+        Reference { found, bench }: &Reference,
+        notes: &mut Vec<Event>,
+    ) -> MachineStep<()> {
         let approach = self.plan.touch.approach;
         for (at, resonance) in found {
             if let Err(fault) = check_reference(self.no_load.as_ref(), resonance, &approach) {
                 return MachineStep::Fault(Fault::ContactSense(fault));
             }
-            self.drift.measured(*at, resonance.resonance_hz, resonance.sigma_hz);
+            let jump = self.drift.measured(*at, resonance.resonance_hz, resonance.sigma_hz);
+            let touches = std::mem::take(&mut self.unreferenced);
+            if let Some(Jump { off_hz, sigma_hz }) = jump.filter(|_| !touches.is_empty()) {
+                notes.push(Event::ReferenceJumped { off_hz, sigma_hz, touches });
+            }
             self.no_load = Some(*resonance);
         }
         self.bench = *bench;
@@ -383,6 +416,10 @@ impl Run {
 
     fn note_touch(&mut self, result: TouchResult, around: &mut Surroundings<'_>) {
         self.has_refusals |= result.is_refused();
+        self.touch_lasts = around.now.since(self.touch_begun);
+        if !result.is_refused() {
+            self.unreferenced.push(result.step.clone());
+        }
         let pose = result.touch.pose;
         let geometry = &around.limits.geometry;
         let expected = geometry.surface_at(pose.direction, pose.angle);
@@ -450,6 +487,11 @@ impl Run {
         if self.is_pause_asked {
             return MachineStep::Pause;
         }
+        if self.is_not_due(now) {
+            self.index += 1;
+            return self.next_step(now, limits, probe, notes);
+        }
+        self.touch_begun = now;
         self.machine = match step.action {
             Action::Prompt(prompt) => Machine::Prompting(prompt),
             Action::NoLoad(pose) => Machine::NoLoad(Box::new(NoLoad::new(pose))),

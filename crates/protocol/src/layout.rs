@@ -290,7 +290,8 @@ impl Layout {
 
     fn needs_no_load(&self, pose: Pose) -> bool {
         match self.no_load {
-            NoLoadPolicy::EveryTouch => true,
+            // By drift, the rig leaves out those that it does not need.
+            NoLoadPolicy::EveryTouch | NoLoadPolicy::ByDrift => true,
             NoLoadPolicy::EveryPose => self.no_load_pose != Some(pose),
             NoLoadPolicy::EverySample | NoLoadPolicy::Once => self.no_load_pose.is_none(),
         }

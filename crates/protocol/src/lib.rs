@@ -12,6 +12,7 @@
 mod aim;
 mod check;
 mod descent;
+mod expected_drift;
 mod fault;
 mod layout;
 mod plan;

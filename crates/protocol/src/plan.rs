@@ -35,6 +35,28 @@ pub struct Plan {
     pub aim: Option<AimPlan>,
 }
 
+/// With [`NoLoadPolicy::ByDrift`] the drift may reach this many standard deviations of the no-load sweep. A touch
+/// between two references then has as much of the sweeps as of the drift: on a straight line between them, the mean
+/// variance of a random walk is a sixth of that at its end.
+const DRIFT_SIGMAS: f64 = 2.0;
+
+impl Plan {
+    /// Whether a step is a reference that is measured only if the drift asks for it. The first one after a person
+    /// was at the bench is always measured.
+    pub fn is_by_drift(&self, index: usize) -> bool {
+        let before = index.checked_sub(1).and_then(|before| self.steps.get(before));
+        let is_after_touch = before.is_some_and(|step| matches!(step.action, Action::Touch(_)));
+        let is_reference =
+            self.steps.get(index).is_some_and(|step| matches!(step.action, Action::NoLoad(_)));
+        self.no_load == NoLoadPolicy::ByDrift && is_reference && is_after_touch
+    }
+
+    /// Largest standard deviation of the drift at the end of a touch for which no reference is measured before it, Hz.
+    pub fn drift_limit_hz(&self) -> f64 {
+        DRIFT_SIGMAS * self.no_load_sweep.target_sigma_hz
+    }
+}
+
 /// One step, with an address that stays the same from run to run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Step {

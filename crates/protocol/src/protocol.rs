@@ -74,6 +74,9 @@ pub enum NoLoadPolicy {
     EveryPose,
     /// Whenever a person has touched the bench.
     EverySample,
+    /// Whenever a person has touched the bench, and before a touch at whose end the drift would exceed twice the
+    /// standard deviation that the no-load sweep asks for.
+    ByDrift,
     /// At the beginning of the run.
     Once,
 }
@@ -185,6 +188,11 @@ impl Protocol {
         chosen.contact_sweep.request.target_sigma_hz = settings.contact_sigma_hz;
         chosen.no_load_sweep.sweep.request.target_sigma_hz = settings.no_load_sigma_hz;
         chosen
+    }
+
+    /// When the reference is measured, if no aim chooses it.
+    pub const fn no_load(&self) -> NoLoadPolicy {
+        self.no_load
     }
 
     pub(crate) fn max_indentation_mm(&self) -> Option<&Setting<f64>> {
@@ -380,6 +388,7 @@ impl NoLoadPolicy {
             Self::EveryTouch => "every-touch",
             Self::EveryPose => "every-pose",
             Self::EverySample => "every-sample",
+            Self::ByDrift => "by-drift",
             Self::Once => "once",
         }
     }
@@ -389,10 +398,11 @@ impl NoLoadPolicy {
         Self::WORDS.into_iter().find_map(|(own, policy)| (own == word).then_some(policy))
     }
 
-    const WORDS: [(&'static str, Self); 4] = [
+    const WORDS: [(&'static str, Self); 5] = [
         (Self::EveryTouch.word(), Self::EveryTouch),
         (Self::EveryPose.word(), Self::EveryPose),
         (Self::EverySample.word(), Self::EverySample),
+        (Self::ByDrift.word(), Self::ByDrift),
         (Self::Once.word(), Self::Once),
     ];
 }

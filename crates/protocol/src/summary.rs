@@ -4,14 +4,17 @@ use std::f64::consts::PI;
 
 use rig_model::{Deg, Mm, Position, RigLimits, Span, SweepMethod, SweepRequest, Unit};
 
-use crate::{Action, Approach, PartTimes, Plan, Pose, Prompt, Step, Touch, TouchSettings};
+use crate::{
+    Action, Approach, PartTimes, Plan, Pose, Prompt, Step, Touch, TouchSettings,
+    expected_drift::ExpectedDrift,
+};
 
 /// The extent of a plan on a rig.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Summary {
     /// Touches, of both phases.
     pub touches: usize,
-    /// Number of no-load measurements.
+    /// Number of no-load measurements; an expected one if the drift decides.
     pub no_loads: usize,
     /// Number of prompts.
     pub prompts: usize,
@@ -99,6 +102,27 @@ const ADAPTIVE_READINGS: usize = 64;
 /// About the number of readings of a survey.
 const SURVEY_READINGS: usize = 500;
 
+/// What is expected of the steps of a plan.
+#[derive(Debug)]
+pub(crate) struct Course {
+    /// Duration of each step on the rig's clock, s.
+    pub(crate) durations_s: Vec<f64>,
+    /// Whether each step is made: a reference for which the drift does not ask is left out.
+    pub(crate) is_made: Vec<bool>,
+    /// Time of the ways down and the searches, s.
+    surfaces_s: f64,
+}
+
+impl Course {
+    /// Number of references.
+    pub(crate) fn references(&self, plan: &Plan) -> usize {
+        let is_reference = |(step, is_made): &(&Step, &bool)| {
+            **is_made && matches!(step.action, Action::NoLoad(_))
+        };
+        plan.steps.iter().zip(&self.is_made).filter(is_reference).count()
+    }
+}
+
 fn readings(request: &SweepRequest) -> usize {
     match request.method {
         SweepMethod::Uniform { points } => points as usize,
@@ -126,15 +150,17 @@ impl Plan {
     ///           1.8 τ + 4.8·10⁻⁴ s Hz²/σ² in contact, 1.25 τ + 4.4·10⁻⁵ s Hz²/σ² without
     /// ```
     ///
-    /// with f in the middle of the window and τ = Q/(π f) for a Q of 66.
+    /// with f in the middle of the window and τ = Q/(π f) for a Q of 66. A reference by drift is expected where a walk of
+    /// 1.2 Hz in an hour, 0.3 Hz from the third reference on, passes its limit in a touch as long as the last one.
     pub fn summary(&self, limits: &RigLimits) -> Summary {
         let level = limits.rotary.rest_target().position();
         let clear = limits.linear.rest_target().position();
+        let course = self.course(limits);
         let mut summary = Summary {
             touches: 0,
-            no_loads: 0,
+            no_loads: course.references(self),
             prompts: 0,
-            duration_s: self.durations_s(limits).iter().sum(),
+            duration_s: course.durations_s.iter().sum(),
             halfway_s: 0.0,
             disk_bytes: 0,
             linear: Span { min: clear, max: clear },
@@ -146,10 +172,7 @@ impl Plan {
                     summary.prompts += 1;
                     continue;
                 }
-                Action::NoLoad(pose) => {
-                    summary.no_loads += 1;
-                    pose
-                }
+                Action::NoLoad(pose) => pose,
                 Action::Touch(Touch { pose, .. }) => {
                     summary.touches += 1;
                     summary.halfway_s += self.halfway_s();
@@ -173,31 +196,29 @@ impl Plan {
     /// Expected duration of each step on the rig's clock, s: the terms of the sum in
     /// [`Plan::summary`]. A prompt counts as zero; the way to level before it belongs to the next step.
     pub fn durations_s(&self, limits: &RigLimits) -> Vec<f64> {
-        self.durations_and_surfaces_s(limits).0
+        self.course(limits).durations_s
     }
 
-    /// Expected time of a touch by what it is for: the terms of the sum in [`Plan::summary`] over the touches; and
-    /// the durations of the steps, s.
-    pub(crate) fn times_and_durations_s(&self, limits: &RigLimits) -> (PartTimes, Vec<f64>) {
-        let (durations_s, surfaces_s) = self.durations_and_surfaces_s(limits);
-        let whole_s = durations_s.iter().sum::<f64>() / self.touches();
-        let surface_s = surfaces_s / self.touches();
+    /// Expected time of a touch by what it is for: the terms of the sum in [`Plan::summary`] over the touches.
+    pub(crate) fn times(&self, course: &Course) -> PartTimes {
+        let whole_s = course.durations_s.iter().sum::<f64>() / self.touches();
+        let surface_s = course.surfaces_s / self.touches();
         let targets_hz = (self.contact_sweep.target_sigma_hz, self.no_load_sweep.target_sigma_hz);
         let known = PartTimes { surface_s, ..PartTimes::default() };
-        let known = self.with_targets(targets_hz, known);
-        (PartTimes { rest_s: whole_s - known.together_s(), ..known }, durations_s)
+        let known = self.with_targets(targets_hz, course.references(self), known);
+        PartTimes { rest_s: whole_s - known.together_s(), ..known }
     }
 
-    /// The same times with other targets of the sweeps, in contact and without, Hz.
+    /// The same times with other targets of the sweeps, in contact and without, Hz, and the same references.
     pub(crate) fn with_targets(
         &self,
         (contact_hz, no_load_hz): (f64, f64),
+        references: usize,
         times: PartTimes,
     ) -> PartTimes {
         let contact = SweepRequest { target_sigma_hz: contact_hz, ..self.contact_sweep };
         let no_load = SweepRequest { target_sigma_hz: no_load_hz, ..self.no_load_sweep };
-        let is_no_load = |step: &&Step| matches!(step.action, Action::NoLoad(_));
-        let no_loads = self.steps.iter().filter(is_no_load).count() + usize::from(self.level_check);
+        let no_loads = references + usize::from(self.level_check);
         let survey_s = self.survey_s.map_or(0.0, f64::from);
         let halfway_sweeps = f64::from(u8::from(self.touch.halfway_mm.is_some()));
         PartTimes {
@@ -214,8 +235,8 @@ impl Plan {
         self.steps.iter().filter(is_touch).count().max(1) as f64
     }
 
-    /// The durations of the steps, and the time in which surfaces are looked for, s.
-    fn durations_and_surfaces_s(&self, limits: &RigLimits) -> (Vec<f64>, f64) {
+    /// What is expected of the steps on a rig with these limits.
+    pub(crate) fn course(&self, limits: &RigLimits) -> Course {
         let level = limits.rotary.rest_target().position();
         let rest = limits.linear.rest_target().position();
         let check_s = if self.level_check { self.no_load_s() } else { 0.0 };
@@ -229,7 +250,8 @@ impl Plan {
             surfaces_s: 0.0,
         };
         let mut levelling_s = 0.0;
-        let mut duration = |(index, step): (usize, &Step)| {
+        let (mut drift, mut touch_s) = (ExpectedDrift::default(), 0.0);
+        let mut expected = |(index, step): (usize, &Step)| {
             let pose = match step.action {
                 Action::Prompt(prompt) => {
                     bench.mounting = bench.mounting.map(|_| false);
@@ -237,28 +259,35 @@ impl Plan {
                         levelling_s += turn_s(limits, bench.tilt, level);
                         bench.tilt = level;
                     }
-                    return 0.0;
+                    return (0.0, true);
                 }
                 Action::NoLoad(pose) | Action::Touch(Touch { pose, .. }) => pose,
             };
+            let limit_hz2 = self.drift_limit_hz().powi(2);
+            if self.is_by_drift(index) && drift.variance_hz2(touch_s) <= limit_hz2 {
+                return (0.0, false);
+            }
             let there = pose.direction.rotary_position(pose.angle);
             let rotation_s = turn_s(limits, bench.tilt, there);
             bench.tilt = there;
             let at_pose_s = if let Action::NoLoad(_) = step.action {
                 // The drive has another frequency after a sweep.
                 bench.ringing_s = 0.0;
+                drift.measured();
                 std::mem::take(&mut survey_s) + self.no_load_s()
             } else {
                 let next = self.steps.get(index + 1).and_then(|next| match next.action {
                     Action::Prompt(_) => None,
                     Action::NoLoad(pose) | Action::Touch(Touch { pose, .. }) => Some(pose),
                 });
-                self.touch_s(limits, pose, next, rotation_s, &mut bench)
+                touch_s = rotation_s + self.touch_s(limits, pose, next, rotation_s, &mut bench);
+                drift.passed(touch_s);
+                touch_s - rotation_s
             };
-            std::mem::take(&mut levelling_s) + rotation_s + at_pose_s
+            (std::mem::take(&mut levelling_s) + rotation_s + at_pose_s, true)
         };
-        let durations_s = self.steps.iter().enumerate().map(&mut duration).collect();
-        (durations_s, bench.surfaces_s)
+        let (durations_s, is_made) = self.steps.iter().enumerate().map(&mut expected).unzip();
+        Course { durations_s, is_made, surfaces_s: bench.surfaces_s }
     }
 
     /// A touch, without the rotation.

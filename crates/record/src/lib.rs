@@ -19,10 +19,10 @@ pub use record::{
     Change, CheckedSurface, Circuit, CitedCalibration, Clearance, ClockJumped, Descent, Device,
     Direction, Ending, Expected, Extra, Fault, FitNoise, FitSettings, FitTiming, Frame, GivenUp,
     Halfway, Intent, LostSurface, Move, MoveReason, NearCircuit, Operator, Phase, PlanSize, Pose,
-    Prompt, PromptAnswered, PromptAsked, ReadingFlag, ReadingRecord, Record, RefusalAnswered,
-    RefusalAsked, RefusedTouch, Resumed, RetractTried, RunFinished, RunStarted, Sample, Source,
-    Stalled, StateChanged, StepStarted, Surface, SurfaceReading, Sweep, SweepOutcome, SweepPurpose,
-    Touch, TouchPosition, TouchSettings, WayPoint,
+    Prompt, PromptAnswered, PromptAsked, ReadingFlag, ReadingRecord, Record, ReferenceJumped,
+    RefusalAnswered, RefusalAsked, RefusedTouch, Resumed, RetractTried, RunFinished, RunStarted,
+    Sample, Source, Stalled, StateChanged, StepStarted, Surface, SurfaceReading, Sweep,
+    SweepOutcome, SweepPurpose, Touch, TouchPosition, TouchSettings, WayPoint,
 };
 pub use run::{NotARunId, Run, RunId, RunKind, RunStatus};
 pub use seal::{ListEntry, SealedRun, Stretch, seal};

@@ -30,7 +30,8 @@ pub use sweep::{
     ReadingRecord, Sweep, SweepOutcome, SweepPurpose,
 };
 pub use touch::{
-    Direction, Halfway, Phase, Pose, RefusedTouch, Touch, TouchPosition, TouchSettings,
+    Direction, Halfway, Phase, Pose, ReferenceJumped, RefusedTouch, Touch, TouchPosition,
+    TouchSettings,
 };
 
 /// One record of a journal.
@@ -70,6 +71,8 @@ pub enum Record {
     TouchResult(Touch),
     /// A touch was made and gave no frequency shift.
     TouchRefused(RefusedTouch),
+    /// The free resonance has jumped between two references.
+    ReferenceJumped(ReferenceJumped),
     /// A person gave a command.
     Operator(Operator),
     /// Something failed; the rig is latched.
@@ -127,6 +130,7 @@ impl Record {
             Self::Sweep(_) => "sweep",
             Self::TouchResult(_) => "touch_result",
             Self::TouchRefused(_) => "touch_refused",
+            Self::ReferenceJumped(_) => "reference_jumped",
             Self::Operator(_) => "operator",
             Self::Fault(_) => "fault",
             Self::RetractTried(_) => "retract_tried",

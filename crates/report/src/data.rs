@@ -4,12 +4,15 @@ use std::fmt::Write as _;
 
 use rig_record::{
     Amended, Amendment, BlackBox, Change, Clearance, ClockJumped, Confirmed, Direction, Expected,
-    Intent, MoveReason, Prompt, Record, RefusalAnswered, RefusedTouch, Resumed, RetractTried,
-    RunStarted, Sample, Stalled, StoredRecord, Sweep, SweepOutcome, Touch, TouchSettings,
-    UnreadableRecord,
+    Intent, MoveReason, Prompt, Record, ReferenceJumped, RefusalAnswered, RefusedTouch, Resumed,
+    RetractTried, RunStarted, Sample, Stalled, StoredRecord, Sweep, SweepOutcome, Touch,
+    TouchSettings, UnreadableRecord,
 };
 
-use crate::units::{duration, with_sigma};
+use crate::{
+    between::Between,
+    units::{duration, fixed, with_sigma},
+};
 
 /// The directions, in the order of their indices in the analysis.
 pub(crate) const DIRECTIONS: [Direction; 3] = [Direction::Front, Direction::Back, Direction::Left];
@@ -25,8 +28,11 @@ pub(crate) struct RunData {
     pub(crate) sweeps: Vec<Sweep>,
     /// For each sweep: the time of the run at zero of the clock of its readings, s.
     pub(crate) clock_zeros_s: Vec<f64>,
-    /// Every touch that gave a shift, in order; of one that was measured again, the last.
+    /// Every touch that gave a shift, in order; of one that was measured again, the last. Its reference is that between
+    /// the one before it and the one after it.
     pub(crate) touches: Vec<Touch>,
+    /// What lies between two references.
+    pub(crate) between: Between,
     /// The epochs of the records, in order: each has a clock of its own.
     pub(crate) epochs: Vec<u64>,
     /// The amendment whose records are being read, and the time of the run to which it is added, µs.
@@ -113,6 +119,8 @@ pub(crate) enum LogKind {
     Computer,
     /// A sweep gave no resonance.
     Refusal,
+    /// The free resonance has jumped.
+    Reference,
     /// The last frames of a port were kept.
     BlackBox,
     /// The run was resumed or given up.
@@ -130,6 +138,7 @@ impl LogKind {
             Self::Fault => "fault",
             Self::Computer => "computer",
             Self::Refusal => "refused sweep",
+            Self::Reference => "reference",
             Self::BlackBox => "black box",
             Self::Seam => "resumed",
             Self::Amendment => "amendment",
@@ -148,6 +157,8 @@ impl RunData {
             let mut record = stored.record()?;
             data.confirmed.take(&record);
             data.mark_slip_check(&mut record);
+            let Self { between, touches, .. } = &mut data;
+            between.take(&record, touches);
             data.take(stored, record);
         }
         Ok(data)
@@ -367,6 +378,7 @@ impl RunData {
             Record::RefusalAnswered(answered) => {
                 note(Some(answered.step.clone()), LogKind::Refusal, decided(&answered));
             }
+            Record::ReferenceJumped(jumped) => note(None, LogKind::Reference, jump(&jumped)),
             Record::BlackBox(kept) => note(None, LogKind::BlackBox, kept_frames(&kept)),
             Record::RetractTried(tried) => note(None, LogKind::Fault, retract_tried(&tried)),
             Record::Stalled(stalled) => note(None, LogKind::Computer, held_up(&stalled)),
@@ -426,6 +438,16 @@ const fn whereabouts(probe: Clearance) -> &'static str {
         Clearance::InContact => "in contact",
         Clearance::Unknown => "at an unknown position",
     }
+}
+
+/// A jump of the free resonance in words.
+fn jump(ReferenceJumped { off_hz, sigma_hz, touches, .. }: &ReferenceJumped) -> String {
+    let (off, sigma) = (fixed(*off_hz, 3), fixed(*sigma_hz, 3));
+    format!(
+        "the no-load resonance is {off} Hz from where its drift lets it be expected (± {sigma} Hz); touched since the \
+         reference before: {}",
+        touches.join(", ")
+    )
 }
 
 /// A hold-up in words.

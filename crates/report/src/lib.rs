@@ -6,6 +6,7 @@
 
 #![deny(clippy::disallowed_methods)]
 
+mod between;
 mod data;
 pub mod export;
 mod html;

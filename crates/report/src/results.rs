@@ -147,6 +147,17 @@ impl RunResults {
         (!is_whole).then(|| touches::sentence(&self.touches))
     }
 
+    /// What to know of the values if the free resonance has jumped after touches.
+    pub(crate) fn jump_note(&self) -> Option<String> {
+        let jumped = self.touches.iter().filter(|row| row.is_reference_unsteady()).count();
+        let measured = self.touches.iter().filter(|row| row.status == TouchStatus::Measured);
+        let of = format!(
+            "it jumped before the next reference of {jumped} of {} touches; their shifts may be wrong by it",
+            measured.count()
+        );
+        (jumped > 0).then_some(of)
+    }
+
     /// What to know of the values if touches were not checked for slip.
     pub(crate) fn slip_note(&self) -> Option<String> {
         let measured = self.touches.iter().filter(|row| row.status == TouchStatus::Measured);

@@ -250,10 +250,37 @@ fn the_model_of_the_rig_file_is_kept_when_the_protocol_asks_for_it() {
 }
 
 #[test]
+fn references_by_drift_are_between_the_one_before_a_touch_and_the_one_after_it() {
+    let mut sample = SampleRun::new(Story::Complete);
+    let held = sample.results().touches().to_vec();
+    assert!(held.iter().all(|row| row.next_no_load_sweep.is_none()));
+    sample.change_start(by_drift);
+    let results = sample.results();
+    for (row, held) in results.touches().iter().zip(&held) {
+        let moved_hz = row.no_load_hz.unwrap() - held.no_load_hz.unwrap();
+        let shift_hz = held.shift_hz.unwrap() - moved_hz;
+        assert!((row.shift_hz.unwrap() - shift_hz).abs() < 1e-9, "{row:?}");
+        assert!(row.shift_sigma_hz <= held.shift_sigma_hz, "{row:?}");
+        assert_eq!(row.next_no_load_sweep.is_some(), moved_hz != 0.0, "{row:?}");
+    }
+    let moved = results.touches().iter().filter(|row| row.next_no_load_sweep.is_some()).count();
+    assert!(
+        (80..110).contains(&moved),
+        "{moved}: none before a turn of the sensor, and not the last"
+    );
+}
+
+/// The protocol of a run with references by drift.
+pub(crate) fn by_drift(started: &mut rig_record::RunStarted) {
+    let text = &started.protocol.toml;
+    started.protocol.toml = format!("no_load = \"by-drift\"\n{text}");
+}
+
+#[test]
 fn the_numbers_are_those_of_the_touches() {
     let sample = SampleRun::new(Story::Complete);
     let found = sample.results().summary();
-    let touches: Vec<rig_record::Touch> = sample
+    let recorded: Vec<rig_record::Touch> = sample
         .chain
         .records
         .iter()
@@ -262,16 +289,18 @@ fn the_numbers_are_those_of_the_touches() {
             _ => None,
         })
         .collect();
+    let results = sample.results();
+    let touches = results.touches();
     for shift in &found.shifts {
-        let touch = touches.iter().find(|touch| {
-            let settings = &touch.touch;
-            settings.phase == rig_record::Phase::Main
-                && settings.sample == shift.sample
-                && settings.pose.direction.name() == shift.direction
-                && settings.pose.angle_deg == shift.angle_deg
+        let row = touches.iter().find(|row| {
+            row.phase == "main"
+                && row.sample == shift.sample
+                && row.direction == shift.direction
+                && row.angle_deg == shift.angle_deg
         });
-        let touch = touch.unwrap();
-        assert_eq!((shift.shift_hz, shift.sigma_hz), (touch.shift_hz, touch.shift_sigma_hz));
+        let row = row.unwrap();
+        let of_row = (row.shift_hz.unwrap(), row.shift_sigma_hz.unwrap());
+        assert_eq!((shift.shift_hz, shift.sigma_hz), of_row);
     }
     let mean_at_normal = |name: &str| {
         let at_normal = |shift: &&ShiftSummary| shift.sample == name && shift.angle_deg == 0.0;
@@ -279,7 +308,7 @@ fn the_numbers_are_those_of_the_touches() {
     };
     let chord = (mean_at_normal("5") - mean_at_normal("1")) / (0.649 - 0.045);
     assert!((found.sensitivity_hz_per_mpa.unwrap() - chord).abs() < 1e-9, "{chord}");
-    let no_load = touches.iter().map(|touch| touch.no_load_hz).sum::<f64>() / 110.0;
+    let no_load = recorded.iter().map(|touch| touch.no_load_hz).sum::<f64>() / 110.0;
     assert!((found.no_load_hz.unwrap() - no_load).abs() < 1e-9, "{no_load}");
 }
 

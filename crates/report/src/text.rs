@@ -69,6 +69,9 @@ fn facts(results: &RunResults) -> Vec<(String, String)> {
     if let Some(note) = results.slip_note() {
         fact("check of slip", note);
     }
+    if let Some(note) = results.jump_note() {
+        fact("resonance jumps", note);
+    }
     if let Some(found) = results.stiffness.as_deref().ok().and_then(Stiffness::check) {
         fact("model", model(results, found));
     }

@@ -47,10 +47,11 @@ pub use rig_record::{
     Confirmed, Descent, Device, Digest, Direction, Ending, Expected, Extra, Fault, FitNoise,
     FitSettings, FitTiming, Flaw, Frame, GivenUp, Halfway, Intent, ListEntry, LostSurface, Move,
     MoveReason, NearCircuit, Operator, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked,
-    ReadingFlag, ReadingRecord, Record, RefusalAnswered, RefusalAsked, RefusedTouch, Resumed,
-    RetractTried, Run, RunFinished, RunId, RunKind, RunStarted, RunStatus, Sample, SealedRun,
-    Source, Stalled, StateChanged, StepStarted, StoredRecord, Stretch, Surface, SurfaceReading,
-    Sweep, SweepOutcome, SweepPurpose, Touch, TouchPosition, TouchSettings, WayPoint,
+    ReadingFlag, ReadingRecord, Record, ReferenceJumped, RefusalAnswered, RefusalAsked,
+    RefusedTouch, Resumed, RetractTried, Run, RunFinished, RunId, RunKind, RunStarted, RunStatus,
+    Sample, SealedRun, Source, Stalled, StateChanged, StepStarted, StoredRecord, Stretch, Surface,
+    SurfaceReading, Sweep, SweepOutcome, SweepPurpose, Touch, TouchPosition, TouchSettings,
+    WayPoint,
 };
 pub use salvage::{SalvagedRun, salvage};
 pub use schema::FORMAT;

@@ -5,6 +5,7 @@ mod bench;
 mod contact;
 mod descent;
 mod noise;
+mod reference;
 mod sweep;
 mod touch;
 
@@ -73,8 +74,9 @@ pub(crate) struct Labels {
     refused_sweeps: u32,
     noise: noise::NoiseChain,
     bench: bench::BenchChain,
-    /// The last sweep with the probe clear that was accepted.
+    /// The last sweep with the probe clear that was accepted, and the touches since then.
     reference: Option<SweepFacts>,
+    pub(crate) references: reference::References,
     surface: Option<SurfaceFacts>,
     /// The last descent of the touch under way, until a search in steps follows.
     descended: Option<Descended>,
@@ -146,6 +148,7 @@ impl Labels {
             }
         }
         (self.step, self.sample, self.orientation, self.reference) = (None, None, None, None);
+        self.references = reference::References::default();
         (self.surface, self.indented_mm, self.free_s) = (None, None, 0.0);
         self.halfway = None;
         self.again = None;
@@ -164,16 +167,20 @@ impl Labels {
 
     pub(crate) fn step_started(
         &mut self,
-        seq: u64,
+        (seq, rig_us): (u64, u64),
         started: StepStarted,
         motion: &mut Motion,
+        settings: Option<&Settings>,
         findings: &mut Findings,
     ) {
         self.check_contradiction(findings);
         self.step_ended(motion.fault.is_some(), findings);
         let is_anew = std::mem::take(&mut self.is_anew) || self.is_amendment;
         let is_ahead = self.pass_amended(&started.step) && started.index > self.index;
-        let (next, count) = (self.index + 1, self.steps);
+        let is_by_drift = settings.is_some_and(|all| all.protocol.is_by_drift());
+        let is_left_out = is_by_drift && self.references.may_leave_out(self.index, &started);
+        self.references.step_started(rig_us, &started, is_left_out);
+        let (next, count) = (self.index + 1 + u32::from(is_left_out), self.steps);
         if !is_anew
             && (started.index, started.count) != (next, count)
             && !(is_ahead && started.count == count)

@@ -21,6 +21,7 @@ pub(crate) enum Record {
     Sweep(Box<Sweep>),
     TouchResult(Box<TouchResult>),
     TouchRefused(TouchRefused),
+    ReferenceJumped(ReferenceJumped),
     Operator(Operator),
     Fault(Fault),
     BlackBox(BlackBox),
@@ -33,6 +34,16 @@ pub(crate) enum Record {
     Amended(Amended),
     Archived(Archived),
     RunFinished(RunFinished),
+}
+
+/// The free resonance has jumped between two references.
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct ReferenceJumped {
+    pub(crate) no_load_sweep: u64,
+    pub(crate) next_no_load_sweep: u64,
+    pub(crate) off_hz: f64,
+    pub(crate) sigma_hz: f64,
+    pub(crate) touches: Vec<String>,
 }
 
 #[derive(Debug, Clone, Deserialize)]

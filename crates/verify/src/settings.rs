@@ -132,6 +132,13 @@ pub(crate) struct Protocol {
     pub(crate) limits: ProtocolLimits,
 }
 
+impl Protocol {
+    /// Whether the drift says when the reference is measured anew.
+    pub(crate) fn is_by_drift(&self) -> bool {
+        self.no_load.as_deref() == Some("by-drift")
+    }
+}
+
 const fn one() -> u32 {
     1
 }

@@ -255,7 +255,9 @@ impl Walk {
         let settings = self.settings.as_ref();
         match record {
             Record::RunStarted(started) => self.started(seq, *started),
-            Record::StepStarted(started) => labels.step_started(seq, started, motion, findings),
+            Record::StepStarted(started) => {
+                labels.step_started((seq, rig_us), started, motion, settings, findings);
+            }
             Record::PromptAsked(asked) => labels.asked(seq, &asked, motion, settings, findings),
             Record::PromptAnswered(answered) => labels.answered(seq, &answered, motion, findings),
             Record::RefusalAsked {} => motion.is_waiting = true,
@@ -294,10 +296,13 @@ impl Walk {
             }
             Record::TouchResult(result) => {
                 labels.measured(seq, &result, motion, settings, findings);
+                labels.references.touch_measured((seq, rig_us), &result, settings, findings);
             }
             Record::TouchRefused(refused) => {
                 labels.refused(seq, &refused, motion, settings, findings);
+                labels.references.touch_refused(rig_us);
             }
+            Record::ReferenceJumped(jumped) => labels.references.jumped(seq, &jumped, findings),
             Record::Operator(operator) => self.operator(&operator),
             Record::Fault(fault) => self.faulted(seq, &fault),
             Record::BlackBox(black_box) => kept_before(seq, rig_us, &black_box, findings),

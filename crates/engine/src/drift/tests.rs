@@ -63,8 +63,9 @@ fn play(path: &[f64], stream: &mut Stream) -> (Vec<(f64, f64)>, usize) {
     for (step, hz) in (0..).zip(path) {
         // The first one is the survey, after which the level is checked.
         if step == 1 || step % (TOUCHES + 1) == 0 {
-            jumps +=
-                usize::from(drift.measured(at(step), hz + SIGMA_HZ * stream.normal(), SIGMA_HZ));
+            jumps += usize::from(
+                drift.measured(at(step), hz + SIGMA_HZ * stream.normal(), SIGMA_HZ).is_some(),
+            );
         } else {
             let Forecast { hz: expected, sigma_hz } = forecast(&drift, at(step));
             forecasts.push(((hz - expected) / sigma_hz, sigma_hz));
@@ -150,14 +151,15 @@ fn a_jump_is_noticed_on_a_quiet_bench_and_a_drift_is_learnt_after_it() {
 fn a_sensor_that_was_turned_may_have_another_resonance() {
     let mut drift = Drift::default();
     for step in 0..5 {
-        assert!(!drift.measured(at(6 * step), 140.0, SIGMA_HZ));
+        assert_eq!(drift.measured(at(6 * step), 140.0, SIGMA_HZ), None);
     }
     let before_hz = forecast(&drift, at(25)).sigma_hz;
     assert!(before_hz < 0.05, "{before_hz}");
-    assert!(drift.clone().measured(at(30), 140.6, SIGMA_HZ));
+    let jump = drift.clone().measured(at(30), 140.6, SIGMA_HZ).unwrap();
+    assert!((jump.off_hz - 0.6).abs() < 0.05 && jump.sigma_hz < 0.1, "{jump:?}");
     drift.turned();
     assert!(forecast(&drift, at(25)).sigma_hz > 0.4);
-    assert!(!drift.measured(at(30), 140.6, SIGMA_HZ));
+    assert_eq!(drift.measured(at(30), 140.6, SIGMA_HZ), None);
 }
 
 #[test]
@@ -172,6 +174,28 @@ fn a_difference_is_told_from_a_walk_on_a_quiet_bench_and_not_on_one_that_drifts(
     assert!(!wild.is_beyond_walk(0.5, SIGMA_HZ, 0.4));
     assert!(!quiet.is_beyond_walk(0.02, SIGMA_HZ, 0.4));
     assert!(wild.moves_hz(5.0) > 10.0 * quiet.moves_hz(5.0));
+}
+
+#[test]
+fn a_reference_is_due_after_many_touches_on_a_quiet_bench_and_after_few_on_one_that_drifts() {
+    /// References of 120 touches.
+    fn references(bench: Bench, seed: u64) -> u32 {
+        let mut stream = Stream::of_seed(seed);
+        let path = path(bench, &mut stream);
+        let touch = Duration::from_secs_f64(TOUCH_S);
+        let (mut drift, mut count) = (Drift::default(), 0);
+        for (step, hz) in (0..).zip(&path) {
+            if drift.asks_for_reference(at(step), touch, 2.0 * SIGMA_HZ) {
+                drift.measured(at(step), hz + SIGMA_HZ * stream.normal(), SIGMA_HZ);
+                count += 1;
+            }
+        }
+        count
+    }
+    let mean = |bench| (0..SEEDS).map(|seed| references(bench, seed)).sum::<u32>() / SEEDS as u32;
+    let counts = [0.1, 0.5, 5.0].map(|walk_hz| mean(Bench { walk_hz, ..QUIET }));
+    println!("{counts:?}");
+    assert!(counts[0] < 40 && counts[0] < counts[1] && 100 < counts[2], "{counts:?}");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! A free resonance that drifts while a run goes on, on many seeds.
 
-use rig_engine::{ContactSenseFault, Event, Fault, RunStatus, TouchOutcome};
-use rig_protocol::Plan;
+use rig_engine::{ContactSenseFault, Event, Fault, RunStatus, SweepPurpose, TouchOutcome};
+use rig_protocol::{Action, NoLoadPolicy, Plan, Step, StepId};
 
 use crate::world::{FREE_HZ, LOADED_HZ, World, plan};
 
@@ -67,6 +67,75 @@ fn the_standard_deviation_of_a_shift_has_the_share_of_the_drift() {
         }
     }
     assert!(10 * far < all && 9 * all < 10 * far_without, "{far} and {far_without} of {all}");
+}
+
+/// Thirty touches with references by drift, at a bench that walks and jumps. The sample is placed anew before the 25th.
+fn by_drift(seed: u64, walk_hz: f64, target_hz: f64, jump: Option<(usize, f64)>) -> World {
+    let mut plan = Plan { no_load: NoLoadPolicy::ByDrift, ..plan() };
+    plan.no_load_sweep.target_sigma_hz = target_hz;
+    let (place, reference, touch) = (&plan.steps[0], &plan.steps[1], &plan.steps[2]);
+    let mut steps = Vec::new();
+    for number in 0..30 {
+        if number % 24 == 0 {
+            steps.push(Step { id: StepId(format!("place/{number}")), ..place.clone() });
+        }
+        for one in [reference, touch] {
+            let kind = if matches!(one.action, Action::Touch(_)) { "touch" } else { "no-load" };
+            steps.push(Step { id: StepId(format!("{kind}/{number}")), ..one.clone() });
+        }
+    }
+    plan.steps = steps;
+    let mut world = World::new(None);
+    (world.random, world.walk_hz_per_sqrt_hour, world.jump) = (seed, walk_hz, jump);
+    world.play_plan(&plan);
+    world
+}
+
+fn references(world: &World) -> usize {
+    let is_one = |event: &&Event| matches!(event, Event::SweepFinished(sweep) if sweep.purpose == SweepPurpose::NoLoad);
+    world.events.iter().filter(is_one).count()
+}
+
+#[test]
+fn a_reference_by_drift_is_left_out_until_the_drift_asks_for_it() {
+    let counts = [0.05, 1.0].map(|walk_hz| {
+        let of = |seed| {
+            let world = by_drift(seed, walk_hz, 0.05, None);
+            assert_eq!(world.depths_mm.len(), 30, "{:?}", world.engine.snapshot().fault);
+            references(&world)
+        };
+        (1..=6).map(of).sum::<usize>()
+    });
+    println!("{counts:?} references of 180 touches");
+    // Two of each run are those after the sample was placed.
+    assert!(12 < counts[0] && 3 * counts[0] < 2 * counts[1] && counts[1] <= 180, "{counts:?}");
+}
+
+/// The touches between two references with a jump in between are those that the run names.
+#[test]
+fn a_jump_between_two_references_names_the_touches_between_them() {
+    let mut named = 0;
+    for seed in 1..=6 {
+        let world = by_drift(seed, 0.05, 0.01, Some((20, 0.6)));
+        let (mut since, mut all) = (Vec::new(), Vec::new());
+        for event in &world.events {
+            match event {
+                Event::TouchFinished(result) if !result.is_refused() => {
+                    since.push(result.step.clone());
+                }
+                Event::SweepFinished(sweep) if sweep.purpose == SweepPurpose::NoLoad => {
+                    all = std::mem::take(&mut since);
+                }
+                Event::ReferenceJumped { off_hz, sigma_hz, touches } => {
+                    assert_eq!(touches, &all);
+                    assert!((0.4..0.8).contains(off_hz) && 2.0 * sigma_hz < *off_hz, "{event:?}");
+                    named += 1;
+                }
+                _ => {}
+            }
+        }
+    }
+    assert!(0 < named, "no run named a jump");
 }
 
 /// The sensor of these tests has a linewidth of 2.8 Hz and a strong coupling, so that a drift of 0.06 Hz passes for a

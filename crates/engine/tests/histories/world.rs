@@ -137,6 +137,8 @@ pub(crate) struct World {
     pub(crate) drift_hz_per_s: f64,
     pub(crate) walk_hz_per_sqrt_hour: f64,
     pub(crate) walked_hz: f64,
+    /// When the resonance jumps, in touches, and how far, Hz.
+    pub(crate) jump: Option<(usize, f64)>,
     /// Fall of the resonance with the square of the level of the drive, Hz/V², and that level, V.
     pub(crate) softening_hz_per_v2: f64,
     pub(crate) level_v: f64,
@@ -184,6 +186,7 @@ impl World {
             drift_hz_per_s: 0.0,
             walk_hz_per_sqrt_hour: 0.0,
             walked_hz: 0.0,
+            jump: None,
             softening_hz_per_v2: 0.0,
             level_v: 0.0,
             decision: RefusalAnswer::Skip,
@@ -223,6 +226,10 @@ impl World {
                     }
                     if let Event::TouchFinished(touch) = &event {
                         self.depths_mm.insert(touch.step.0.clone(), self.pressed_mm);
+                        let is_due =
+                            |(touches, _): &mut (usize, f64)| *touches == self.depths_mm.len();
+                        let jump = self.jump.take_if(is_due);
+                        self.walked_hz += jump.map_or(0.0, |(_, hz)| hz);
                     }
                     self.events.push(event);
                 }

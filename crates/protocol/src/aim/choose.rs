@@ -9,7 +9,9 @@ use super::{
     error::{Errors, Expected, Unexpected, sensitivities},
     split::{OutOfReach, Value, best, preferred},
 };
-use crate::{Action, NoLoadPolicy, Plan, Protocol, fault::ProtocolFault, sweep::SweepKeys};
+use crate::{
+    Action, NoLoadPolicy, Plan, Protocol, fault::ProtocolFault, summary::Course, sweep::SweepKeys,
+};
 
 /// Targets of a sweep in contact, Hz. A finer one takes longer than the rest of a touch; a coarser one leaves
 /// too few readings to judge the resonance by, and is measured twice.
@@ -17,6 +19,13 @@ const CONTACT_HZ: (f64, f64) = (0.01, 0.2);
 
 /// Targets of a reference, Hz. With a coarser one the search compares the impedance beside the resonance.
 const NO_LOAD_HZ: (f64, f64) = (0.01, 0.1);
+
+/// Of the targets of a reference by drift, one in this number is tried: each needs a plan of its own.
+const BY_DRIFT_EVERY: usize = 3;
+
+/// Another policy of the reference than the first one is worth it if the first one takes longer than this many times as
+/// long: what is expected of it rests on a drift that the bench may not have.
+const POLICY_GAIN: f64 = 1.05;
 
 /// The longest fine step, mm. With a longer one the search takes no less time.
 const FINE_STEP_MM: f64 = 0.05;
@@ -31,41 +40,35 @@ pub(crate) fn choose(
 ) -> Option<Plan> {
     let wanted = aim.wanted.as_ref()?;
     let candidates = Candidates::of(protocol, limits);
-    let plans: Vec<Plan> = candidates.plans(protocol, limits);
+    let plans = candidates.plans(protocol, limits);
     let assumed_mpa = aim.softest_mpa.as_ref().map(|mpa| mpa.value);
-    let sensitivities = match sensitivities(&plans[0], model, assumed_mpa) {
+    let sensitivities = match sensitivities(&plans[0].0, model, assumed_mpa) {
         Ok(sensitivities) => sensitivities,
         Err(unexpected) => {
-            faults.refuse(wanted.location, &no_expectation(&plans[0], &unexpected));
+            faults.refuse(wanted.location, &no_expectation(&plans[0].0, &unexpected));
             return None;
         }
     };
-    // The sweeps do not change the rest of a touch: their targets are tried without the rest.
-    let searches: Vec<_> = plans
-        .iter()
-        .flat_map(|plan| candidates.fine_step_mm.iter().map(move |fine_mm| (plan, *fine_mm)))
-        .map(|(plan, fine_step_mm)| {
-            let settings = AimSettings { no_load: plan.no_load, fine_step_mm, ..candidates.first };
-            let touch = protocol.with(&settings).touch_settings(limits);
-            let expected = Expectation::of(&Plan { touch, ..plan.clone() }, limits, &sensitivities);
-            (settings, plan, expected)
-        })
-        .collect();
-    let of_grid = searches.iter().flat_map(|(settings, plan, expected)| {
-        candidates.sigmas().map(move |(contact_sigma_hz, no_load_sigma_hz)| {
-            let settings = AimSettings { contact_sigma_hz, no_load_sigma_hz, ..*settings };
-            let times = plan.with_targets((contact_sigma_hz, no_load_sigma_hz), expected.times);
-            let Expected { together, .. } = expected.errors.at(&settings);
-            let seconds = times.together_s();
-            (settings, Value { seconds, percent: together.all, worst_percent: together.worst })
-        })
-    });
-    let (settings, missed) = match best(wanted.value, of_grid) {
-        Ok(settings) => (settings, None),
-        Err(OutOfReach { nearest, value }) => (nearest, Some(value)),
+    let mut searches = candidates.searches(protocol, limits, &plans, &sensitivities);
+    let (settings, missed, plan, expected) = loop {
+        let (settings, missed) = match candidates.best(wanted.value, &searches) {
+            Ok(settings) => (settings, None),
+            Err(OutOfReach { nearest, value }) => (nearest, Some(value)),
+        };
+        let plan = Plan::of(&protocol.with(&settings), limits);
+        let expected = Expectation::of(&plan, limits, &sensitivities);
+        let is_last = missed.is_some() || searches.len() == 1;
+        if is_last || settings.no_load != NoLoadPolicy::ByDrift {
+            break (settings, missed, plan, expected);
+        }
+        // Other targets of the sweeps move the references by drift: the plan may not be what was expected of it.
+        let value = expected.value(&settings);
+        if value.limited_by(wanted.value) <= wanted.value.value() {
+            break (settings, missed, plan, expected);
+        }
+        searches.retain(|search| !search.is_of(&settings));
     };
-    let plan = Plan::of(&protocol.with(&settings), limits);
-    let Expectation { times, errors } = Expectation::of(&plan, limits, &sensitivities);
+    let Expectation { times, errors, .. } = expected;
     let Expected { parts, together, worst_step } = errors.at(&settings);
     let worst = plan.steps[worst_step].id.clone();
     if let Some(value) = missed {
@@ -90,16 +93,59 @@ pub(crate) fn choose(
     Some(Plan { aim: Some(aim), ..plan })
 }
 
+/// A policy of the reference and a fine step, with what is expected of them.
+struct Candidate<'a> {
+    settings: AimSettings,
+    plan: &'a Plan,
+    /// The targets of the reference for which it holds, Hz.
+    no_load_hz: &'a [f64],
+    expected: Expectation,
+}
+
+impl Candidate<'_> {
+    /// The settings with each pair of targets, and what they cost and give. The sweeps do not change the rest of a touch.
+    fn values<'b>(
+        &'b self,
+        candidates: &'b Candidates,
+    ) -> impl Iterator<Item = (AimSettings, Value)> + use<'b> {
+        let Self { settings, plan, no_load_hz, expected } = self;
+        let references = expected.course.references(plan);
+        candidates.sigmas(no_load_hz).map(move |(contact_sigma_hz, no_load_sigma_hz)| {
+            let settings = AimSettings { contact_sigma_hz, no_load_sigma_hz, ..*settings };
+            let targets_hz = (contact_sigma_hz, no_load_sigma_hz);
+            let times = plan.with_targets(targets_hz, references, expected.times);
+            let Expected { together, .. } = expected.errors.at(&settings);
+            let seconds = times.together_s();
+            (settings, Value { seconds, percent: together.all, worst_percent: together.worst })
+        })
+    }
+
+    /// Whether these settings are among its own.
+    fn is_of(&self, settings: &AimSettings) -> bool {
+        self.settings.no_load == settings.no_load
+            && self.settings.fine_step_mm == settings.fine_step_mm
+            && self.no_load_hz.contains(&settings.no_load_sigma_hz)
+    }
+}
+
 /// What is expected of a plan.
 struct Expectation {
+    course: Course,
     times: PartTimes,
     errors: Errors,
 }
 
 impl Expectation {
     fn of(plan: &Plan, limits: &RigLimits, sensitivities: &[Sensitivity]) -> Self {
-        let (times, durations_s) = plan.times_and_durations_s(limits);
-        Self { times, errors: Errors::of(plan, &durations_s, sensitivities) }
+        let course = plan.course(limits);
+        let (times, errors) = (plan.times(&course), Errors::of(plan, &course, sensitivities));
+        Self { course, times, errors }
+    }
+
+    fn value(&self, settings: &AimSettings) -> Value {
+        let Expected { together, .. } = self.errors.at(settings);
+        let seconds = self.times.together_s();
+        Value { seconds, percent: together.all, worst_percent: together.worst }
     }
 }
 
@@ -166,7 +212,7 @@ impl Candidates {
         let no_load = if protocol.states_no_load {
             vec![protocol.no_load]
         } else {
-            vec![NoLoadPolicy::EverySample, NoLoadPolicy::EveryTouch]
+            vec![NoLoadPolicy::EverySample, NoLoadPolicy::ByDrift, NoLoadPolicy::EveryTouch]
         };
         let is_stated = [
             stated_hz(&protocol.contact_sweep).is_some(),
@@ -190,19 +236,66 @@ impl Candidates {
         }
     }
 
-    /// A plan for each policy of the reference.
-    fn plans(&self, protocol: &Protocol, limits: &RigLimits) -> Vec<Plan> {
-        let of = |&no_load: &NoLoadPolicy| {
-            Plan::of(&protocol.with(&AimSettings { no_load, ..self.first }), limits)
+    /// A plan for each policy of the reference, with the targets of the reference for which it holds, Hz.
+    fn plans(&self, protocol: &Protocol, limits: &RigLimits) -> Vec<(Plan, &[f64])> {
+        let of = |no_load: NoLoadPolicy, no_load_hz: &[f64]| {
+            let no_load_sigma_hz = no_load_hz[0];
+            let settings = AimSettings { no_load, no_load_sigma_hz, ..self.first };
+            Plan::of(&protocol.with(&settings), limits)
         };
-        self.no_load.iter().map(of).collect()
+        let with = |&no_load: &NoLoadPolicy| {
+            // By drift, the target says how often the reference is measured: one in three of them is tried.
+            let is_by_drift = no_load == NoLoadPolicy::ByDrift;
+            let (together, every) =
+                if is_by_drift { (1, BY_DRIFT_EVERY) } else { (self.no_load_hz.len(), 1) };
+            let targets = self.no_load_hz.chunks(together).step_by(every);
+            targets.map(move |no_load_hz| (of(no_load, no_load_hz), no_load_hz))
+        };
+        self.no_load.iter().flat_map(with).collect()
     }
 
-    /// Each pair of targets, Hz: in contact and without.
-    fn sigmas(&self) -> impl Iterator<Item = (f64, f64)> + use<'_> {
-        let with = |contact_hz: &f64| {
+    /// The best of the candidates. A policy of the reference that rests on what a run learns, or that costs more
+    /// references, must save enough against the first one.
+    fn best(&self, wanted: Wanted, searches: &[Candidate<'_>]) -> Result<AimSettings, OutOfReach> {
+        let values = |search| Candidate::values(search, self);
+        let found = best(wanted, searches.iter().flat_map(values))?;
+        let is_first = |search: &&Candidate<'_>| search.settings.no_load == self.first.no_load;
+        let first: Vec<_> = searches.iter().filter(is_first).flat_map(values).collect();
+        if first.is_empty() || matches!(wanted, Wanted::SecondsPerTouch(_)) {
+            return Ok(found);
+        }
+        let seconds = |settings: &AimSettings| {
+            let mut all = searches.iter().flat_map(values);
+            all.find(|(other, _)| other == settings).map_or(0.0, |(_, value)| value.seconds)
+        };
+        let of_first = best(wanted, first.into_iter()).ok();
+        let is_enough = |one: &AimSettings| seconds(one) <= POLICY_GAIN * seconds(&found);
+        Ok(of_first.filter(is_enough).unwrap_or(found))
+    }
+
+    /// Each plan with each fine step.
+    fn searches<'a>(
+        &self,
+        protocol: &Protocol,
+        limits: &RigLimits,
+        plans: &'a [(Plan, &'a [f64])],
+        sensitivities: &[Sensitivity],
+    ) -> Vec<Candidate<'a>> {
+        let with = |(plan, no_load_hz): &'a (Plan, &'a [f64]), fine_step_mm: f64| {
+            let settings = AimSettings { no_load: plan.no_load, fine_step_mm, ..self.first };
+            let touch = protocol.with(&settings).touch_settings(limits);
+            let expected = Expectation::of(&Plan { touch, ..plan.clone() }, limits, sensitivities);
+            Candidate { settings, plan, no_load_hz, expected }
+        };
+        let of = |plan| self.fine_step_mm.iter().map(move |fine_mm| with(plan, *fine_mm));
+        plans.iter().flat_map(of).collect()
+    }
+
+    /// Each pair of targets, Hz: in contact, and one of these without.
+    fn sigmas<'a>(&'a self, no_load_hz: &'a [f64]) -> impl Iterator<Item = (f64, f64)> + use<'a> {
+        let with = move |contact_hz: &f64| {
             let contact_hz = *contact_hz;
-            self.no_load_hz.iter().map(move |no_load_hz| (contact_hz, *no_load_hz))
+            no_load_hz.iter().map(move |no_load_hz| (contact_hz, *no_load_hz))
         };
         self.contact_hz.iter().flat_map(with)
     }

@@ -3,17 +3,7 @@
 use super::{
     AimSettings, ErrorPart, ExpectedTouch, NoSensitivity, Percents, Sensitivity, TouchModel,
 };
-use crate::{Action, Plan};
-
-/// Walk of the free resonance after an hour that a run on a good bench states, Hz: with its first references, and
-/// when it has learnt from more of them. On the shipped bench it is 0.2 in the end.
-const FIRST_WALK_HZ: f64 = 1.2;
-const LEARNT_WALK_HZ: f64 = 0.3;
-
-/// A run knows little of its drift before it has more references than this.
-const FIRST_REFERENCES: u32 = 2;
-
-const HOUR_S: f64 = 3600.0;
+use crate::{Action, Plan, expected_drift::ExpectedDrift, summary::Course};
 
 /// A sweep ends when its standard deviation is expected to be this part of the target.
 const REACHED: f64 = 0.97;
@@ -79,20 +69,21 @@ pub(super) struct Expected {
 }
 
 impl Errors {
-    /// The touches of a plan, whose steps take this long, s, with their sensitivities in order.
-    pub(super) fn of(plan: &Plan, durations_s: &[f64], sensitivities: &[Sensitivity]) -> Self {
-        let (mut references, mut since_reference_s) = (0, 0.0);
+    /// The touches of a plan with its expected course and their sensitivities in order. A reference counts as the run
+    /// states it at the time: the next one, which narrows it, is not in it.
+    pub(super) fn of(plan: &Plan, course: &Course, sensitivities: &[Sensitivity]) -> Self {
+        let mut drift = ExpectedDrift::default();
         let mut sensitivities = sensitivities.iter();
         let mut touches: Vec<(usize, Terms)> = Vec::new();
-        for (step, (planned, seconds)) in plan.steps.iter().zip(durations_s).enumerate() {
-            since_reference_s += seconds;
+        for (step, planned) in
+            plan.steps.iter().enumerate().filter(|(step, _)| course.is_made[*step])
+        {
+            drift.passed(course.durations_s[step]);
             match planned.action {
-                Action::NoLoad(_) => (references, since_reference_s) = (references + 1, 0.0),
+                Action::NoLoad(_) => drift.measured(),
                 Action::Prompt(_) => {}
                 Action::Touch(_) => {
-                    let is_first = references <= FIRST_REFERENCES;
-                    let walk_hz = if is_first { FIRST_WALK_HZ } else { LEARNT_WALK_HZ };
-                    let drift_hz2 = walk_hz * walk_hz * since_reference_s / HOUR_S;
+                    let drift_hz2 = drift.variance_hz2(0.0);
                     touches
                         .extend(sensitivities.next().map(|one| (step, Terms::of(one, drift_hz2))));
                 }

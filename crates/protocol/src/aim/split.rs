@@ -17,6 +17,16 @@ pub(super) struct Value {
     pub(super) worst_percent: f64,
 }
 
+impl Value {
+    /// What the aim limits: the largest standard deviation, or the time.
+    pub(super) const fn limited_by(&self, wanted: Wanted) -> f64 {
+        match wanted {
+            Wanted::StiffnessPercent(_) => self.worst_percent,
+            Wanted::SecondsPerTouch(_) => self.seconds,
+        }
+    }
+}
+
 /// Candidates of the grid with their values; none of them reaches the aim.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct OutOfReach {
@@ -35,10 +45,7 @@ pub(super) fn best(
     candidates: impl Iterator<Item = (AimSettings, Value)>,
 ) -> Result<AimSettings, OutOfReach> {
     let limit = wanted.value();
-    let limited = |value: &Value| match wanted {
-        Wanted::StiffnessPercent(_) => value.worst_percent,
-        Wanted::SecondsPerTouch(_) => value.seconds,
-    };
+    let limited = |value: &Value| value.limited_by(wanted);
     let free = |value: &Value| match wanted {
         Wanted::StiffnessPercent(_) => (value.seconds, value.percent),
         Wanted::SecondsPerTouch(_) => (value.percent, value.seconds),

@@ -24,7 +24,8 @@ fn a_wider_aim_takes_less_time_and_each_is_kept() {
     for percent in [2.4, 2.6, 3.0, 5.0, 20.0] {
         let aim = aimed(&[(WANTED, &format!("stiffness_percent = {percent}"))]);
         assert!(aim.together.worst <= percent, "{aim:?}");
-        assert!(aim.times.together_s() <= last, "{percent}: {aim:?}");
+        // Another policy of the reference has to save 5 %.
+        assert!(aim.times.together_s() <= 1.05 * last, "{percent}: {aim:?}");
         last = aim.times.together_s();
     }
 }

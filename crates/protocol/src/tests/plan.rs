@@ -156,6 +156,8 @@ fn the_no_load_resonance_is_measured_as_often_as_the_policy_says() {
         assert_eq!(plan.steps.iter().filter(is_no_load).count(), expected, "{policy}");
     }
     check("every-touch", 5 * 3 * 4 * 3 + 5);
+    // One before each touch, of which the rig leaves out those that the drift does not need.
+    check("by-drift", 5 * 3 * 4 * 3 + 5);
     // The blind trials differ in their angles.
     check("every-pose", 5 * 3 * 4 + 5);
     // Two mountings of the sensor for each of five samples, and the blind trials that need a

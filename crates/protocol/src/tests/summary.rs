@@ -13,6 +13,31 @@ fn a_summary_holds_the_extremes_that_the_touches_ask_for() {
 }
 
 #[test]
+fn a_reference_by_drift_is_expected_where_the_drift_would_pass_its_limit() {
+    let of = |policy: &str, target_hz: &str| {
+        let no_load = format!("\nno_load = {policy:?}");
+        let target = format!("target_sigma_hz = {target_hz}\n");
+        let text = changed(&[
+            ("\nno_load = \"every-sample\"", &no_load),
+            ("target_sigma_hz = 0.02\n", &target),
+        ]);
+        plan_of(&text)
+    };
+    let count = |policy: &str, target_hz: &str| of(policy, target_hz).summary(&limits()).no_loads;
+    assert_eq!((count("every-touch", "0.02"), count("every-sample", "0.02")), (110, 19));
+    // 0.3 Hz in an hour pass 0.02 Hz in 16 s, and 0.04 Hz in 64 s.
+    let counts = ["0.001", "0.01", "0.02", "0.1"].map(|target_hz| count("by-drift", target_hz));
+    assert_eq!((counts[0], counts[3]), (110, 19));
+    assert!(19 < counts[2] && counts[2] < counts[1] && counts[1] < 60, "{counts:?}");
+    // The first reference after a person is no matter of the drift, and no other step is.
+    let plan = of("by-drift", "0.02");
+    let by_drift = (0..plan.steps.len()).filter(|index| plan.is_by_drift(*index)).count();
+    assert_eq!(by_drift, 110 - 19);
+    let of_sample = of("every-sample", "0.02");
+    assert!((0..of_sample.steps.len()).all(|index| !of_sample.is_by_drift(index)));
+}
+
+#[test]
 fn the_expected_duration_is_the_sum_that_the_documentation_gives() {
     let adaptive = "method = \"adaptive\"";
     let uniform = "method = \"uniform\"\npoints = 11\nsettle_s = 0.3";

@@ -153,6 +153,21 @@ pub struct RefusedTouch {
     pub indented: Option<TouchPosition>,
 }
 
+/// No drift explains a reference: the free resonance has jumped in the time since the one before it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ReferenceJumped {
+    /// Number of the sweep that gave the reference before.
+    pub no_load_sweep: u64,
+    /// Number of the sweep that gave this one.
+    pub next_no_load_sweep: u64,
+    /// How far this one is from where the drift lets it be expected, Hz.
+    pub off_hz: f64,
+    /// Its standard deviation there, Hz.
+    pub sigma_hz: f64,
+    /// Addresses of the measured touches in between, whose shifts may be wrong by it.
+    pub touches: Vec<String>,
+}
+
 /// The position of the probe in a sample whose touch was refused.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TouchPosition {

@@ -168,7 +168,7 @@ pub(super) const SEALED: [Column; 10] = [
 /// The first column of a table of several runs.
 pub(super) const RUN: Column = text("run", "short name of the run");
 
-const TOUCH: [Column; 45] = [
+const TOUCH: [Column; 47] = [
     text(
         "step",
         "address of the step: `main/<sample>/<direction>/<angle>/<repeat>` or `blind/<number>`",
@@ -194,13 +194,22 @@ const TOUCH: [Column; 45] = [
         "for a measured touch, whether the surface was found again after its sweep: `false` if the protocol has \
          `slip_mm = 0`, so that steps lost in the touch would not show",
     ),
+    flag(
+        "is_reference_steady",
+        "for a measured touch, whether the free resonance has not jumped between its reference and the next one, as \
+         far as there is one",
+    ),
     whole("no_load_sweep", "the sweep that gave the reference, a row of the table of sweeps"),
+    whole(
+        "next_no_load_sweep",
+        "the sweep that gave the reference after the touch, if the next column is the value between both",
+    ),
     number("no_load_hz", "Hz", "resonance with the probe clear"),
     number("no_load_sigma_hz", "Hz", "its standard deviation"),
     number(
         "drift_sigma_hz",
         "Hz",
-        "standard deviation of what the free resonance has drifted since, by the references so far",
+        "standard deviation of what the free resonance has drifted since, or between both, by the references so far",
     ),
     whole("sweep", "the last sweep in contact, a row of the table of sweeps"),
     number("resonance_hz", "Hz", "resonance in contact"),

@@ -9,7 +9,7 @@ pub(super) fn touch<'a>(
     row: &'a TouchRow,
     run_id: &'a str,
     is_simulated: bool,
-) -> [TableValue<'a>; 45] {
+) -> [TableValue<'a>; 47] {
     let [no_load, no_load_sigma] = pair(row.no_load_hz, row.no_load_sigma_hz);
     let [resonance, sigma] = pair(row.resonance_hz, row.sigma_hz);
     let [shift, shift_sigma] = pair(row.shift_hz, row.shift_sigma_hz);
@@ -31,7 +31,9 @@ pub(super) fn touch<'a>(
         TableValue::of(row.reason.as_deref(), TableValue::Text),
         TableValue::of(row.is_confirmed, TableValue::Flag),
         TableValue::of(row.is_slip_checked, TableValue::Flag),
+        TableValue::of(row.is_reference_steady, TableValue::Flag),
         TableValue::of(row.no_load_sweep, TableValue::Whole),
+        TableValue::of(row.next_no_load_sweep, TableValue::Whole),
         no_load,
         no_load_sigma,
         TableValue::of(row.drift_sigma_hz, TableValue::Exact),

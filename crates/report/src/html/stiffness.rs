@@ -10,7 +10,7 @@ use super::{
     element::{dash, drawn, fault, figure_row, table, text},
     figures::HALF_PX,
     model::model,
-    tables::with_slip_note,
+    tables::with_notes,
 };
 use crate::{
     data::RunData,
@@ -187,7 +187,7 @@ fn samples(results: &RunResults, stiffness: &Stiffness) -> Markup {
     let rows: Vec<_> = results.samples().into_iter().map(row).collect();
     let caption = "Young's modulus of the samples with its standard deviation, and the standard \
                    deviation of single ones about it.";
-    table(&with_slip_note(caption, results), &heads, &rows)
+    table(&with_notes(caption, results), &heads, &rows)
 }
 
 /// Stiffness, angle and azimuth of each site, from touches at an unknown angle.

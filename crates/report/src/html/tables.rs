@@ -42,15 +42,14 @@ pub(super) fn shifts(results: &RunResults) -> Markup {
     let caption = "Frequency shifts with the standard deviation of their fits; their mean with \
                    its standard error, the larger of that from the fits and that from the scatter \
                    between the directions; and this scatter, as a standard deviation.";
-    table(&with_slip_note(caption, results), &heads, &rows)
+    table(&with_notes(caption, results), &heads, &rows)
 }
 
-/// A caption, and that touches were not checked for slip.
-pub(super) fn with_slip_note(caption: &str, results: &RunResults) -> String {
-    match results.slip_note() {
-        Some(note) => format!("{caption} Check of slip: {note}."),
-        None => caption.to_owned(),
-    }
+/// A caption, and what speaks against touches.
+pub(super) fn with_notes(caption: &str, results: &RunResults) -> String {
+    let slip = results.slip_note().map(|note| format!(" Check of slip: {note}."));
+    let jump = results.jump_note().map(|note| format!(" No-load resonance: {note}."));
+    format!("{caption}{}{}", slip.unwrap_or_default(), jump.unwrap_or_default())
 }
 
 /// A value, with the count of its touches when some are missing, or the status of the touches.
@@ -133,7 +132,8 @@ pub(super) fn touches(rows: &[TouchRow]) -> Markup {
                    the uncertainty of the calibration; the class of a blind touch is the sample \
                    that its cluster represents. A touch is not confirmed if the run ended before anything was measured after it. \
                    Steps that the linear stage lost in a touch that was not checked for slip would not show: its \
-                   depth may be another.";
+                   depth may be another. Where the free resonance jumped before the next reference, the shift may be \
+                   wrong by it.";
     html! { div.log.touches { (table(caption, &heads, &rows)) } }
 }
 
@@ -141,7 +141,8 @@ pub(super) fn touches(rows: &[TouchRow]) -> Markup {
 fn doubts(row: &TouchRow) -> String {
     let unconfirmed = if row.is_unconfirmed() { ", not confirmed" } else { "" };
     let unchecked = if row.is_slip_unchecked() { ", slip not checked" } else { "" };
-    format!("{unconfirmed}{unchecked}")
+    let jumped = if row.is_reference_unsteady() { ", resonance jumped" } else { "" };
+    format!("{unconfirmed}{unchecked}{jumped}")
 }
 
 /// Lines of the log. Prompts are not printed on paper: they are many, and all alike.

@@ -37,13 +37,18 @@ pub struct TouchRow {
     /// For a measured touch, whether the surface was found again after its sweep, so that steps lost in the touch
     /// would have shown.
     pub is_slip_checked: Option<bool>,
+    /// For a measured touch, whether the free resonance has not jumped between its reference and the next one, as far
+    /// as there is one.
+    pub is_reference_steady: Option<bool>,
     /// Number of the sweep that gave the reference.
     pub no_load_sweep: Option<u64>,
+    /// Number of the sweep that gave the reference after the touch, if the value is that between both.
+    pub next_no_load_sweep: Option<u64>,
     /// The reference, Hz.
     pub no_load_hz: Option<f64>,
     /// Its standard deviation, Hz.
     pub no_load_sigma_hz: Option<f64>,
-    /// Standard deviation of what the free resonance has drifted since the reference, Hz.
+    /// Standard deviation of what the free resonance has drifted since the reference, or between both, Hz.
     pub drift_sigma_hz: Option<f64>,
     /// Number of the last sweep in contact.
     pub sweep: Option<u64>,
@@ -118,6 +123,11 @@ pub(crate) fn sentence(rows: &[TouchRow]) -> String {
     if unchecked > 0 {
         parts.push(named(unchecked, "of them not checked for slip", |row| row.is_slip_unchecked()));
     }
+    let jumped = rows.iter().filter(|row| row.is_reference_unsteady()).count();
+    if jumped > 0 {
+        let what = "of them before a jump of the no-load resonance";
+        parts.push(named(jumped, what, |row| row.is_reference_unsteady()));
+    }
     if refused > 0 {
         parts.push(named(refused, "refused", |row| row.status == TouchStatus::Refused));
     }
@@ -184,7 +194,9 @@ pub(super) fn rows(
 impl TouchRow {
     /// Whether it was measured, and nothing of it is marked.
     pub(crate) fn is_measured_without_doubt(&self) -> bool {
-        self.status == TouchStatus::Measured && !self.is_unconfirmed() && !self.is_slip_unchecked()
+        let is_doubtful =
+            self.is_unconfirmed() || self.is_slip_unchecked() || self.is_reference_unsteady();
+        self.status == TouchStatus::Measured && !is_doubtful
     }
 
     /// Whether the run ended before anything confirmed it.
@@ -197,6 +209,11 @@ impl TouchRow {
         self.is_slip_checked == Some(false)
     }
 
+    /// Whether the free resonance has jumped between its reference and the next one.
+    pub(crate) fn is_reference_unsteady(&self) -> bool {
+        self.is_reference_steady == Some(false)
+    }
+
     fn measured(
         &mut self,
         touch: &Touch,
@@ -204,7 +221,9 @@ impl TouchRow {
         stiffness: Option<&Stiffness>,
         classification: Option<&Classification>,
     ) {
+        self.is_reference_steady = Some(data.between.is_steady(touch.no_load_sweep));
         self.no_load_sweep = Some(touch.no_load_sweep);
+        self.next_no_load_sweep = data.between.next_of(touch.sweep);
         self.no_load_hz = Some(touch.no_load_hz);
         self.no_load_sigma_hz = Some(touch.no_load_sigma_hz);
         self.drift_sigma_hz = Some(touch.drift_sigma_hz);

@@ -1,9 +1,9 @@
 //! Measured touches that are marked, because something that could speak against them was not measured.
 
-use rig_record::{Ending, Record, RunFinished, RunStatus};
+use rig_record::{Ending, Record, ReferenceJumped, RunFinished, RunStatus};
 
 use super::{
-    inside,
+    by_drift, inside,
     sample::{SampleRun, Story},
 };
 use crate::TouchStatus;
@@ -77,4 +77,47 @@ fn check_marks(mark: Option<bool>, note: &str) {
     }
     assert_eq!(html.matches("measured, slip not checked").count(), 110);
     assert!(html.contains("110 of them not checked for slip"));
+}
+
+#[test]
+fn touches_before_a_jump_of_the_resonance_are_marked_and_keep_their_reference() {
+    let mut steady = SampleRun::new(Story::Complete);
+    steady.change_start(by_drift);
+    let before: Vec<_> = steady.results().touches().to_vec();
+    assert!(before.iter().all(|row| row.is_reference_steady == Some(true)));
+    assert!(!steady.results().text().contains("it jumped"));
+
+    let jumped = &before[3];
+    let (first, next) = (jumped.no_load_sweep.unwrap(), jumped.next_no_load_sweep.unwrap());
+    let mut sample = SampleRun::new(Story::Complete);
+    sample.change_start(by_drift);
+    let record = Record::ReferenceJumped(ReferenceJumped {
+        no_load_sweep: first,
+        next_no_load_sweep: next,
+        off_hz: 0.4,
+        sigma_hz: 0.03,
+        touches: vec![jumped.step.clone()],
+    });
+    let is_next = |record: Record| matches!(record, Record::Sweep(sweep) if sweep.number == next);
+    let place = sample.chain.records.iter().position(|stored| is_next(stored.record().unwrap()));
+    let place = place.unwrap();
+    let mut stored = sample.chain.records[place].clone();
+    (stored.kind, stored.payload) =
+        (record.kind().to_owned(), serde_json::to_string(&record).unwrap());
+    sample.chain.records.insert(place + 1, stored);
+    let results = sample.results();
+    let marked: Vec<_> =
+        results.touches().iter().filter(|row| row.is_reference_unsteady()).collect();
+    let [row] = marked[..] else { panic!("{marked:?}") };
+    assert_eq!((&row.step, row.next_no_load_sweep), (&jumped.step, None));
+    let said = results.shortfall().unwrap();
+    let expected = format!("1 of them before a jump of the no-load resonance: {}", row.step);
+    assert!(said.contains(&expected), "{said}");
+    let note =
+        "it jumped before the next reference of 1 of 110 touches; their shifts may be wrong by it";
+    assert!(results.text().contains(note), "{}", results.text());
+    let html = sample.html();
+    assert!(html.contains("measured, resonance jumped"));
+    assert!(inside(&html, "Frequency shifts with", "</caption>").contains(note));
+    assert!(html.contains("0.400 Hz from where its drift lets it be expected"));
 }

@@ -89,6 +89,15 @@ pub(super) fn say_touch(record: &Record) {
             let text = screen::indented(&screen::plain(&text), 2);
             screen::say(&format!("{} {text}", painted("✕", Colour::Red)));
         }
+        Record::ReferenceJumped(jumped) => {
+            let touches = jumped.touches.join(", ");
+            let text = format!(
+                "the no-load resonance jumped by {:+.2} Hz; touched since the reference before: {touches}",
+                jumped.off_hz
+            );
+            let text = screen::indented(&screen::plain(&text), 2);
+            screen::say(&format!("{} {text}", painted("!", Colour::Red)));
+        }
         _ => {}
     }
 }

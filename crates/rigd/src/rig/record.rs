@@ -166,6 +166,15 @@ impl Recorder {
             Event::SweepFinished(outcome) => self.sweep(outcome),
             Event::TouchFinished(result) => self.touch_of_last_sweeps(result),
             Event::TouchDoubted(result) => self.touch(result),
+            Event::ReferenceJumped { off_hz, sigma_hz, touches } => {
+                Record::ReferenceJumped(store::ReferenceJumped {
+                    no_load_sweep: self.touch_sweeps[0],
+                    next_no_load_sweep: self.no_load_sweep,
+                    off_hz: *off_hz,
+                    sigma_hz: *sigma_hz,
+                    touches: touches.iter().map(ToString::to_string).collect(),
+                })
+            }
             Event::Operator { action, by } => {
                 Record::Operator(store::Operator { action: (*action).to_owned(), who: by.clone() })
             }

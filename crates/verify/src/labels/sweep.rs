@@ -70,6 +70,9 @@ impl Labels {
                 step.is_done |= matches!(step.started.action, Action::NoLoad { .. });
             }
             self.reference = Some(facts.clone()).filter(|facts| facts.outcome.is_ok());
+            if self.reference.is_some() {
+                self.references.measured(facts.number, rig_us);
+            }
         }
         if let (true, Some(indented_mm)) = (facts.outcome.is_ok(), self.indented_mm)
             && facts.purpose == "touch"

@@ -1,0 +1,115 @@
+//! References by drift, which may be left out, and the touches between two references of which the second one is far
+//! from where the drift lets it be expected.
+
+use crate::{
+    finding::{Check, Findings},
+    record::{Action, ReferenceJumped, StepStarted, TouchResult},
+    settings::Settings,
+};
+
+/// With `no_load = "by-drift"` the drift may reach this many times the target of the no-load sweep.
+const DRIFT_SIGMAS: f64 = 2.0;
+/// A drift grows with the time since the reference to this power at most: with the time itself at a constant rate, and
+/// a little more where the rate changes.
+const GROWTH: f64 = 1.5;
+/// The run counts from the middle of a reference, and this checker from its end.
+const SLACK: f64 = 1.05;
+/// A jump is at least this many standard deviations of what the drift allows.
+const JUMP_SIGMAS: f64 = 1.96;
+/// A touch is taken to last this long before there was one, s.
+const FIRST_TOUCH_S: f64 = 10.0;
+
+/// The references of a run so far.
+#[derive(Debug, Default)]
+pub(crate) struct References {
+    /// The last accepted one, and when it had been measured, s.
+    last: Option<(u64, f64)>,
+    /// The one before it.
+    before: Option<u64>,
+    /// Measured touches since the last one, and between the last two.
+    since: Vec<String>,
+    between: Vec<String>,
+    /// When the touch under way began, and how long the one before it took, s.
+    begun_s: f64,
+    lasted_s: Option<f64>,
+    /// Whether the last step was a touch.
+    is_after_touch: bool,
+    /// When the touch under way had to end so that it needed no reference, s; `None` if it has one of its own.
+    left_out_until_s: Option<f64>,
+}
+
+impl References {
+    /// Whether the step before this one may be a reference that was left out: no person was at the bench since the last
+    /// touch.
+    pub(super) fn may_leave_out(&self, index: u32, started: &StepStarted) -> bool {
+        let is_touch = matches!(started.action, Action::Touch { .. });
+        is_touch && self.is_after_touch && started.index == index + 2
+    }
+
+    pub(super) fn step_started(&mut self, rig_us: u64, started: &StepStarted, is_left_out: bool) {
+        self.begun_s = rig_us as f64 / 1e6;
+        self.is_after_touch = matches!(started.action, Action::Touch { .. });
+        let until_s = self.begun_s + self.lasted_s.unwrap_or(FIRST_TOUCH_S);
+        self.left_out_until_s = is_left_out.then_some(until_s);
+    }
+
+    /// A reference was accepted.
+    pub(super) fn measured(&mut self, sweep: u64, rig_us: u64) {
+        let last = self.last.replace((sweep, rig_us as f64 / 1e6));
+        self.before = last.map(|(sweep, _)| sweep);
+        self.between = std::mem::take(&mut self.since);
+    }
+
+    /// A touch has a result. If no reference was measured before it, the drift did not ask for one.
+    pub(crate) fn touch_measured(
+        &mut self,
+        (seq, rig_us): (u64, u64),
+        result: &TouchResult,
+        settings: Option<&Settings>,
+        findings: &mut Findings,
+    ) {
+        self.since.push(result.touch.step.clone());
+        let end_s = rig_us as f64 / 1e6;
+        self.lasted_s = Some(end_s - self.begun_s);
+        let target_hz = settings.and_then(|all| all.protocol.no_load_sweep.target_sigma_hz);
+        let (Some(until_s), Some((_, measured_s)), Some(target_hz)) =
+            (self.left_out_until_s, self.last, target_hz)
+        else {
+            return;
+        };
+        let longer = ((end_s - measured_s) / (until_s - measured_s)).max(1.0);
+        let limit_hz = SLACK * DRIFT_SIGMAS * target_hz * longer.powf(GROWTH);
+        if result.drift_sigma_hz.is_nan() || result.drift_sigma_hz > limit_hz {
+            let what = "the drift at the end of a touch whose reference was left out, Hz";
+            let limit = Some(limit_hz.to_string());
+            findings.within(Check::Reference, seq, what, "less", result.drift_sigma_hz, limit);
+        }
+    }
+
+    pub(crate) fn touch_refused(&mut self, rig_us: u64) {
+        self.lasted_s = Some(rig_us as f64 / 1e6 - self.begun_s);
+    }
+
+    /// The last reference is said to be a jump.
+    pub(crate) fn jumped(&self, seq: u64, jumped: &ReferenceJumped, findings: &mut Findings) {
+        let ReferenceJumped { no_load_sweep, next_no_load_sweep, off_hz, sigma_hz, touches } =
+            jumped;
+        let found = (Some(*no_load_sweep), Some(*next_no_load_sweep));
+        let expected = (self.before, self.last.map(|(sweep, _)| sweep));
+        if found != expected {
+            let what = "the sweeps before and after a jump of the resonance";
+            let (expected, found) = (format!("{expected:?}"), format!("{found:?}"));
+            findings.add(Check::Reference, seq, what, expected, found);
+        }
+        if *touches != self.between {
+            let what = "the touches before a jump of the resonance";
+            findings.add(Check::Row, seq, what, self.between.join(", "), touches.join(", "));
+        }
+        let is_far = *sigma_hz > 0.0 && JUMP_SIGMAS * sigma_hz < off_hz.abs();
+        if !is_far {
+            let what = "a jump of the resonance, Hz";
+            let expected = format!("more than {}", JUMP_SIGMAS * sigma_hz);
+            findings.add(Check::Reference, seq, what, expected, off_hz);
+        }
+    }
+}
