@@ -77,7 +77,7 @@ impl Between {
                 self.forget(touches);
             }
             Record::Resumed(_) | Record::Amended(_) | Record::RunFinished(_) => {
-                self.forget(touches)
+                self.forget(touches);
             }
             _ => {}
         }

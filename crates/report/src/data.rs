@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 
 use rig_record::{
     Amended, Amendment, BlackBox, Change, Clearance, ClockJumped, Confirmed, Direction, Expected,
-    Intent, MoveReason, Prompt, Record, ReferenceJumped, RefusalAnswered, RefusedTouch, Resumed,
-    RetractTried, RunStarted, Sample, Stalled, StoredRecord, Sweep, SweepOutcome, Touch,
+    Fault, Intent, MoveReason, Prompt, Record, ReferenceJumped, RefusalAnswered, RefusedTouch,
+    Resumed, RetractTried, RunStarted, Sample, Stalled, StoredRecord, Sweep, SweepOutcome, Touch,
     TouchSettings, UnreadableRecord,
 };
 
@@ -353,8 +353,7 @@ impl RunData {
                 self.operator.get_or_insert(operator.who);
             }
             Record::Fault(fault) => {
-                let probe = whereabouts(fault.probe);
-                let text = format!("{}. The probe was {probe}. {}", fault.cause, fault.hint);
+                let text = faulted(&fault);
                 self.fault.get_or_insert(fault.cause);
                 note(fault.step, LogKind::Fault, text);
             }
@@ -438,6 +437,11 @@ const fn whereabouts(probe: Clearance) -> &'static str {
         Clearance::InContact => "in contact",
         Clearance::Unknown => "at an unknown position",
     }
+}
+
+/// A fault in words.
+fn faulted(Fault { cause, probe, hint, .. }: &Fault) -> String {
+    format!("{cause}. The probe was {}. {hint}", whereabouts(*probe))
 }
 
 /// A jump of the free resonance in words.

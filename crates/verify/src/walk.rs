@@ -13,7 +13,10 @@ use crate::{
     labels::Labels,
     motion::{Motion, Probe, Turn},
     plan,
-    record::{BlackBox, Fault, Operator, Outcome, Record, Resumed, RunFinished, RunStarted, Sweep},
+    record::{
+        Amended, BlackBox, Fault, Operator, Outcome, Record, Resumed, RunFinished, RunStarted,
+        Sweep,
+    },
     refused::{self, Refused},
     results::{self, Accepted},
     settings::Settings,
@@ -315,18 +318,21 @@ impl Walk {
             Record::ClockJumped {} => {}
             Record::Resumed(resumed) => self.resumed(seq, &resumed),
             Record::GivenUp(_) => self.is_given_up = true,
-            Record::Amended(amended) => {
-                if !["redo", "skip"].contains(&&*amended.what) || amended.why.is_empty() {
-                    let what = format!("the amendment of {}", amended.step);
-                    let found = format!("{} because of {:?}", amended.what, amended.why);
-                    findings.add(Check::Ends, seq, what, "redo or skip with a reason", found);
-                }
-                labels.amend();
-            }
+            Record::Amended(amended) => self.amended(seq, &amended),
             // It is held against the run that it is about.
             Record::Archived(_) => {}
             Record::RunFinished(finished) => self.finished(seq, finished),
         }
+    }
+
+    /// The first record of an amendment.
+    fn amended(&mut self, seq: u64, amended: &Amended) {
+        if !["redo", "skip"].contains(&&*amended.what) || amended.why.is_empty() {
+            let what = format!("the amendment of {}", amended.step);
+            let found = format!("{} because of {:?}", amended.what, amended.why);
+            self.findings.add(Check::Ends, seq, what, "redo or skip with a reason", found);
+        }
+        self.labels.amend();
     }
 
     /// Keeps a sweep, to fit its readings at the end.

@@ -179,7 +179,7 @@ fn a_difference_is_told_from_a_walk_on_a_quiet_bench_and_not_on_one_that_drifts(
 #[test]
 fn a_reference_is_due_after_many_touches_on_a_quiet_bench_and_after_few_on_one_that_drifts() {
     /// References of 120 touches.
-    fn references(bench: Bench, seed: u64) -> u32 {
+    fn references(bench: Bench, seed: u64) -> u64 {
         let mut stream = Stream::of_seed(seed);
         let path = path(bench, &mut stream);
         let touch = Duration::from_secs_f64(TOUCH_S);
@@ -192,7 +192,7 @@ fn a_reference_is_due_after_many_touches_on_a_quiet_bench_and_after_few_on_one_t
         }
         count
     }
-    let mean = |bench| (0..SEEDS).map(|seed| references(bench, seed)).sum::<u32>() / SEEDS as u32;
+    let mean = |bench| (0..SEEDS).map(|seed| references(bench, seed)).sum::<u64>() / SEEDS;
     let counts = [0.1, 0.5, 5.0].map(|walk_hz| mean(Bench { walk_hz, ..QUIET }));
     println!("{counts:?}");
     assert!(counts[0] < 40 && counts[0] < counts[1] && 100 < counts[2], "{counts:?}");

@@ -240,7 +240,7 @@ impl Candidates {
     fn plans(&self, protocol: &Protocol, limits: &RigLimits) -> Vec<(Plan, &[f64])> {
         let of = |no_load: NoLoadPolicy, no_load_hz: &[f64]| {
             let no_load_sigma_hz = no_load_hz[0];
-            let settings = AimSettings { no_load, no_load_sigma_hz, ..self.first };
+            let settings = AimSettings { no_load_sigma_hz, no_load, ..self.first };
             Plan::of(&protocol.with(&settings), limits)
         };
         let with = |&no_load: &NoLoadPolicy| {

@@ -63,8 +63,20 @@ pub(super) const TOGETHER: &str = "together";
 
 use File::{Protocol, Rig, Scene as Bench};
 
+/// A descent as fast as the contact, and nothing that can be left out; the last change leaves the dwell out.
+const FASTEST: [Change; 7] = [
+    (Protocol, "approach.method", "\"descent\""),
+    (Protocol, "approach.speed_mm_per_s", "2"),
+    // So that two readings and a stop press no deeper.
+    (Protocol, "approach.coarse_step_mm", "0.2"),
+    (Rig, "limits.contact_speed_mm_per_s", "2"),
+    (Protocol, "no_load", "\"by-drift\""),
+    (Protocol, "approach.slip_mm", "0"),
+    (Protocol, "touch.dwell_s", "0"),
+];
+
 /// Changes of one knob after the other, and some together; the first has none.
-pub(super) const SETTINGS: [Setting; 51] = [
+pub(super) const SETTINGS: [Setting; 54] = [
     one(SHIPPED, "", &[]),
     one(
         "before the aim",
@@ -100,6 +112,7 @@ pub(super) const SETTINGS: [Setting; 51] = [
     one("no-load sweep, Hz", "0.1", &[(Protocol, "no_load_sweep.target_sigma_hz", "0.1")]),
     one("no-load sweep, Hz", "0.2", &[(Protocol, "no_load_sweep.target_sigma_hz", "0.2")]),
     one("reference", "every touch", &[(Protocol, "no_load", "\"every-touch\"")]),
+    one("reference", "by drift", &[(Protocol, "no_load", "\"by-drift\"")]),
     one("reference", "once", &[(Protocol, "no_load", "\"once\"")]),
     one("survey, s", "20", &[(Protocol, "no_load_sweep.survey_s", "20")]),
     one(
@@ -186,6 +199,16 @@ pub(super) const SETTINGS: [Setting; 51] = [
             (Protocol, "approach.slip_mm", "0"),
             (Protocol, "touch.dwell_s", "0"),
         ],
+    ),
+    one(
+        TOGETHER,
+        "descent at 2 mm/s, in contact too, reference by drift, no check of slip",
+        FASTEST.split_at(6).0,
+    ),
+    one(
+        TOGETHER,
+        "descent at 2 mm/s, in contact too, reference by drift, no check of slip, no dwell",
+        &FASTEST,
     ),
     one(
         TOGETHER,

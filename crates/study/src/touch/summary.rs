@@ -45,6 +45,13 @@ impl Summary {
         self.planned() - self.refused() - self.not_reached()
     }
 
+    /// Number of runs that ended before their last touch, and why the first of them did.
+    pub(super) fn ended(&self) -> Option<(usize, &str)> {
+        let mut ended = self.trials.iter().filter_map(|trial| trial.ended.as_deref());
+        let first = ended.next()?;
+        Some((1 + ended.count(), first))
+    }
+
     /// What must never happen on a bench.
     pub(super) fn violations(&self) -> usize {
         self.count(|trial| trial.violations.len())

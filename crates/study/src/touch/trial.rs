@@ -17,6 +17,8 @@ pub(super) struct Trial {
     pub(super) refused: usize,
     /// The touches that were not made, because the run ended before.
     pub(super) not_reached: usize,
+    /// Why the run ended before its last touch.
+    pub(super) ended: Option<String>,
     /// For each stiffness: its logarithm less that of the touched point, and its stated standard deviation.
     pub(super) errors: Vec<(f64, f64)>,
     /// Time in each phase, s.
@@ -55,6 +57,10 @@ impl Trial {
             planned: touches.len(),
             refused: count(TouchStatus::Refused),
             not_reached: count(TouchStatus::NotReached),
+            ended: touches
+                .iter()
+                .find(|row| row.status == TouchStatus::NotReached)
+                .map(|row| row.reason.clone().unwrap_or_default()),
             errors: touches.iter().filter_map(error).collect(),
             phases_s: run.phases_s.clone(),
             violations: run.violations.clone(),
