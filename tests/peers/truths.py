@@ -74,7 +74,7 @@ class Truth:
 TRUTHS = [
     Truth("nothing"),
     Truth("ball 0.6 mm off along and 0.4 mm across", offset_mm=(0.6, 0.4)),
-    Truth("held by the stage, relaxed by 30 %", stage=True, relaxed=0.3),
+    Truth("held by the stage and relaxed by 30 %", stage=True, relaxed=0.3),
     Truth("a layer twice as stiff below 0.3 mm", deep_over_top=2.0),
     Truth("a layer half as stiff below 0.3 mm", deep_over_top=0.5),
     Truth("slip at a friction of 0.7", friction=0.7),

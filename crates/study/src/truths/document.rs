@@ -68,6 +68,7 @@ pub(super) fn page(args: &Args, all: &[TruthRuns], parts: &[PartRuns]) -> Page {
     page.heading("What is learnt");
     page.table(learnt(all));
     halfway(&mut page, all);
+    outside(&mut page);
     budget(&mut page, parts);
     limits(&mut page, all);
     page
@@ -109,6 +110,39 @@ fn halfway(page: &mut Page, all: &[TruthRuns]) {
             percent(learnt.held_by_stage(), 0),
             percent(halfway.held_by_stage(), 0),
         ]);
+    }
+    page.table(table);
+}
+
+/// Runs of the bench of `tests/peers/truths.py`, which is stored with the command that the page names.
+const OUTSIDE: &str = include_str!("outside.csv");
+
+/// The runs of a bench that another program makes.
+fn outside(page: &mut Page) {
+    page.heading("Judged from outside");
+    page.text(
+        "`tests/peers/truths.py` is a bench in another language: a rod in space as the sensor, and tissues, balls and a \
+         slip of its own. `rig-study analyse` makes of its touches what a run of the daemon would, with the learnt model. \
+         The table is stored, and is written by `python tests/peers/truths.py target/release/rig-study 200 1 \
+         crates/study/src/truths/outside.csv`. A truth that is noticed in few runs at one depth and whose intervals do not \
+         cover is one that the verdict of such a run does not exclude.",
+    );
+    let mut rows =
+        OUTSIDE.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+    let Some(_) = rows.next() else { return };
+    let mut table = Table::new(&[
+        "truth differs by",
+        "depths",
+        "runs",
+        "refused touches",
+        "error, % rms",
+        "coverage, %",
+        "coverage of the samples, %",
+        "noticed, %",
+        "pattern",
+    ]);
+    for row in rows {
+        table.row(row);
     }
     page.table(table);
 }
