@@ -64,7 +64,10 @@ fn the_shipped_protocols_look_where_their_resonances_are() {
             assert_eq!(checked["warnings"], Value::Array(Vec::new()), "{protocol} on {rig}");
             let count = |name: &str| checked[name].as_u64().unwrap();
             let predicted = predictions(&checked);
-            assert_eq!(predicted.len() as u64, count("touches") + count("no_loads"));
+            // By drift, some of the references that are planned are expected to be left out.
+            let steps = checked["steps"].as_array().unwrap().len() as u64;
+            assert_eq!(predicted.len() as u64, steps - count("prompts"));
+            assert!(count("touches") + count("no_loads") <= steps - count("prompts"));
             assert!(
                 predicted.values().all(|one| one["placing"] == "inside"),
                 "{protocol} on {rig}"

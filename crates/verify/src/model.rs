@@ -88,10 +88,11 @@ fn check(journal: &Journal, stated: &StatedModel) -> ModelCheck {
     }
 }
 
-/// The key of the protocol that says whether the angles are known.
+/// The keys of the protocol that say whether the angles are known, and when the reference is measured.
 #[derive(Debug, Deserialize)]
 struct ProtocolKeys {
     angle: Option<String>,
+    no_load: Option<String>,
 }
 
 /// The keys of the rig file that describe the sensor.
@@ -160,6 +161,10 @@ fn chi2_of(journal: &Journal, stated: &StatedModel) -> Result<(f64, usize), &'st
         toml::from_str(&started.protocol.toml).map_err(|_| "the protocol cannot be read")?;
     if protocol.angle.as_deref() == Some("unknown") {
         return Err("the contact angles are unknown");
+    }
+    let chosen = started.aim.as_ref().map(|aim| aim.settings.no_load.as_str());
+    if chosen.or(protocol.no_load.as_deref()) == Some("by-drift") {
+        return Err("its references lie between two sweeps, which this checker does not follow");
     }
     let rig: RigKeys = toml::from_str(&started.rig.toml)
         .map_err(|_| "the rig file does not describe the sensor in full")?;

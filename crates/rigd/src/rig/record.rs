@@ -166,15 +166,7 @@ impl Recorder {
             Event::SweepFinished(outcome) => self.sweep(outcome),
             Event::TouchFinished(result) => self.touch_of_last_sweeps(result),
             Event::TouchDoubted(result) => self.touch(result),
-            Event::ReferenceJumped { off_hz, sigma_hz, touches } => {
-                Record::ReferenceJumped(store::ReferenceJumped {
-                    no_load_sweep: self.touch_sweeps[0],
-                    next_no_load_sweep: self.no_load_sweep,
-                    off_hz: *off_hz,
-                    sigma_hz: *sigma_hz,
-                    touches: touches.iter().map(ToString::to_string).collect(),
-                })
-            }
+            Event::ReferenceJumped { .. } => self.jumped(event)?,
             Event::Operator { action, by } => {
                 Record::Operator(store::Operator { action: (*action).to_owned(), who: by.clone() })
             }
@@ -194,6 +186,18 @@ impl Recorder {
                 Record::RunFinished(store::RunFinished { status: ending_of(*status) })
             }
         })
+    }
+
+    /// The record of a jump of the free resonance.
+    fn jumped(&self, event: &Event) -> Option<Record> {
+        let Event::ReferenceJumped { off_hz, sigma_hz, touches } = event else { return None };
+        Some(Record::ReferenceJumped(store::ReferenceJumped {
+            no_load_sweep: self.touch_sweeps[0],
+            next_no_load_sweep: self.no_load_sweep,
+            off_hz: *off_hz,
+            sigma_hz: *sigma_hz,
+            touches: touches.iter().map(ToString::to_string).collect(),
+        }))
     }
 
     /// The record of a question about a refused touch, or of its answer.
