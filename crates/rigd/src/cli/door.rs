@@ -13,47 +13,50 @@ use tokio::{
 };
 use tokio_util::sync::CancellationToken;
 
-use super::{
-    Failure,
-    screen::say,
-    settings::{Origin, Settings, Settled},
-};
+use super::{Failure, screen::say, settings::Settings};
 use crate::{
     endpoint::{Announced, Endpoint},
     http::{self, tls::Tls},
     tokens::Secret,
 };
 
-/// A listening socket that the service manager has opened: with `LISTEN_FDS` and `LISTEN_PID`, as systemd and
-/// `systemd-socket-activate` name it.
+/// Where the daemon is to listen.
 #[derive(Debug)]
-pub(super) struct Socket {
-    listener: std::net::TcpListener,
-    address: SocketAddr,
+pub(super) enum Listening {
+    /// At an address that is not bound yet.
+    At(SocketAddr),
+    /// On a socket that the service manager has opened, and its address: `LISTEN_FDS` and `LISTEN_PID` name it, as systemd
+    /// and `systemd-socket-activate` write them.
+    On(std::net::TcpListener, SocketAddr),
 }
 
-impl Socket {
-    /// The socket that is given to this program; `None` without one. It is asked for once, before there are threads.
+impl Listening {
+    /// The socket that is given to this program, or the address of the settings without one. It is asked for once, before
+    /// there are threads.
     ///
     /// # Errors
-    /// [`Failure::Socket`] if there are several, or one that is no TCP socket.
-    pub(super) fn of_the_service_manager() -> Result<Option<Self>, Failure> {
+    /// [`Failure::Sockets`] if there are several, [`Failure::Socket`] for one that is no TCP socket.
+    pub(super) fn of(settings: SocketAddr) -> Result<Self, Failure> {
         let mut given = ListenFd::from_env();
         match given.len() {
-            0 => return Ok(None),
+            0 => return Ok(Self::At(settings)),
             1 => {}
             count => return Err(Failure::Sockets { count }),
         }
         let failed = |source| Failure::Socket { source };
-        let Some(listener) = given.take_tcp_listener(0).map_err(failed)? else { return Ok(None) };
+        let Some(listener) = given.take_tcp_listener(0).map_err(failed)? else {
+            return Ok(Self::At(settings));
+        };
         listener.set_nonblocking(true).map_err(failed)?;
         let address = listener.local_addr().map_err(failed)?;
-        Ok(Some(Self { listener, address }))
+        Ok(Self::On(listener, address))
     }
 
-    /// Its address, as the setting that comes before all others.
-    pub(super) const fn settled(&self) -> Settled<SocketAddr> {
-        Settled { value: self.address, from: Origin::Variable { variable: "LISTEN_FDS" } }
+    /// The address; its port may be 0 for any that is free.
+    pub(super) const fn address(&self) -> SocketAddr {
+        match self {
+            Self::At(address) | Self::On(_, address) => *address,
+        }
     }
 }
 
@@ -76,11 +79,8 @@ impl Door {
     ///
     /// # Errors
     /// [`Failure::Listen`] names an address that cannot be bound.
-    pub(super) fn open(
-        wanted: SocketAddr,
-        socket: Option<Socket>,
-        tls: Option<Tls>,
-    ) -> Result<Self, Failure> {
+    pub(super) fn open(listening: Listening, tls: Option<Tls>) -> Result<Self, Failure> {
+        let wanted = listening.address();
         let bound = |wanted: SocketAddr| {
             let listener = listen(wanted)?;
             let address = listener.local_addr()?;
@@ -90,11 +90,13 @@ impl Door {
             let advice = advice(source.kind());
             Failure::Listen { address: wanted, advice, source }
         };
-        let taken = socket.map(|socket| TcpListener::from_std(socket.listener));
-        let (listener, address) = match taken {
-            Some(taken) => (taken.map_err(failed)?, wanted),
-            None => bound(wanted).map_err(failed)?,
-        };
+        let (listener, address) = match listening {
+            Listening::At(address) => bound(address),
+            Listening::On(socket, address) => {
+                TcpListener::from_std(socket).map(|listener| (listener, address))
+            }
+        }
+        .map_err(failed)?;
         let local = tls.as_ref().map(|_| bound((Ipv4Addr::LOCALHOST, 0).into())).transpose();
         if tls.is_none() && !address.ip().to_canonical().is_loopback() {
             say("rigd: without --tls, others on that network can read tokens and data on the way");

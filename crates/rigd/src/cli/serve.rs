@@ -2,6 +2,7 @@
 
 use std::{
     collections::BTreeSet,
+    net::SocketAddr,
     path::{Path, PathBuf},
     time::Duration,
 };
@@ -16,7 +17,7 @@ use tokio_util::sync::CancellationToken;
 use super::{
     Failure,
     args::BenchArgs,
-    door::{Door, Socket},
+    door::{Door, Listening},
     ended_runs,
     guard::watch_over_http,
     manager,
@@ -104,10 +105,9 @@ struct Daemon {
     settings: Settings,
     flags: Flags,
     in_force: InForce,
-    socket: Option<Socket>,
+    port: (Listening, Option<Tls>),
     rig: LoadedRig,
     loaded: Option<LoadedProtocol>,
-    tls: Option<Tls>,
     access: Access,
     secret: Secret,
     targets: Option<Targets>,
@@ -116,30 +116,27 @@ struct Daemon {
 impl Daemon {
     fn prepare(args: &ServeArgs) -> Result<Self, Failure> {
         let secret = Secret::new().map_err(|source| Failure::System { what: "secret", source })?;
-        let mut settings = Settings::settle(&args.bench, &args.service)?;
+        let settings = Settings::settle(&args.bench, &args.service)?;
         settings.say();
+        let listening = Listening::of(settings.listen.value)?;
+        let access = access(&settings, listening.address(), args.bench.operator.name(), &secret)?;
+        let (tls, targets) = (tls(&settings, listening.address())?, settings.targets()?);
         let rig = LoadedRig::load(&settings.rig.value)?;
         let flags = Flags { bench: args.bench.clone(), service: args.service.clone() };
-        // A reload compares with what the files say, not with what the service manager gives.
         let in_force = InForce::new(&flags, &settings, &rig)?;
-        let socket = Socket::of_the_service_manager()?;
-        if let Some(socket) = &socket {
-            settings.listen = socket.settled();
-        }
-        let access = access(&settings, args.bench.operator.name(), &secret)?;
-        let (tls, targets) = (tls(&settings)?, settings.targets()?);
         let (protocol, facts) = (args.protocol.as_ref(), rig.facts());
         let loaded = protocol.map(|path| LoadedProtocol::load(path, &facts)).transpose()?;
-        Ok(Self { settings, flags, in_force, socket, rig, loaded, tls, access, secret, targets })
+        let port = (listening, tls);
+        Ok(Self { settings, flags, in_force, port, rig, loaded, access, secret, targets })
     }
 
     async fn serve(self, builders: Handle) -> Result<(), Failure> {
-        let Self { settings, flags, in_force, socket, rig, loaded, tls, access, secret, targets } =
-            self;
+        let Self { settings, flags, in_force, port, rig, loaded, access, secret, targets } = self;
+        let (listening, tls) = port;
         let (data, facts) = (settings.data.value.clone(), rig.facts());
         let (mut signals, hangups) = Signals::of_daemon()?;
         // The address is bound first: a daemon that cannot be reached must not move anything.
-        let door = Door::open(settings.listen.value, socket, tls)?;
+        let door = Door::open(listening, tls)?;
         let before = last_event(&data)?;
         let (handle, thread) = open(rig, data.clone(), &mut signals).await?;
         watch_over_http(Handle::current(), handle.clone())?;
@@ -207,14 +204,14 @@ impl Daemon {
 }
 
 /// The certificate, where clients must speak TLS.
-fn tls(settings: &Settings) -> Result<Option<Tls>, Failure> {
+fn tls(settings: &Settings, listening: SocketAddr) -> Result<Option<Tls>, Failure> {
     match &settings.tls.value {
         TlsFile::Off => return Ok(None),
         TlsFile::Files { certificate, key } => return Ok(Some(Tls::open(certificate, key)?)),
         TlsFile::SelfSigned => {}
     }
-    let listening = settings.listen.value.ip();
-    let address = (!listening.is_unspecified()).then(|| listening.to_string());
+    let ip = listening.ip();
+    let address = (!ip.is_unspecified()).then(|| ip.to_string());
     let allowed = settings.allow_hosts.value.iter().map(ToString::to_string);
     let known = ["localhost", "127.0.0.1", "::1"].map(str::to_owned);
     let names: BTreeSet<_> = known.into_iter().chain(allowed).chain(address).collect();
@@ -253,8 +250,12 @@ fn last_event(data: &Path) -> Result<u64, Failure> {
 }
 
 /// The access rules. Another computer needs a token.
-fn access(settings: &Settings, operator: Operator, secret: &Secret) -> Result<Access, Failure> {
-    let listen = settings.listen.value;
+fn access(
+    settings: &Settings,
+    listen: SocketAddr,
+    operator: Operator,
+    secret: &Secret,
+) -> Result<Access, Failure> {
     let address = listen.ip().to_canonical();
     let token = settings.token_file.value.as_ref().map(|path| Token::read(path)).transpose()?;
     let tokens = Tokens::open(&settings.data.value)?;
