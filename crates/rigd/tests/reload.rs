@@ -117,9 +117,14 @@ impl Bench {
         notes.filter(|note| note.contains("configuration")).collect()
     }
 
-    /// Waits until the service manager is told something.
+    /// Waits until the service manager is told something. A daemon whose parent ignores SIGHUP, as under `nohup`, is
+    /// never told of a signal.
+    #[track_caller]
     fn told(&self, word: &str) {
-        while !self.told.recv_timeout(PATIENCE).unwrap().contains(word) {}
+        let began = Instant::now();
+        while !self.told.recv_timeout(PATIENCE).unwrap().contains(word) {
+            assert!(began.elapsed() < PATIENCE, "the service manager was not told {word:?}");
+        }
     }
 
     /// Waits for an answer of the daemon.

@@ -47,9 +47,11 @@ fn serve_for(folder: &Path, watchdog_us: &str) -> (Program, String, UnixDatagram
 }
 
 /// The next message with this word.
+#[track_caller]
 fn told(manager: &UnixDatagram, word: &str) -> String {
-    let mut bytes = [0; 4096];
+    let (began, mut bytes) = (Instant::now(), [0; 4096]);
     loop {
+        assert!(began.elapsed() < PATIENCE, "the service manager was not told {word:?}");
         let length = manager.recv(&mut bytes).unwrap();
         let text = String::from_utf8_lossy(&bytes[..length]).into_owned();
         if text.contains(word) {
