@@ -14,15 +14,12 @@ use rig_model::Reading;
 use super::Stays;
 use crate::diagnose::rounding;
 
-/// Common rounding below this fraction of the noise is left in the noise.
-const NEGLIGIBLE: f64 = 0.01;
-
 impl Stays {
     /// Reduces the weights of readings by the rounding errors that those of a stay have in common, for
-    /// this variance of the noise at ten cycles. Returns whether any matters.
+    /// this variance of the noise at ten cycles. Returns whether the readings were rounded.
     pub(super) fn weigh_rounding(&mut self, readings: &[Reading], variance: f64) -> bool {
         let added = rounding::variances(readings);
-        let mut is_relevant = false;
+        let is_rounded = !added.is_empty();
         let mut added = added.iter();
         for stay in &mut self.all {
             let others = stay.samples.iter().filter(|sample| sample.length > 0.0).count();
@@ -32,15 +29,11 @@ impl Stays {
                     // The step of a part is the root of twelve times this.
                     let noise_in_steps = variance / sample.length / (12.0 * added);
                     let common = added * (-4.0 * PI * PI * noise_in_steps).exp();
-                    let more = others * common * sample.length / variance;
-                    if more > NEGLIGIBLE {
-                        sample.length /= 1.0 + more;
-                        is_relevant = true;
-                    }
+                    sample.length /= 1.0 + others * common * sample.length / variance;
                 }
             }
         }
-        is_relevant
+        is_rounded
     }
 }
 
@@ -67,8 +60,7 @@ mod tests {
             .collect();
         let variance = noise * noise;
         let mut stays = Stays::of(Known::with(variance), None, &readings).unwrap();
-        let is_relevant = stays.weigh_rounding(&readings, variance);
-        assert_eq!(is_relevant, noise < 0.02, "{noise}");
+        assert!(stays.weigh_rounding(&readings, variance));
         stays.all[0].samples.iter().map(|sample| sample.length).sum()
     }
 
