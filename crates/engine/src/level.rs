@@ -16,9 +16,6 @@ use crate::drift::Drift;
 /// Sweeps after which the levels are judged.
 const ALL: usize = 5;
 
-/// The full level over half of it.
-const FULL_OVER_HALF: f64 = 2.0;
-
 /// The time, in units of that between two sweeps, in which a walk makes as much as of the difference of the last four.
 /// It is the sum of the squares of ¼, ½ and ¼, by which the three steps between them enter.
 const WALKED: f64 = 0.375;
@@ -63,10 +60,7 @@ impl LevelCheck {
     pub(crate) fn take(&mut self, found: &(RigTime, Resonance), drift: &Drift) -> Levels {
         self.found.push(*found);
         match self.found[..] {
-            [(_, survey), (at, half)] if !survey.is_apart_from(&half) => {
-                self.found[1] = (at, half.with_level_doubt(&survey, FULL_OVER_HALF));
-                Levels::Same
-            }
+            [(_, survey), (_, half)] if !survey.is_apart_from(&half) => Levels::Same,
             _ if self.found.len() < ALL => Levels::Open,
             _ if self.differ(drift) => Levels::Differ,
             _ => Levels::Same,

@@ -17,17 +17,6 @@ impl Resonance {
     }
 }
 
-impl Resonance {
-    /// The resonance with the uncertainty that a result at another level leaves, which is `ratio` times
-    /// the level of this one. A softening spring shifts the resonance by the square of the level, so
-    /// that this result differs from that of a small drive by 1/(ratio² − 1) of the difference.
-    #[must_use]
-    pub fn with_level_doubt(&self, other: &Self, ratio: f64) -> Self {
-        let off_hz = (self.resonance_hz - other.resonance_hz) / (ratio * ratio - 1.0);
-        self.widened(off_hz * off_hz)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -55,15 +44,6 @@ mod tests {
         };
         let found = Resonance::new(&circuit, &spread, ModelOrder::Circuit, None);
         Resonance { sigma_hz: 0.01, ..found }
-    }
-
-    #[test]
-    fn half_the_level_leaves_a_third_of_the_difference() {
-        let at_half = found(140.0).with_level_doubt(&found(139.7), 2.0);
-        assert!((at_half.covariance[0][0] - 0.01).abs() < 1e-9, "{at_half:?}");
-        assert_eq!(at_half.resonance_hz, 140.0);
-        let same = found(140.0).with_level_doubt(&found(140.0), 2.0);
-        assert!(same.covariance[0][0] < 1e-12, "{same:?}");
     }
 
     #[test]

@@ -331,10 +331,7 @@ fn with_step(
         FitOutcome::Accepted(_) if differ => {
             FitOutcome::Refused(Refusal { reason: Reason::Nonlinear, estimate: None })
         }
-        FitOutcome::Accepted(high) => match of_low {
-            FitOutcome::Accepted(low) => FitOutcome::Accepted(low.with_level_doubt(&high, 2.0)),
-            FitOutcome::Refused(_) => of_low,
-        },
+        FitOutcome::Accepted(_) => of_low,
         FitOutcome::Refused(_) => of_high,
     };
     (low, SweepResult { differ: Some(differ), ..result(scene, id, &verdict) })
