@@ -180,7 +180,7 @@ fn wrong_readings_of_a_capacitor_are_no_resonance() {
 #[test]
 fn the_share_of_wrong_readings() {
     let is_outliers = |reason: &Reason| matches!(reason, Reason::Outliers { .. });
-    check(&[(SENSOR, Kind::Nominal, PLAIN), (SENSOR, Kind::Outliers(0.3), Refused(is_outliers))]);
+    check(&[(SENSOR, Kind::Nominal, PLAIN), (SENSOR, Kind::Outliers(0.2), Refused(is_outliers))]);
 }
 
 #[test]

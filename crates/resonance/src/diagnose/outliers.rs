@@ -11,17 +11,16 @@ use crate::{
     numeric::descent::Normal,
 };
 
-/// One reading in five may be an outlier, as many as the robust start leaves out. With more, the rest is
-/// unreliable too.
-pub(crate) const READINGS_PER_OUTLIER: usize = 5;
+/// One reading in six may be an outlier. With more, the rest is unreliable too.
+pub(crate) const READINGS_PER_OUTLIER: usize = 6;
 /// Twice the log-likelihood that each excluded reading must gain over every other cause.
 pub(crate) const GAIN_PER_OUTLIER: f64 = 28.0;
 /// Rounds of reweighting; each brings the scale nearer to that of the good readings.
 const ROUNDS: usize = 12;
 /// The point of half Cauchy weight, in means of |r|².
-pub(crate) const CAUCHY_MEANS: f64 = 3.0;
+const CAUCHY_MEANS: f64 = 3.0;
 /// Largest factor by which excluding outliers may raise the variance.
-const LOST: f64 = 3.0;
+const LOST: f64 = 2.0;
 /// Fraction of best-fitting readings that define the usual |r|². It tolerates twice as many outliers as
 /// are accepted.
 pub(crate) const TRIMMED: f64 = 0.8;
