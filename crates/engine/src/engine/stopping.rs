@@ -142,7 +142,7 @@ impl Engine {
     ) {
         let Activity::Retracting(recovery, ..) = &mut self.activity else { return };
         let is_finding = recovery.is_finding();
-        let result = result.and_then(|report| self.believe(&report, is_finding));
+        let result = result.and_then(|report| self.take_found(&report, is_finding));
         let report = RecoveryReport::of_result(&result);
         if let Err(fault) = result {
             self.escalate(fault);
@@ -155,7 +155,7 @@ impl Engine {
     }
 
     /// Takes in where the drive was found again.
-    pub(super) fn believe(&mut self, report: &Report, is_finding: bool) -> Result<(), Fault> {
+    pub(super) fn take_found(&mut self, report: &Report, is_finding: bool) -> Result<(), Fault> {
         if let &Report::LinearAt(found) = report
             && is_finding
         {
