@@ -22,7 +22,11 @@ const NODES = 4000;
 
 /** The records of a run of the daemon. */
 async function recorded(base) {
-  const begun = await (await fetch(`${base}/api/v1/runs`, { method: "POST" })).json();
+  // The address is known a moment before the rig is ready.
+  for (let asked = 0; !(await fetch(`${base}/readyz`)).ok; asked += 1) assert.ok(asked < 10_000, "the rig is not ready");
+  const answer = await fetch(`${base}/api/v1/runs`, { method: "POST" });
+  const begun = await answer.json();
+  assert.ok(answer.ok, begun.detail);
   const events = await fetch(`${base}/api/v1/events?back=2000`);
   const reader = events.body.pipeThrough(new TextDecoderStream()).getReader();
   let text = "";
