@@ -23,7 +23,7 @@ const PURE: [&str; 13] = [
 
 /// The crates of this workspace that each crate may use. A new arrow needs a decision in
 /// docs/decisions.
-const ARROWS: [(&str, &[&str]); 22] = [
+const ARROWS: [(&str, &[&str]); 23] = [
     ("rig-model", &[]),
     ("rig-files", &["rig-model", "rig-contact", "rig-resonance", "rig-scpi"]),
     ("rig-scpi", &[]),
@@ -55,6 +55,7 @@ const ARROWS: [(&str, &[&str]); 22] = [
         ],
     ),
     ("rig-ship", &["rig-report", "rig-store", "rig-verify"]),
+    ("rig-hub", &["rig-model", "rig-store"]),
     ("rig-sim", &["rig-model", "rig-files", "rig-scpi", "rig-contact"]),
     (
         "rigd",

@@ -6,6 +6,7 @@ mod ended;
 mod interruption;
 mod list;
 mod sealed;
+mod shipment;
 mod size;
 mod walk;
 
@@ -15,6 +16,7 @@ use rusqlite::{OptionalExtension, Params, Row, params};
 
 pub(crate) use archive::{has_no_content, is_archived};
 pub use interruption::{Interruption, ProbeWord};
+pub use shipment::{RunEnd, Shipment};
 pub use walk::Pages;
 
 use crate::{

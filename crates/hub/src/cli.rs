@@ -1,0 +1,330 @@
+//! The command line. Data goes to stdout, messages go to stderr.
+
+use std::{
+    io::{self, Write},
+    path::PathBuf,
+    process::ExitCode,
+};
+
+use clap::{Args, Parser, Subcommand};
+use rig_model::with_causes;
+use serde::Serialize;
+use tokio_postgres::Config;
+
+use crate::{
+    Authority, BenchName, CertificateError, ConnectError, State,
+    admin::{self, AdminError, DATABASE},
+    connect,
+    doctor::{self, Finding, Level},
+    state,
+};
+
+/// Keeps the records of many rigs in one PostgreSQL.
+#[derive(Debug, Parser)]
+#[command(name = "rigd-hub", version, max_term_width = 80, after_help = EXIT_CODES)]
+struct Cli {
+    #[command(subcommand)]
+    command: HubCommand,
+}
+
+const EXIT_CODES: &str = "Exit codes: 0 done; 1 the server, a file or a check failed; 2 bad command line; 3 there is no such thing.";
+
+#[derive(Debug, Subcommand)]
+enum HubCommand {
+    /// Make the database, its roles and certificates, or bring them up to date
+    Init(InitArgs),
+    /// Add a bench, or take its right to ship away
+    Bench {
+        #[command(subcommand)]
+        command: BenchCommand,
+    },
+    /// Show what each bench has shipped, and the alarms
+    Status(OutputArgs),
+    /// Check the hub and advise on each problem
+    Doctor(OutputArgs),
+    /// Note that an alarm was looked at
+    Acknowledge(AcknowledgeArgs),
+    /// Take a journal out of quarantine: the copy that connects first goes on
+    Release(ReleaseArgs),
+    /// Make the typed tables anew from the records
+    Rebuild(DatabaseArgs),
+}
+
+#[derive(Debug, Subcommand)]
+enum BenchCommand {
+    /// Add a bench, and write its certificate and key
+    Add(AddArgs),
+    /// End the connections of a bench, and allow no other one; `add` allows it again
+    Revoke(RevokeArgs),
+}
+
+#[derive(Debug, Args)]
+struct DatabaseArgs {
+    /// Where the database is, in the words of libpq
+    #[arg(long, value_name = "WORDS", default_value_t = format!("host=/var/run/postgresql dbname={DATABASE}"))]
+    database: String,
+}
+
+#[derive(Debug, Args)]
+struct OutputArgs {
+    #[command(flatten)]
+    database: DatabaseArgs,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Args)]
+struct InitArgs {
+    #[command(flatten)]
+    database: DatabaseArgs,
+    /// Directory for an authority of the hub and the certificate of its server; what is there is kept
+    #[arg(long, value_name = "DIR", requires = "host")]
+    certificates: Option<PathBuf>,
+    /// Name or address by which benches reach the server; may be repeated
+    #[arg(long)]
+    host: Vec<String>,
+}
+
+#[derive(Debug, Args)]
+struct AddArgs {
+    /// LAB/NAME of the bench
+    bench: BenchName,
+    #[command(flatten)]
+    database: DatabaseArgs,
+    /// Directory of the authority, as `init` made it; without it, no certificate is made
+    #[arg(long, value_name = "DIR", requires = "out")]
+    certificates: Option<PathBuf>,
+    /// Directory for `bench.pem`, `bench.key` and `ca.pem`, to be brought to the computer of the bench
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+struct RevokeArgs {
+    /// LAB/NAME of the bench
+    bench: BenchName,
+    #[command(flatten)]
+    database: DatabaseArgs,
+}
+
+#[derive(Debug, Args)]
+struct AcknowledgeArgs {
+    /// Number of the alarm, as `rigd-hub status` shows it
+    alarm: i64,
+    /// Who has looked at it
+    #[arg(long)]
+    who: String,
+    #[command(flatten)]
+    database: DatabaseArgs,
+}
+
+#[derive(Debug, Args)]
+struct ReleaseArgs {
+    /// Id of the journal
+    journal: String,
+    #[command(flatten)]
+    database: DatabaseArgs,
+}
+
+/// Why a command failed.
+#[derive(Debug, thiserror::Error)]
+enum Failure {
+    #[error(transparent)]
+    Admin(#[from] AdminError),
+    #[error(transparent)]
+    Connect(#[from] ConnectError),
+    #[error(transparent)]
+    Certificate(#[from] CertificateError),
+    #[error("PostgreSQL refuses")]
+    Refused(#[from] tokio_postgres::Error),
+    #[error("`--database {words}`")]
+    Words { words: String, source: tokio_postgres::Error },
+    #[error("runtime or stdout")]
+    System(#[from] io::Error),
+    #[error("the output cannot be written as JSON")]
+    Json(#[from] serde_json::Error),
+    /// What was found has been listed.
+    #[error("problems were found")]
+    Found,
+}
+
+impl Failure {
+    fn exit_code(&self) -> u8 {
+        match self {
+            Self::Words { .. } => 2,
+            Self::Admin(
+                AdminError::NoSuchBench { .. }
+                | AdminError::NoSuchJournal { .. }
+                | AdminError::NoSuchAlarm { .. },
+            ) => 3,
+            _ => 1,
+        }
+    }
+}
+
+/// Runs the program.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    let done = match runtime {
+        Ok(runtime) => runtime.block_on(carry_out(cli.command)),
+        Err(error) => Err(error.into()),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            if !matches!(failure, Failure::Found) {
+                // Nobody can be told of a stderr that is closed.
+                _ = writeln!(io::stderr(), "rigd-hub: {}", with_causes(&failure));
+            }
+            ExitCode::from(failure.exit_code())
+        }
+    }
+}
+
+async fn carry_out(command: HubCommand) -> Result<(), Failure> {
+    match command {
+        HubCommand::Init(args) => init(args).await,
+        HubCommand::Bench { command: BenchCommand::Add(args) } => add(args).await,
+        HubCommand::Bench { command: BenchCommand::Revoke(args) } => {
+            let (client, _task) = args.database.connect().await?;
+            admin::revoke_bench(&client, &args.bench).await?;
+            say(&format!("{} may not ship any more", args.bench))
+        }
+        HubCommand::Status(args) => status(&args).await,
+        HubCommand::Doctor(args) => doctor(&args).await,
+        HubCommand::Acknowledge(args) => {
+            let (client, _task) = args.database.connect().await?;
+            Ok(admin::acknowledge(&client, args.alarm, &args.who).await?)
+        }
+        HubCommand::Release(args) => {
+            let (mut client, _task) = args.database.connect().await?;
+            Ok(admin::release_journal(&mut client, &args.journal).await?)
+        }
+        HubCommand::Rebuild(args) => {
+            let (client, _task) = args.connect().await?;
+            let read = admin::rebuild(&client).await?;
+            say(&format!("{read} records read"))
+        }
+    }
+}
+
+impl DatabaseArgs {
+    fn config(&self) -> Result<Config, Failure> {
+        self.database
+            .parse()
+            .map_err(|source| Failure::Words { words: self.database.clone(), source })
+    }
+
+    async fn connect(
+        &self,
+    ) -> Result<(tokio_postgres::Client, tokio::task::JoinHandle<()>), Failure> {
+        Ok(connect(&self.config()?, None).await?)
+    }
+}
+
+async fn init(args: InitArgs) -> Result<(), Failure> {
+    let made = admin::init(&args.database.config()?).await?;
+    say(&match made {
+        0 => "the database is up to date".to_owned(),
+        made => format!("{made} steps of the schema made"),
+    })?;
+    let Some(directory) = args.certificates else { return Ok(()) };
+    let authority = Authority::open_or_make(&directory)?;
+    if directory.join("server.pem").exists() {
+        return say(&format!("{} is there already", directory.join("server.pem").display()));
+    }
+    let [certificate, key] = authority.sign_server(args.host)?;
+    say(&format!(
+        "in postgresql.conf:\nssl = on\nssl_cert_file = '{}'\nssl_key_file = '{}'\nssl_ca_file = '{}'",
+        certificate.display(),
+        key.display(),
+        authority.certificate().display()
+    ))
+}
+
+async fn add(args: AddArgs) -> Result<(), Failure> {
+    let (client, _task) = args.database.connect().await?;
+    // The certificate first: its files may be there.
+    if let (Some(directory), Some(out)) = (&args.certificates, &args.out) {
+        let [certificate, key] =
+            Authority::open(directory)?.sign_client(&args.bench.to_string(), out)?;
+        say(&format!("{} and {}", certificate.display(), key.display()))?;
+    }
+    admin::add_bench(&client, &args.bench).await?;
+    say(&format!("{} may ship", args.bench))
+}
+
+async fn status(args: &OutputArgs) -> Result<(), Failure> {
+    let (client, _task) = args.database.connect().await?;
+    let state = state(&client).await?;
+    if args.json { print_json(&state) } else { say(&status_text(&state)) }
+}
+
+fn status_text(state: &State) -> String {
+    let mut lines = vec![format!(
+        "{:<24} {:>20} {:>7} {:>7} {:>10} {:>7}",
+        "bench", "last seen", "runs", "sealed", "records", "aside"
+    )];
+    lines.extend(state.benches.iter().map(|bench| {
+        format!(
+            "{:<24} {:>20} {:>7} {:>7} {:>10} {:>7}",
+            bench.bench,
+            bench.last_seen.as_deref().unwrap_or("never"),
+            bench.runs,
+            bench.sealed,
+            bench.records,
+            bench.clashes
+        )
+    }));
+    for alarm in &state.alarms {
+        lines.push(format!(
+            "alarm {}: {} of {}, {} ({} times, last {}): {}",
+            alarm.id,
+            alarm.kind,
+            alarm.bench.as_deref().unwrap_or("nobody"),
+            alarm.subject,
+            alarm.times,
+            alarm.last_at,
+            alarm.detail
+        ));
+    }
+    lines.join("\n")
+}
+
+async fn doctor(args: &OutputArgs) -> Result<(), Failure> {
+    let (client, _task) = args.database.connect().await?;
+    let findings = doctor::findings(&client).await?;
+    if args.json {
+        print_json(&findings)?;
+    } else {
+        let lines: Vec<_> = findings.iter().map(finding_text).collect();
+        say(&lines.join("\n"))?;
+    }
+    if findings.iter().any(|finding| finding.level == Level::Problem) {
+        return Err(Failure::Found);
+    }
+    Ok(())
+}
+
+fn finding_text(finding: &Finding) -> String {
+    let advice = finding.advice.map(|advice| format!("\n         → {advice}"));
+    format!(
+        "{:<8} {}: {}{}",
+        finding.level.name(),
+        finding.check,
+        finding.text,
+        advice.unwrap_or_default()
+    )
+}
+
+fn print_json(value: &impl Serialize) -> Result<(), Failure> {
+    say(&serde_json::to_string(value)?)
+}
+
+fn say(text: &str) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    writeln!(out, "{text}")?;
+    Ok(out.flush()?)
+}

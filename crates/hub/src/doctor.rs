@@ -1,0 +1,218 @@
+//! Checks a hub and advises on each problem. Every check gives a finding, also a good one.
+
+use serde::Serialize;
+use tokio_postgres::Client;
+
+use crate::{MIGRATIONS, State, state};
+
+/// A bench that has not called for longer is told, s.
+const SILENCE_S: i64 = 86_400;
+
+/// The severity of a finding.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Level {
+    /// No problem.
+    Ok,
+    /// It works, and could be better.
+    Warning,
+    /// It does not work, or not safely.
+    Problem,
+}
+
+impl Level {
+    /// The word in results.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Ok => "ok",
+            Self::Warning => "warning",
+            Self::Problem => "problem",
+        }
+    }
+}
+
+/// The result of one check.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// The thing checked.
+    pub check: &'static str,
+    /// Its severity.
+    pub level: Level,
+    /// The observation.
+    pub text: String,
+    /// Advice; none if all is well.
+    pub advice: Option<&'static str>,
+}
+
+/// Checks the database, the server, and what the benches have shipped.
+///
+/// # Errors
+/// The error of PostgreSQL.
+pub async fn findings(client: &Client) -> Result<Vec<Finding>, tokio_postgres::Error> {
+    let state = state(client).await?;
+    let mut all = vec![schema(&state), durability(client).await?];
+    all.extend(access(client).await?);
+    all.push(backup(client).await?);
+    all.push(alarms(&state));
+    all.extend(silent(&state));
+    all.push(unread(client).await?);
+    Ok(all)
+}
+
+fn finding(
+    check: &'static str,
+    is_well: bool,
+    level: Level,
+    text: String,
+    advice: &'static str,
+) -> Finding {
+    if is_well {
+        Finding { check, level: Level::Ok, text, advice: None }
+    } else {
+        Finding { check, level, text, advice: Some(advice) }
+    }
+}
+
+fn schema(state: &State) -> Finding {
+    let known = MIGRATIONS.len();
+    finding(
+        "schema",
+        state.version == known,
+        Level::Problem,
+        format!("version {} of {known}", state.version),
+        "run `rigd-hub init`",
+    )
+}
+
+/// What is committed must be on the disk: a bench does not send again what the hub says it has.
+async fn durability(client: &Client) -> Result<Finding, tokio_postgres::Error> {
+    let mut off = Vec::new();
+    for name in ["fsync", "full_page_writes", "synchronous_commit"] {
+        if setting(client, name).await? == "off" {
+            off.push(name);
+        }
+    }
+    let text = if off.is_empty() {
+        "what is committed is on the disk".to_owned()
+    } else {
+        format!("off in PostgreSQL: {}", off.join(", "))
+    };
+    Ok(finding(
+        "durability",
+        off.is_empty(),
+        Level::Problem,
+        text,
+        "set these to `on` in postgresql.conf: after a power cut, the hub would lack what benches do not send again",
+    ))
+}
+
+async fn access(client: &Client) -> Result<Vec<Finding>, tokio_postgres::Error> {
+    let is_encrypted = setting(client, "ssl").await? == "on";
+    let by_certificate = rules(
+        client,
+        "type = 'hostssl' AND auth_method = 'cert'
+                                        AND '+rigd_hub_bench' = ANY (user_name)",
+    )
+    .await?;
+    // Which of two rules counts depends on their order; one that could admit a bench otherwise is told.
+    let otherwise = rules(client, "type <> 'local' AND auth_method NOT IN ('cert', 'reject')
+                                   AND (user_name && ARRAY['all', '+rigd_hub_bench'])
+                                   AND (database && ARRAY['all', current_database()::text])
+                                   AND coalesce(address, '') NOT IN ('127.0.0.1', '::1', 'samehost')").await?;
+    let lines = |lines: &[i32]| {
+        let lines: Vec<_> = lines.iter().map(ToString::to_string).collect();
+        lines.join(", ")
+    };
+    Ok(vec![
+        finding(
+            "TLS",
+            is_encrypted,
+            Level::Problem,
+            format!("ssl is {}", if is_encrypted { "on" } else { "off" }),
+            "set ssl, ssl_cert_file, ssl_key_file and ssl_ca_file in postgresql.conf (docs/hub.md)",
+        ),
+        finding(
+            "benches by certificate",
+            !by_certificate.is_empty(),
+            Level::Problem,
+            format!("{} rules in pg_hba.conf", by_certificate.len()),
+            "add `hostssl rigd_hub +rigd_hub_bench all cert` to pg_hba.conf, above wider rules, and reload PostgreSQL",
+        ),
+        finding(
+            "other ways for benches",
+            otherwise.is_empty(),
+            Level::Warning,
+            if otherwise.is_empty() {
+                "none from other computers".to_owned()
+            } else {
+                format!("pg_hba.conf, lines {}", lines(&otherwise))
+            },
+            "a bench needs a certificate and nothing else: restrict these rules to other roles",
+        ),
+    ])
+}
+
+/// The lines of `pg_hba.conf` with a rule of this kind.
+async fn rules(client: &Client, which: &str) -> Result<Vec<i32>, tokio_postgres::Error> {
+    let select =
+        format!("SELECT line_number FROM pg_hba_file_rules WHERE error IS NULL AND {which}");
+    Ok(client.query(&select, &[]).await?.iter().map(|row| row.get(0)).collect())
+}
+
+async fn backup(client: &Client) -> Result<Finding, tokio_postgres::Error> {
+    let mode = setting(client, "archive_mode").await?;
+    Ok(finding(
+        "backup",
+        mode != "off",
+        Level::Warning,
+        format!("archive_mode is {mode}"),
+        "benches send again what their journals still have; for the rest keep a base backup and the WAL (docs/hub.md)",
+    ))
+}
+
+fn alarms(state: &State) -> Finding {
+    let count = state.alarms.len();
+    let kinds: Vec<_> =
+        state.alarms.iter().map(|alarm| format!("{} {}", alarm.id, alarm.kind)).collect();
+    let text = if count == 0 { "none".to_owned() } else { kinds.join(", ") };
+    finding(
+        "alarms",
+        count == 0,
+        Level::Problem,
+        text,
+        "look at them with `rigd-hub status`, then `rigd-hub acknowledge NUMBER --who NAME`",
+    )
+}
+
+fn silent(state: &State) -> Option<Finding> {
+    let is_silent = |seen_s_ago: Option<i64>| seen_s_ago.is_none_or(|ago| ago > SILENCE_S);
+    let silent: Vec<_> = state
+        .benches
+        .iter()
+        .filter(|bench| is_silent(bench.seen_s_ago))
+        .map(|bench| bench.bench.as_str())
+        .collect();
+    let text = if silent.is_empty() {
+        "all have called within a day".to_owned()
+    } else {
+        format!("not within a day: {}", silent.join(", "))
+    };
+    let advice = "look at `rigd doctor` on the computer of the bench; nothing is lost while its journal is there";
+    (!state.benches.is_empty())
+        .then(|| finding("benches", silent.is_empty(), Level::Warning, text, advice))
+}
+
+async fn unread(client: &Client) -> Result<Finding, tokio_postgres::Error> {
+    let count: i64 = client.query_one("SELECT count(*) FROM hub.unread", &[]).await?.get(0);
+    Ok(finding(
+        "records without a typed row",
+        count == 0,
+        Level::Warning,
+        count.to_string(),
+        "a bench has a newer rigd: bring rigd-hub to its version, then `rigd-hub rebuild`",
+    ))
+}
+
+async fn setting(client: &Client, name: &str) -> Result<String, tokio_postgres::Error> {
+    Ok(client.query_one("SELECT current_setting($1)", &[&name]).await?.get(0))
+}

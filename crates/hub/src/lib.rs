@@ -1,0 +1,36 @@
+//! The hub: the records of many rigs in one PostgreSQL.
+//!
+//! ```text
+//!   rig ─▶ journal (SQLite) ─▶ shipper ─▶ ingest() in PostgreSQL ─▶ runs, records, typed tables
+//!                                 ▲               │
+//!                                 └─── cursor ────┘  the last event that is committed
+//! ```
+//!
+//! PostgreSQL is the truth of the hub. A bench writes by three functions of the database and by nothing else: their SQL
+//! (`sql/04-ingest.sql`) refuses gaps, checks each digest and seal, and puts aside what differs from what is there. The
+//! journal of a bench stays complete by itself, and what is here can be sent again from it.
+//!
+//! [`Inlet`] is the side of a bench; [`admin`] and [`doctor`] are what the program `rigd-hub` does for the administrator.
+
+pub mod admin;
+mod batch;
+mod certificates;
+pub mod cli;
+mod connect;
+pub mod doctor;
+mod inlet;
+mod migrations;
+mod name;
+mod state;
+mod tls;
+mod trial;
+
+pub use batch::Batch;
+pub use certificates::{Authority, CertificateError};
+pub use connect::{ConnectError, connect};
+pub use inlet::{Cursor, Inlet, InletError};
+pub use migrations::{MIGRATIONS, MigrationError, migrate};
+pub use name::{BenchName, NameError};
+pub use state::{Alarm, BenchState, State, state};
+pub use tls::{Identity, TlsError};
+pub use trial::{Trial, TrialError};

@@ -1,0 +1,7 @@
+//! The `rigd-hub` program.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    rig_hub::cli::main()
+}

@@ -1,0 +1,116 @@
+//! What the hub has, and what an administrator must look at.
+
+use serde::Serialize;
+use tokio_postgres::Client;
+
+/// The state of a hub.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct State {
+    /// Version of the schema.
+    pub version: usize,
+    /// The benches, by laboratory and name.
+    pub benches: Vec<BenchState>,
+    /// The alarms that nobody has acknowledged, oldest first.
+    pub alarms: Vec<Alarm>,
+}
+
+/// What the hub has of a bench.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct BenchState {
+    /// `LAB/NAME`.
+    pub bench: String,
+    /// When its shipper has called last: UTC, RFC 3339.
+    pub last_seen: Option<String>,
+    /// Seconds since then.
+    pub seen_s_ago: Option<i64>,
+    /// Number of journals.
+    pub journals: i64,
+    /// Number of those that are quarantined.
+    pub quarantined: i64,
+    /// Number of runs, sessions and amendments.
+    pub runs: i64,
+    /// Number of those that are sealed.
+    pub sealed: i64,
+    /// Number of records.
+    pub records: i64,
+    /// Number of records that were put aside.
+    pub clashes: i64,
+}
+
+/// What an administrator must look at.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Alarm {
+    /// Its number.
+    pub id: i64,
+    /// The bench that caused it.
+    pub bench: Option<String>,
+    /// Its kind: `clash`, `stranger`, `rewound` or `quarantine`.
+    pub kind: String,
+    /// The run or the journal.
+    pub subject: String,
+    /// What happened.
+    pub detail: String,
+    /// How often.
+    pub times: i64,
+    /// When it happened last: UTC, RFC 3339.
+    pub last_at: String,
+}
+
+/// A time as a text in UTC.
+const TIME: &str = "'YYYY-MM-DD\"T\"HH24:MI:SS\"Z\"'";
+
+/// Reads the state of a hub.
+///
+/// # Errors
+/// The error of PostgreSQL.
+pub async fn state(client: &Client) -> Result<State, tokio_postgres::Error> {
+    let version = crate::migrations::version(client).await?;
+    let benches = client
+        .query(
+            &format!(
+                "SELECT b.role::text, to_char(max(j.last_seen) AT TIME ZONE 'UTC', {TIME}),
+                        extract(epoch FROM now() - max(j.last_seen))::bigint,
+                        count(j), count(j.quarantined),
+                        (SELECT count(*) FROM hub.run AS r WHERE r.bench = b.id),
+                        (SELECT count(r.seal) FROM hub.run AS r WHERE r.bench = b.id),
+                        (SELECT coalesce(sum(r.records), 0)::bigint FROM hub.run AS r WHERE r.bench = b.id),
+                        (SELECT count(*) FROM hub.clash AS c WHERE c.bench = b.id)
+                 FROM hub.bench AS b LEFT JOIN hub.journal AS j ON j.bench = b.id
+                 GROUP BY b.id ORDER BY b.lab, b.name"
+            ),
+            &[],
+        )
+        .await?;
+    let benches = benches.iter().map(|row| BenchState {
+        bench: row.get(0),
+        last_seen: row.get(1),
+        seen_s_ago: row.get(2),
+        journals: row.get(3),
+        quarantined: row.get(4),
+        runs: row.get(5),
+        sealed: row.get(6),
+        records: row.get(7),
+        clashes: row.get(8),
+    });
+    let alarms = client
+        .query(
+            &format!(
+                "SELECT a.id, b.role::text, a.kind, a.subject, a.detail, a.times,
+                        to_char(a.last_at AT TIME ZONE 'UTC', {TIME})
+                 FROM hub.alarm AS a LEFT JOIN hub.bench AS b ON b.id = a.bench
+                 WHERE a.acknowledged_at IS NULL ORDER BY a.id"
+            ),
+            &[],
+        )
+        .await?;
+    let alarms = alarms.iter().map(|row| Alarm {
+        id: row.get(0),
+        bench: row.get(1),
+        kind: row.get(2),
+        subject: row.get(3),
+        detail: row.get(4),
+        times: row.get(5),
+        last_at: row.get(6),
+    });
+    Ok(State { version, benches: benches.collect(), alarms: alarms.collect() })
+}

@@ -1,0 +1,10 @@
+//! The hub on a real PostgreSQL, which these tests start in a directory of their own.
+
+#![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
+
+mod access;
+mod forks;
+mod ingest;
+mod migrations;
+mod support;
+mod typed;

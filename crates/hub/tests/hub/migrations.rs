@@ -1,0 +1,47 @@
+//! The versions of the schema.
+
+use rig_hub::{MIGRATIONS, MigrationError, admin, connect, doctor, migrate};
+
+use crate::support::{Hub, server};
+
+#[tokio::test]
+async fn a_database_is_made_once_and_brought_up_to_date_any_number_of_times() {
+    let hub = Hub::new().await;
+    let config = server().admin(&hub.database);
+    assert_eq!(admin::init(&config).await.unwrap(), 0);
+    let state = rig_hub::state(&hub.admin).await.unwrap();
+    assert_eq!(state.version, MIGRATIONS.len());
+    let owners = "SELECT DISTINCT tableowner::text FROM pg_tables WHERE schemaname = 'hub'";
+    let owners = hub.admin.query(owners, &[]).await.unwrap();
+    assert_eq!(owners.iter().map(|row| row.get::<_, &str>(0)).collect::<Vec<_>>(), ["rigd_hub"]);
+}
+
+#[tokio::test]
+async fn a_newer_and_an_altered_database_are_refused_and_stay_as_they_are() {
+    let hub = Hub::new().await;
+    let (mut client, _task) = connect(&server().admin(&hub.database), None).await.unwrap();
+    let newer = "INSERT INTO hub.migration VALUES (6, 'of the future', '')";
+    client.batch_execute(newer).await.unwrap();
+    let refused = migrate(&mut client).await;
+    assert!(matches!(refused, Err(MigrationError::Newer { found: 6, known: 5 })), "{refused:?}");
+    let findings = doctor::findings(&hub.admin).await.unwrap();
+    let schema = findings.iter().find(|finding| finding.check == "schema").unwrap();
+    assert_eq!((schema.level, schema.text.as_str()), (doctor::Level::Problem, "version 6 of 5"));
+
+    let altered = "DELETE FROM hub.migration WHERE version = 6;
+                   UPDATE hub.migration SET sha256 = 'other' WHERE version = 2";
+    client.batch_execute(altered).await.unwrap();
+    let refused = migrate(&mut client).await;
+    assert!(matches!(refused, Err(MigrationError::Altered { version: 2, .. })), "{refused:?}");
+    assert_eq!(hub.count("hub.migration").await, 5);
+}
+
+#[tokio::test]
+async fn a_database_that_was_left_half_way_is_completed() {
+    let hub = Hub::new().await;
+    let half = "DROP TABLE hub.left_line CASCADE; DROP SCHEMA hub CASCADE; CREATE SCHEMA hub AUTHORIZATION rigd_hub;
+                GRANT ALL ON SCHEMA hub TO rigd_hub";
+    hub.admin.batch_execute(half).await.unwrap();
+    let made = admin::init(&server().admin(&hub.database)).await.unwrap();
+    assert_eq!(made, MIGRATIONS.len());
+}
