@@ -27,7 +27,7 @@ fault PORT KIND [KEY=VALUE ...] [unit=N] [nth=N|next=N|rate=P]
   replies:  drop-reply, delay ms=N, duplicate, corrupt, truncate, noise bytes=N, echo,
             wrong-unit as=N, disconnect-reply
   devices:  reboot, alarm code=N, stall, jam, lose-steps by=X, limit-switch, overload,
-            emergency-stop, blind-contact, stuck-contact, stuck-frequency
+            emergency-stop, blind-contact, stuck-contact, stuck-frequency, knock by=HZ
   nth: once, at the N-th frame from now; next: at each of the next N frames; rate: at each
   frame with this probability. By default a fault of a device is injected at once, any other
   at the next frame.
@@ -167,6 +167,7 @@ fn fault_kind(kind: &str, options: &Options<'_>) -> Result<FaultKind, ControlErr
         "blind-contact" => device(DeviceFault::BlindContact),
         "stuck-contact" => device(DeviceFault::StuckContact),
         "stuck-frequency" => device(DeviceFault::StuckFrequency),
+        "knock" => device(DeviceFault::Knock(options.need("by")?)),
         word => Err(ControlError::Word { what: "kind of fault", word: word.to_owned() }),
     }
 }
@@ -284,6 +285,7 @@ mod tests {
             "blind-contact",
             "stuck-contact",
             "stuck-frequency",
+            "knock",
         ];
         for kind in kinds {
             assert!(HELP.contains(kind), "{kind}");

@@ -103,6 +103,8 @@ pub enum DeviceFault {
     BlindContact,
     /// The impedance is that of a sensor in contact, also when it is clear.
     StuckContact,
+    /// A knock at the sensor: its free resonance jumps by this, Hz.
+    Knock(f64),
     /// The drive of the analyzer stays at its frequency, and the analyzer says another one.
     StuckFrequency,
 }

@@ -5,6 +5,7 @@
 mod contact_sense;
 mod descent;
 mod documents;
+mod drift;
 mod edges;
 mod emergency_stop;
 mod errors;

@@ -70,6 +70,8 @@ pub(crate) struct Labels {
     orientation: Option<String>,
     sweeps: u64,
     sweep: Option<SweepFacts>,
+    /// When the last accepted sweep in contact ended, s.
+    swept_s: f64,
     /// Number of refused sweeps in contact of the step under way.
     refused_sweeps: u32,
     noise: noise::NoiseChain,
@@ -174,6 +176,7 @@ impl Labels {
         findings: &mut Findings,
     ) {
         self.check_contradiction(findings);
+        self.references.no_jump(findings);
         self.step_ended(motion.fault.is_some(), findings);
         let is_anew = std::mem::take(&mut self.is_anew) || self.is_amendment;
         let is_ahead = self.pass_amended(&started.step) && started.index > self.index;
@@ -346,6 +349,7 @@ impl Labels {
             }
             Action::Prompt { prompt: Prompt::TurnSensor { orientation } } => {
                 self.orientation = Some(orientation.clone());
+                self.references.turned();
             }
             _ => {}
         }
@@ -366,7 +370,8 @@ impl Labels {
     }
 
     /// The rows of a run that has ended.
-    pub(crate) fn finish(&self, seq: u64, status: &str, findings: &mut Findings) {
+    pub(crate) fn finish(&mut self, seq: u64, status: &str, findings: &mut Findings) {
+        self.references.no_jump(findings);
         let is_complete = status.starts_with("completed");
         let has_outcome =
             |step: &String| self.results.contains_key(step) || self.elsewhere.contains(step);

@@ -19,6 +19,7 @@ mod aim;
 mod archived;
 mod chain;
 mod descent;
+mod drift;
 mod finding;
 mod fit;
 mod folder;

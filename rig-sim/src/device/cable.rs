@@ -175,6 +175,7 @@ impl Socket {
             DeviceFault::Overload => self.analyzer.overload(),
             DeviceFault::BlindContact => world.set_contact_fault(now, Some(ContactFault::Blind)),
             DeviceFault::StuckContact => world.set_contact_fault(now, Some(ContactFault::Stuck)),
+            DeviceFault::Knock(by_hz) => world.knock(now, by_hz),
             DeviceFault::StuckFrequency => {
                 world.set_contact_fault(now, Some(ContactFault::StuckFrequency));
             }

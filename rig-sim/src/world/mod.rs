@@ -299,6 +299,13 @@ impl World {
         self.follow_plant(now);
     }
 
+    /// The free resonance jumps by this, Hz.
+    pub(crate) fn knock(&mut self, now: RigTime, by_hz: f64) {
+        self.follow_plant(now);
+        self.drift.knock(by_hz);
+        self.follow_plant(now);
+    }
+
     /// Mends what faults have broken.
     pub(crate) fn clear_faults(&mut self, now: RigTime) {
         self.is_stop_pressed = false;

@@ -72,18 +72,25 @@ pub(super) struct DriftPath {
     stream: Stream,
     /// The walk so far, one value a step.
     walk_hz: Vec<f64>,
+    /// The sum of all knocks at the sensor, Hz.
+    knocked_hz: f64,
 }
 
 impl DriftPath {
     pub(super) fn new(drift: Drift, stream: Stream) -> Self {
-        Self { drift, stream, walk_hz: vec![0.0] }
+        Self { drift, stream, walk_hz: vec![0.0], knocked_hz: 0.0 }
+    }
+
+    /// The resonance jumps by this, Hz.
+    pub(super) fn knock(&mut self, by_hz: f64) {
+        self.knocked_hz += by_hz;
     }
 
     /// Drift of the free resonance until `now`, Hz.
     pub(super) fn shift_hz(&mut self, now: RigTime) -> f64 {
         let elapsed_s = now.as_seconds();
         let Drift { warm_up_hz, warm_up_s, walk_hz_per_sqrt_hour } = self.drift;
-        let warm_up = warm_up_hz * (1.0 - (-elapsed_s / warm_up_s).exp());
+        let warm_up = warm_up_hz * (1.0 - (-elapsed_s / warm_up_s).exp()) + self.knocked_hz;
         if walk_hz_per_sqrt_hour == 0.0 {
             return warm_up;
         }

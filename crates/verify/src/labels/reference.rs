@@ -2,6 +2,7 @@
 //! from where the drift lets it be expected.
 
 use crate::{
+    drift::{Drift, Unexpected},
     finding::{Check, Findings},
     record::{Action, ReferenceJumped, StepStarted, TouchResult},
     settings::Settings,
@@ -14,8 +15,12 @@ const DRIFT_SIGMAS: f64 = 2.0;
 const GROWTH: f64 = 1.5;
 /// The run counts from the middle of a reference, and this checker from its end.
 const SLACK: f64 = 1.05;
-/// A jump is at least this many standard deviations of what the drift allows.
-const JUMP_SIGMAS: f64 = 1.96;
+/// A reference that is less probable than this is a jump. Here and in the run the moment of a sweep is not quite the same, so
+/// that a probability within a factor of two of it may be called either.
+const JUMP: f64 = 1e-4;
+const EITHER: f64 = 2.0;
+/// For the same reason what is stated of the drift may differ by this part.
+const SAME: f64 = 0.03;
 /// A touch is taken to last this long before there was one, s.
 const FIRST_TOUCH_S: f64 = 10.0;
 
@@ -36,6 +41,9 @@ pub(crate) struct References {
     is_after_touch: bool,
     /// When the touch under way had to end so that it needed no reference, s; `None` if it has one of its own.
     left_out_until_s: Option<f64>,
+    drift: Drift,
+    /// The record of the last reference, and how unexpected it was, until the next step.
+    unexpected: Option<(u64, Unexpected)>,
 }
 
 impl References {
@@ -53,11 +61,60 @@ impl References {
         self.left_out_until_s = is_left_out.then_some(until_s);
     }
 
-    /// A reference was accepted.
-    pub(super) fn measured(&mut self, sweep: u64, rig_us: u64) {
-        let last = self.last.replace((sweep, rig_us as f64 / 1e6));
+    /// A reference was accepted: its record, its sweep, since when the sensor was free for it and when it ended, s, and
+    /// what was found, Hz.
+    pub(super) fn measured(
+        &mut self,
+        seq: u64,
+        sweep: u64,
+        (free_s, end_s): (f64, f64),
+        found: (f64, f64),
+    ) {
+        let last = self.last.replace((sweep, end_s));
         self.before = last.map(|(sweep, _)| sweep);
         self.between = std::mem::take(&mut self.since);
+        let unexpected =
+            self.drift.reference(f64::midpoint(self.begun_s.max(free_s), end_s), found, JUMP);
+        self.unexpected = unexpected.filter(|_| !self.between.is_empty()).map(|of| (seq, of));
+    }
+
+    /// A person has turned the sensor.
+    pub(super) fn turned(&mut self) {
+        self.drift.turned();
+    }
+
+    /// The last reference is no jump, because no record says so.
+    pub(crate) fn no_jump(&mut self, findings: &mut Findings) {
+        let Some((seq, of)) = self.unexpected.take() else { return };
+        if of.probability < JUMP / EITHER {
+            let what = "a reference that no drift explains, and the record of a jump";
+            findings.add(
+                Check::Reference,
+                seq,
+                what,
+                format!("a jump by {} Hz", of.off_hz),
+                "none",
+            );
+        }
+    }
+
+    /// What a touch states of the drift since its reference, when its sweep has ended, s.
+    pub(super) fn drifted(
+        &self,
+        seq: u64,
+        swept_s: f64,
+        result: &TouchResult,
+        findings: &mut Findings,
+    ) {
+        let what = "the standard deviation of the drift since the reference, Hz";
+        let expected = self.drift.sigma_hz(swept_s);
+        findings.agree(
+            Check::Reference,
+            seq,
+            what,
+            (expected, result.drift_sigma_hz),
+            SAME * expected,
+        );
     }
 
     /// A touch has a result. If no reference was measured before it, the drift did not ask for one.
@@ -91,7 +148,7 @@ impl References {
     }
 
     /// The last reference is said to be a jump.
-    pub(crate) fn jumped(&self, seq: u64, jumped: &ReferenceJumped, findings: &mut Findings) {
+    pub(crate) fn jumped(&mut self, seq: u64, jumped: &ReferenceJumped, findings: &mut Findings) {
         let ReferenceJumped { no_load_sweep, next_no_load_sweep, off_hz, sigma_hz, touches } =
             jumped;
         let found = (Some(*no_load_sweep), Some(*next_no_load_sweep));
@@ -105,11 +162,19 @@ impl References {
             let what = "the touches before a jump of the resonance";
             findings.add(Check::Row, seq, what, self.between.join(", "), touches.join(", "));
         }
-        let is_far = *sigma_hz > 0.0 && JUMP_SIGMAS * sigma_hz < off_hz.abs();
-        if !is_far {
-            let what = "a jump of the resonance, Hz";
-            let expected = format!("more than {}", JUMP_SIGMAS * sigma_hz);
-            findings.add(Check::Reference, seq, what, expected, off_hz);
+        let Some((_, of)) = self.unexpected.take() else {
+            let what = "a jump of the resonance without a reference and touches before it";
+            findings.add(Check::Reference, seq, what, "none", off_hz);
+            return;
+        };
+        if of.probability > JUMP * EITHER {
+            let what = "a jump of the resonance that the drift explains, probability";
+            let limit = Some(JUMP.to_string());
+            findings.within(Check::Reference, seq, what, "less", of.probability, limit);
         }
+        let what = "how far a jump of the resonance is off, Hz";
+        findings.agree(Check::Reference, seq, what, (of.off_hz, *off_hz), SAME * of.off_hz.abs());
+        let what = "the standard deviation of a jump of the resonance, Hz";
+        findings.agree(Check::Reference, seq, what, (of.sigma_hz, *sigma_hz), SAME * of.sigma_hz);
     }
 }

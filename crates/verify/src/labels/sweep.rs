@@ -70,13 +70,15 @@ impl Labels {
                 step.is_done |= matches!(step.started.action, Action::NoLoad { .. });
             }
             self.reference = Some(facts.clone()).filter(|facts| facts.outcome.is_ok());
-            if self.reference.is_some() {
-                self.references.measured(facts.number, rig_us);
+            if let Ok(found) = facts.outcome {
+                let end_s = rig_us as f64 / 1e6;
+                self.references.measured(seq, facts.number, (self.free_s, end_s), found);
             }
         }
         if let (true, Some(indented_mm)) = (facts.outcome.is_ok(), self.indented_mm)
             && facts.purpose == "touch"
         {
+            self.swept_s = rig_us as f64 / 1e6;
             self.halfway.get_or_insert((facts.clone(), indented_mm));
         }
         self.sweep = Some(facts);

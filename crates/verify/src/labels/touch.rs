@@ -240,6 +240,7 @@ impl Labels {
         let with_drift = sigma.hypot(result.drift_sigma_hz);
         let what = "the standard deviation of the shift, Hz: of both resonances and the drift";
         findings.agree(Check::Shift, seq, what, (with_drift, result.shift_sigma_hz), COPY);
+        self.references.drifted(seq, self.swept_s, result, findings);
         self.felt(seq, true, (shift, sigma), settings, findings);
         self.last = Some(result.clone());
     }

@@ -114,6 +114,7 @@ impl Motor {
             | DeviceFault::Overload
             | DeviceFault::BlindContact
             | DeviceFault::StuckContact
+            | DeviceFault::Knock(_)
             | DeviceFault::StuckFrequency => {}
         }
     }
