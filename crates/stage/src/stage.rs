@@ -161,6 +161,21 @@ impl<U: Unit> Stage<U> {
         self.follow(target, &order, seen.position, stop).await
     }
 
+    /// Reads a drive that moves, at this moment: where it is, unless it is in alarm or was stopped meanwhile.
+    async fn read_moving(
+        &mut self,
+        at: Instant,
+        stop: &StopSignal,
+    ) -> Result<(DriveReading, Position<U>), StageError<U>> {
+        if !wait(at, stop).await {
+            return Err(self.stop_and_say().await?);
+        }
+        let reading = self.read_drive().await?;
+        let position = self.scale.position(reading.position.into());
+        self.refuse_alarm(&reading, position).await?;
+        Ok((reading, position))
+    }
+
     /// Waits for the end of a move, with as few readings as its computed duration allows.
     async fn follow(
         &mut self,
@@ -176,12 +191,7 @@ impl<U: Unit> Stage<U> {
         // Rest at another position counts only if it lasts.
         let mut still_since = None;
         loop {
-            if !wait(next_reading_at, stop).await {
-                return Err(self.stop_and_say().await?);
-            }
-            let reading = self.read_drive().await?;
-            let at = self.scale.position(reading.position.into());
-            self.refuse_alarm(&reading, at).await?;
+            let (reading, at) = self.read_moving(next_reading_at, stop).await?;
             let now = Instant::now();
             if reading.is_moving {
                 if deadline <= now {

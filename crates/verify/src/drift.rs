@@ -2,9 +2,9 @@
 //! reference, and which reference is a jump.
 //!
 //! The resonance walks at random, and follows a rate that is forgotten in half an hour. The strengths of both are unknown:
-//! each pair of strengths predicts every reference, and is believed by how well it did.
+//! each pair of strengths predicts every reference, and is weighted by how well it did.
 
-/// Standard deviation of the walk in an hour, Hz, and the belief in it before the first reference, percent.
+/// Standard deviation of the walk in an hour, Hz, and its weight before the first reference, percent.
 const WALKS: [(f64, f64); 13] = [
     (0.03, 8.0),
     (0.055, 11.0),
@@ -20,21 +20,21 @@ const WALKS: [(f64, f64); 13] = [
     (18.0, 2.0),
     (30.0, 1.0),
 ];
-/// Standard deviation of the rate, Hz in an hour, and the belief in it before the first reference, percent.
+/// Standard deviation of the rate, Hz in an hour, and its weight before the first reference, percent.
 const RATES: [(f64, f64); 3] = [(0.5, 70.0), (5.0, 25.0), (50.0, 5.0)];
 const HOUR_S: f64 = 3600.0;
 const FORGOTTEN_S: f64 = 1800.0;
 /// A sensor that was turned may have another resonance by this, Hz.
 const TURNED_HZ: f64 = 0.5;
-/// What is believed of a pair at least.
-const LEAST: f64 = 1e-6;
+/// The weight of a pair at least.
+const LEAST_WEIGHT: f64 = 1e-6;
 /// An interval that holds 95 % of a normal distribution is this many standard deviations to each side.
 const SIDE: f64 = 1.96;
 
-/// A normal distribution and what is believed of it.
+/// A component of a mixture of normal distributions.
 #[derive(Debug, Clone, Copy)]
-struct Guess {
-    belief: f64,
+struct Component {
+    weight: f64,
     mean_hz: f64,
     sigma_hz: f64,
 }
@@ -42,8 +42,8 @@ struct Guess {
 /// What one pair of strengths says of the resonance.
 #[derive(Debug, Clone, Copy)]
 struct Pair {
-    at_first: f64,
-    belief: f64,
+    prior: f64,
+    weight: f64,
     /// Variance that the walk adds, Hz² in a second, and the variance of a rate of which nothing is known, Hz²/s².
     walk: f64,
     rate: f64,
@@ -54,10 +54,10 @@ struct Pair {
 
 impl Pair {
     fn new((walk_hz, of_walk): (f64, f64), (rate_hz, of_rate): (f64, f64)) -> Self {
-        let belief = of_walk * of_rate / 1e4;
+        let weight = of_walk * of_rate / 1e4;
         let rate = (rate_hz / HOUR_S).powi(2);
         let (walk, covariance) = (walk_hz.powi(2) / HOUR_S, [[0.0, 0.0], [0.0, rate]]);
-        Self { at_first: belief, belief, walk, rate, mean: [0.0; 2], covariance }
+        Self { prior: weight, weight, walk, rate, mean: [0.0; 2], covariance }
     }
 
     /// After some seconds, without a measurement.
@@ -86,9 +86,9 @@ impl Pair {
         Self { mean, covariance, ..*self }
     }
 
-    fn guess(&self, sigma_hz: f64) -> Guess {
+    fn component(&self, sigma_hz: f64) -> Component {
         let sigma_hz = self.covariance[0][0].max(0.0).sqrt().hypot(sigma_hz);
-        Guess { belief: self.belief, mean_hz: self.mean[0], sigma_hz }
+        Component { weight: self.weight, mean_hz: self.mean[0], sigma_hz }
     }
 
     /// Nothing that was measured before says where the resonance is now.
@@ -99,9 +99,9 @@ impl Pair {
     }
 
     fn learn(&mut self, hz: f64, sigma_hz: f64) {
-        let Guess { mean_hz, sigma_hz: expected_hz, .. } = self.guess(sigma_hz);
+        let Component { mean_hz, sigma_hz: expected_hz, .. } = self.component(sigma_hz);
         let off = (hz - mean_hz) / expected_hz;
-        self.belief *= (-0.5 * off * off).exp() / expected_hz;
+        self.weight *= (-0.5 * off * off).exp() / expected_hz;
         let with_value = self.covariance.map(|row| row[0] / expected_hz);
         for i in 0..2 {
             self.mean[i] += with_value[i] * off;
@@ -150,10 +150,11 @@ impl Drift {
         for pair in &mut self.pairs {
             *pair = pair.later(since_s.unwrap_or_default());
         }
-        let guesses: Vec<Guess> = self.pairs.iter().map(|pair| pair.guess(sigma_hz)).collect();
+        let mixture: Vec<Component> =
+            self.pairs.iter().map(|pair| pair.component(sigma_hz)).collect();
         let unexpected = since_s.map(|_| {
-            let mean_hz = mean(&guesses, |guess| guess.mean_hz);
-            let (probability, sigma_hz) = (farther(&guesses, hz), side(&guesses, mean_hz) / SIDE);
+            let mean_hz = mean(&mixture, |component| component.mean_hz);
+            let (probability, sigma_hz) = (farther(&mixture, hz), side(&mixture, mean_hz) / SIDE);
             Unexpected { probability, off_hz: hz - mean_hz, sigma_hz }
         });
         let is_jump = unexpected.is_some_and(|of| of.probability < jump);
@@ -164,11 +165,11 @@ impl Drift {
                 pair.learn(hz, sigma_hz);
             }
         }
-        let all: f64 = self.pairs.iter().map(|pair| pair.belief).sum();
+        let all: f64 = self.pairs.iter().map(|pair| pair.weight).sum();
         for pair in &mut self.pairs {
-            pair.belief = (pair.belief / all).max(LEAST);
+            pair.weight = (pair.weight / all).max(LEAST_WEIGHT);
             if is_jump {
-                pair.belief = 0.5 * (pair.belief + pair.at_first);
+                pair.weight = 0.5 * (pair.weight + pair.prior);
             }
         }
         unexpected
@@ -188,32 +189,33 @@ impl Drift {
             let rate = pair.covariance[1][1];
             let now =
                 Pair { mean: [0.0, pair.mean[1]], covariance: [[0.0, 0.0], [0.0, rate]], ..*pair };
-            now.later(now_s - at_s).guess(0.0)
+            now.later(now_s - at_s).component(0.0)
         };
-        side(&self.pairs.iter().map(moved).collect::<Vec<Guess>>(), 0.0) / SIDE
+        side(&self.pairs.iter().map(moved).collect::<Vec<Component>>(), 0.0) / SIDE
     }
 }
 
-fn mean(guesses: &[Guess], of: impl Fn(&Guess) -> f64) -> f64 {
-    let all: f64 = guesses.iter().map(|guess| guess.belief).sum();
-    guesses.iter().map(|guess| guess.belief * of(guess)).sum::<f64>() / all
+fn mean(mixture: &[Component], of: impl Fn(&Component) -> f64) -> f64 {
+    let all: f64 = mixture.iter().map(|component| component.weight).sum();
+    mixture.iter().map(|component| component.weight * of(component)).sum::<f64>() / all
 }
 
-/// How probable a value is that is as far from the mean of each guess, or farther.
-fn farther(guesses: &[Guess], hz: f64) -> f64 {
-    mean(guesses, |guess| 2.0 * above(((hz - guess.mean_hz) / guess.sigma_hz).abs()))
+/// How probable a value is that is as far from the mean of its component, or farther.
+fn farther(mixture: &[Component], hz: f64) -> f64 {
+    mean(mixture, |component| 2.0 * above(((hz - component.mean_hz) / component.sigma_hz).abs()))
 }
 
 /// Half of the interval around a value that holds 95 %.
-fn side(guesses: &[Guess], hz: f64) -> f64 {
+fn side(mixture: &[Component], hz: f64) -> f64 {
     let outside = |half_hz: f64| {
-        mean(guesses, |guess| {
-            let off_hz = guess.mean_hz - hz;
-            above((half_hz - off_hz) / guess.sigma_hz) + above((half_hz + off_hz) / guess.sigma_hz)
+        mean(mixture, |component| {
+            let off_hz = component.mean_hz - hz;
+            above((half_hz - off_hz) / component.sigma_hz)
+                + above((half_hz + off_hz) / component.sigma_hz)
         })
     };
-    let widest = |guess: &Guess| (guess.mean_hz - hz).abs() + 4.0 * guess.sigma_hz;
-    let mut within = 0.0..guesses.iter().map(widest).fold(0.0, f64::max);
+    let widest = |component: &Component| (component.mean_hz - hz).abs() + 4.0 * component.sigma_hz;
+    let mut within = 0.0..mixture.iter().map(widest).fold(0.0, f64::max);
     for _ in 0..40 {
         let middle = 0.5 * (within.start + within.end);
         if outside(middle) > 0.05 {

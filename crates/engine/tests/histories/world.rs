@@ -1,10 +1,10 @@
 //! An ideal bench that plays a run with one trouble at one moment, and checks each operation.
 
-use std::{collections::BTreeMap, f64::consts::TAU, time::Duration};
+use std::{collections::BTreeMap, f64::consts::TAU};
 
 use rig_engine::{
-    Admitted, Command, Device, Effect, Engine, Event, Failure, FailureKind, Input, Operation,
-    OperationId, RefusalAnswer, Report, RigState, RunStatus,
+    Admitted, Command, Effect, Engine, Event, FailureKind, Input, Operation, OperationId,
+    RefusalAnswer, Report, RigState, RunStatus,
 };
 use rig_model::{
     ContactAngle, Direction, DriveLevel, Impedance, Orientation, PointResult, Position, Reading,
@@ -370,54 +370,6 @@ impl World {
         }
         let report = self.perform(&operation);
         self.handle(Input::Done(id, Ok(report)));
-    }
-
-    /// An operation that does not end: twice overdue, asked to end, and still silent.
-    fn hang(&mut self, operation: &Operation) {
-        self.hang_stream(operation);
-        for _ in 0..2 {
-            self.now = self.engine.deadline().expect("every operation has a deadline");
-            self.handle(Input::Tick);
-            assert!(self.was_interrupted);
-            if matches!(operation, Operation::Measure { .. }) {
-                // The way out does not wait for it.
-                assert!(matches!(self.in_flight, Some((_, Operation::StopMotion))));
-                return;
-            }
-        }
-        assert_eq!(self.engine.snapshot().state, RigState::Latched);
-    }
-
-    /// A trouble that lasts from here on.
-    fn let_last(&mut self, trouble: Option<Trouble>) {
-        match trouble {
-            Some(Trouble::Freezes) => self.frozen = self.last_read,
-            Some(Trouble::Slips(slip_mm)) => self.slip_mm = slip_mm,
-            Some(Trouble::StaysAtFrequency) => self.measured_hz.1 = true,
-            Some(Trouble::Drive(trouble)) => self.drive = Some(Drive::new(trouble, self.now)),
-            _ => {}
-        }
-    }
-
-    /// The host is held up, and a measurement that is under way is nonsense.
-    fn hold_up(&mut self, id: OperationId, operation: &Operation, repeats: u32) {
-        self.handle(Input::Stalled(Duration::from_secs(10)));
-        let mut report = self.perform(operation);
-        if let Report::Measured(readings) = &mut report {
-            for reading in readings {
-                reading.measured = NONSENSE;
-            }
-            if repeats > 0 {
-                self.trouble = Some((self.operations, Trouble::HoldUp(repeats - 1)));
-            }
-        }
-        self.handle(Input::Done(id, Ok(report)));
-    }
-
-    pub(crate) fn fail(&mut self, id: OperationId, kind: FailureKind) {
-        let detail = "as it was told to".to_owned();
-        let failure = Failure { device: Device::LinearStage, kind, detail };
-        self.handle(Input::Done(id, Err(failure)));
     }
 
     pub(crate) fn try_command(&mut self, command: Command) {

@@ -6,7 +6,7 @@ use rig_link::StopSignal;
 use rig_model::{Position, Unit};
 use tokio::time::Instant;
 
-use super::{READ_INTERVAL_MIN, Stage, wait};
+use super::{READ_INTERVAL_MIN, Stage};
 use crate::StageError;
 
 /// The time between two readings of an axis that homes: the duration of homing is unknown.
@@ -48,12 +48,7 @@ impl<U: Unit> Stage<U> {
         let started = Instant::now();
         let mut next_reading_at = started + self.start_within();
         loop {
-            if !wait(next_reading_at, stop).await {
-                return Err(self.stop_and_say().await?);
-            }
-            let reading = self.read_drive().await?;
-            let at = self.scale.position(reading.position.into());
-            self.refuse_alarm(&reading, at).await?;
+            let (reading, at) = self.read_moving(next_reading_at, stop).await?;
             let now = Instant::now();
             if !reading.is_moving {
                 return if reading.is_homed { Ok(at) } else { Err(StageError::NotHomed { at }) };
