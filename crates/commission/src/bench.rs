@@ -89,6 +89,9 @@ pub trait Bench: Send {
         jog: Jog,
     ) -> impl Future<Output = Result<Result<Jogged, String>, Self::Trouble>> + Send;
 
+    /// A gauge has shown that the last step of an axis was about as long as its drive says: a longer one may follow.
+    fn seen(&mut self, axis: JogAxis) -> impl Future<Output = Result<(), Self::Trouble>> + Send;
+
     /// Tells the person something.
     fn remark(&mut self, text: &str);
 }

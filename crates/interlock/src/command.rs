@@ -109,6 +109,10 @@ pub enum Word {
     Acknowledgement,
     /// The next step of commissioning may begin: nothing is below the probe, and a hand is at the stop.
     ThisStep,
+    /// A gauge has shown that the last step of the linear stage was about as long as its drive says.
+    LinearStepSeen,
+    /// The same of the rotary stage.
+    RotaryStepSeen,
     /// The cause of the fault is understood, and nothing is below the probe, down to the end of its travel.
     NothingBelow,
 }

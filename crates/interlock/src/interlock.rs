@@ -129,6 +129,8 @@ impl Interlock {
             Word::Command => {}
             Word::Acknowledgement => self.latch.acknowledged(),
             Word::ThisStep => self.commission.stated(now),
+            Word::LinearStepSeen => self.commission.linear_seen(),
+            Word::RotaryStepSeen => self.commission.rotary_seen(),
             Word::NothingBelow => {
                 self.latch.acknowledged();
                 self.homing.stated(now);

@@ -47,7 +47,7 @@ use std::{
     sync::{Arc, Weak},
 };
 
-use rig_commission::{Answer, Asked, Jog, Jogged};
+use rig_commission::{Answer, Asked, Jog, JogAxis, Jogged};
 use rig_engine::{Command, CommandRefusal};
 use rig_link::Clock;
 use rig_model::{RigTime, SweepRequest, with_causes};
@@ -223,6 +223,11 @@ enum Request {
         jog: Jog,
         by: String,
         reply: oneshot::Sender<Result<oneshot::Receiver<Result<Jogged, String>>, RequestRefusal>>,
+    },
+    StepSeen {
+        axis: JogAxis,
+        by: String,
+        reply: oneshot::Sender<Result<(), RequestRefusal>>,
     },
     AskSimulated {
         asked: Asked,
@@ -462,6 +467,15 @@ impl RigHandle {
         let (reply, answer) = oneshot::channel();
         let ended = self.ask(Request::Jog { jog, by: by.to_owned(), reply }, answer).await??;
         ended.await.map_err(|_| RequestRefusal::Closed)
+    }
+
+    /// A gauge has shown that the last step of an axis was about as long as its drive says: a longer one may follow.
+    ///
+    /// # Errors
+    /// [`RequestRefusal`].
+    pub async fn step_seen(&self, axis: JogAxis, by: &str) -> Result<(), RequestRefusal> {
+        let (reply, answer) = oneshot::channel();
+        self.ask(Request::StepSeen { axis, by: by.to_owned(), reply }, answer).await?
     }
 
     /// The answer of the simulated person; `None` where a real person answers.

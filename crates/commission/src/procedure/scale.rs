@@ -77,9 +77,14 @@ async fn linear<B: Bench>(rig: &RigFile, bench: &mut B) -> Result<Found, Early<B
         let there = jog(bench, JogAxis::Linear, inwards * way).await?.way();
         let agreement = Agreement::new(READINGS, 2.0 * DIAL_STEP_MM);
         let read = agreed(bench, Asked::Dial, agreement).await?;
+        let scale = ratio(JogAxis::Linear, read, there);
+        let is_close = |scale: f64| (scale - 1.0).abs() <= COARSE_REL + 2.0 * DIAL_STEP_MM / way;
+        if scale.as_ref().is_ok_and(|scale| is_close(*scale)) {
+            bench.seen(JogAxis::Linear).await?;
+        }
         jog(bench, JogAxis::Linear, -inwards * way).await?;
-        let scale = ratio(JogAxis::Linear, read, there)?;
-        if (scale - 1.0).abs() > COARSE_REL + 2.0 * DIAL_STEP_MM / way {
+        let scale = scale?;
+        if !is_close(scale) {
             let (value, changes) = found(scale, DIAL_STEP_MM / way, 2);
             return Ok((vec![value], changes.into()));
         }
@@ -122,9 +127,14 @@ async fn rotary<B: Bench>(rig: &RigFile, bench: &mut B) -> Result<Found, Early<B
     let begin = read_tilt(bench, 0.0).await?;
     for way in TURNS_DEG {
         let there = read_tilt(bench, way).await?;
+        let ratio = ratio(JogAxis::Rotary, there.1 - begin.1, there.0 - begin.0);
+        let is_close = |ratio: f64| (ratio - 1.0).abs() <= COARSE_REL + 2.0 * GAUGE_STEP_DEG / way;
+        if ratio.as_ref().is_ok_and(|ratio| is_close(*ratio)) {
+            bench.seen(JogAxis::Rotary).await?;
+        }
         jog(bench, JogAxis::Rotary, -way).await?;
-        let ratio = ratio(JogAxis::Rotary, there.1 - begin.1, there.0 - begin.0)?;
-        if (ratio - 1.0).abs() > COARSE_REL + 2.0 * GAUGE_STEP_DEG / way {
+        let ratio = ratio?;
+        if !is_close(ratio) {
             let value = Value {
                 name: "rotary.scale",
                 value: ratio,

@@ -1,5 +1,6 @@
 //! Before signs and scales of the drives are shown, only a short step of one axis is admitted, and each step
-//! needs the word of a person that nothing is below the probe.
+//! needs the word of a person that nothing is below the probe. While the scale is not shown, a step may be longer than
+//! its drive says: a longer one is admitted only after a gauge has shown that a shorter one was as long as that.
 
 use std::time::Duration;
 
@@ -10,11 +11,12 @@ use crate::{PortCommand, Refusal};
 /// How long the word of a person holds: a sample is placed within minutes.
 const FRESH: Duration = Duration::from_secs(60);
 
-/// Longest step and highest speed while nothing is shown, and after the signs are shown.
-const LINEAR: [Bounds; 2] =
-    [Bounds { step: 0.2, speed_per_s: 1.0 }, Bounds { step: 10.0, speed_per_s: 1.0 }];
-const ROTARY: [Bounds; 2] =
-    [Bounds { step: 1.0, speed_per_s: 5.0 }, Bounds { step: 31.0, speed_per_s: 5.0 }];
+/// Steps while nothing is shown, after signs and scales are shown, and their highest speed.
+const LINEAR: Bounds = Bounds { first: 0.2, most: 10.0, speed_per_s: 1.0 };
+const ROTARY: Bounds = Bounds { first: 1.0, most: 31.0, speed_per_s: 5.0 };
+
+/// How many times as long as a step that a gauge has shown the next one may be.
+const GROWTH: f64 = 10.0;
 
 /// Rounding of a step to the counts of a drive, in units of the axis.
 const ROUNDING: f64 = 1e-6;
@@ -26,14 +28,33 @@ pub enum Proven {
     Nothing,
     /// Stop and signs: a step goes in the direction that is asked.
     Signs,
+    /// The scales too: a step is as long as is asked.
+    Scales,
     /// All that motion rests on.
     Bench,
 }
 
 #[derive(Debug, Clone, Copy)]
 struct Bounds {
-    step: f64,
+    first: f64,
+    most: f64,
     speed_per_s: f64,
+}
+
+/// The steps of an axis, in its unit.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Steps {
+    /// The last one that was admitted.
+    last: f64,
+    /// The longest one that a gauge has shown.
+    seen: f64,
+}
+
+impl Steps {
+    const fn seen(&mut self) {
+        self.seen = self.seen.max(self.last);
+        self.last = 0.0;
+    }
 }
 
 /// ```text
@@ -49,13 +70,16 @@ pub struct Commission {
     stated_at: Option<RigTime>,
     linear: Span<Mm>,
     rotary: Span<Deg>,
+    linear_steps: Steps,
+    rotary_steps: Steps,
 }
 
 impl Commission {
     /// Nobody has stated anything.
     pub const fn new(limits: &RigLimits, proven: Proven) -> Self {
         let (linear, rotary) = (limits.linear.travel(), limits.rotary.travel());
-        Self { proven, stated_at: None, linear, rotary }
+        let none = Steps { last: 0.0, seen: 0.0 };
+        Self { proven, stated_at: None, linear, rotary, linear_steps: none, rotary_steps: none }
     }
 
     pub(crate) const fn prove(&mut self, proven: Proven) {
@@ -64,6 +88,14 @@ impl Commission {
 
     pub(crate) const fn stated(&mut self, now: RigTime) {
         self.stated_at = Some(now);
+    }
+
+    pub(crate) const fn linear_seen(&mut self) {
+        self.linear_steps.seen();
+    }
+
+    pub(crate) const fn rotary_seen(&mut self) {
+        self.rotary_steps.seen();
     }
 
     pub(crate) const fn withdrawn(&mut self) {
@@ -75,11 +107,13 @@ impl Commission {
         match *command {
             PortCommand::Stop | PortCommand::Measure => Ok(()),
             PortCommand::JogLinear { from, by_mm, speed_mm_per_s } => {
-                self.admit_step(now, what, &LINEAR, (by_mm, speed_mm_per_s))?;
+                let step = (by_mm, speed_mm_per_s);
+                self.admit_step(now, what, (&LINEAR, self.linear_steps), step)?;
                 self.stay_inside(what, from, by_mm, self.linear)
             }
             PortCommand::JogRotary { from, by_deg, speed_deg_per_s } => {
-                self.admit_step(now, what, &ROTARY, (by_deg, speed_deg_per_s))?;
+                let step = (by_deg, speed_deg_per_s);
+                self.admit_step(now, what, (&ROTARY, self.rotary_steps), step)?;
                 self.stay_inside(what, from, by_deg, self.rotary)
             }
             _ if self.proven == Proven::Bench => Ok(()),
@@ -91,12 +125,14 @@ impl Commission {
         &self,
         now: RigTime,
         what: &'static str,
-        bounds: &[Bounds; 2],
+        (bounds, steps): (&Bounds, Steps),
         (by, speed_per_s): (f64, f64),
     ) -> Result<(), Refusal> {
-        let Bounds { step: limit, speed_per_s: limit_per_s } = match self.proven {
-            Proven::Nothing => bounds[0],
-            Proven::Signs => bounds[1],
+        let Bounds { first, most, speed_per_s: limit_per_s } = *bounds;
+        let limit = match self.proven {
+            Proven::Nothing => first,
+            Proven::Signs => (GROWTH * steps.seen).clamp(first, most),
+            Proven::Scales => most,
             Proven::Bench => return Err(Refusal::Commissioned { what }),
         };
         if self.stated_at.is_none_or(|at| FRESH < now.since(at)) {
@@ -132,8 +168,11 @@ impl Commission {
     }
 
     pub(crate) const fn begun(&mut self, command: &PortCommand) {
-        if command.is_jog() {
-            self.withdrawn();
+        match *command {
+            PortCommand::JogLinear { by_mm, .. } => self.linear_steps.last = by_mm.abs(),
+            PortCommand::JogRotary { by_deg, .. } => self.rotary_steps.last = by_deg.abs(),
+            _ => return,
         }
+        self.withdrawn();
     }
 }

@@ -24,7 +24,7 @@ fn confirmed(proven: Proven, step: PortCommand) -> Result<(), Refusal> {
 
 #[test]
 fn nothing_but_stops_and_short_steps_is_admitted_before_signs_and_scales_are_shown() {
-    for proven in [Proven::Nothing, Proven::Signs] {
+    for proven in [Proven::Nothing, Proven::Signs, Proven::Scales] {
         let mut interlock = Interlock::new(limits(), proven);
         for word in [Word::Command, Word::Acknowledgement, Word::NothingBelow, Word::ThisStep] {
             interlock.operator(NOW, "ada", word).unwrap();
@@ -57,9 +57,12 @@ fn a_step_is_as_long_and_as_fast_as_what_is_shown_allows() {
         check(Proven::Nothing, up(sign * 0.201, 1.0), false);
         check(Proven::Nothing, tilt(sign, 5.0), true);
         check(Proven::Nothing, tilt(sign * 1.01, 5.0), false);
-        check(Proven::Signs, up(sign * 10.0, 1.0), true);
-        check(Proven::Signs, up(sign * 10.1, 1.0), false);
-        check(Proven::Signs, tilt(sign * 30.0, 5.0), true);
+        check(Proven::Signs, up(sign * 0.2, 1.0), true);
+        check(Proven::Signs, up(sign * 0.201, 1.0), false);
+        check(Proven::Signs, tilt(sign * 1.01, 5.0), false);
+        check(Proven::Scales, up(sign * 10.0, 1.0), true);
+        check(Proven::Scales, up(sign * 10.1, 1.0), false);
+        check(Proven::Scales, tilt(sign * 30.0, 5.0), true);
     }
     for speed in [1.01, 0.0, -1.0, f64::NAN] {
         check(Proven::Nothing, up(0.2, speed), false);
@@ -73,6 +76,34 @@ fn a_step_is_as_long_and_as_fast_as_what_is_shown_allows() {
     check(Proven::Signs, below(0.2), false);
     // A rig in service is moved otherwise.
     check(Proven::Bench, up(0.1, 1.0), false);
+}
+
+#[test]
+fn before_the_scale_is_shown_steps_grow_only_with_what_a_gauge_has_shown() {
+    let mut interlock = Interlock::new(limits(), Proven::Signs);
+    let step = |interlock: &mut Interlock, step: PortCommand| {
+        interlock.operator(NOW, "ada", Word::ThisStep).unwrap();
+        let admitted = interlock.admit(NOW, &step);
+        if admitted.is_ok() {
+            interlock.ended(NOW, &step, &Outcome::Done);
+        }
+        admitted.is_ok()
+    };
+    assert!(!step(&mut interlock, up(-1.0, 1.0)));
+    // A word about a step that was not made opens nothing, nor does that of the other axis.
+    interlock.operator(NOW, "ada", Word::LinearStepSeen).unwrap();
+    assert!(!step(&mut interlock, up(-1.0, 1.0)));
+    assert!(step(&mut interlock, up(-0.2, 1.0)));
+    assert!(!step(&mut interlock, up(-1.0, 1.0)), "nobody has seen it");
+    interlock.operator(NOW, "ada", Word::RotaryStepSeen).unwrap();
+    assert!(!step(&mut interlock, up(-1.0, 1.0)));
+    interlock.operator(NOW, "ada", Word::LinearStepSeen).unwrap();
+    assert!(step(&mut interlock, up(0.2, 1.0)));
+    assert!(!step(&mut interlock, up(-10.0, 1.0)));
+    assert!(step(&mut interlock, up(-1.0, 1.0)));
+    interlock.operator(NOW, "ada", Word::LinearStepSeen).unwrap();
+    assert!(step(&mut interlock, up(-10.0, 1.0)) && !step(&mut interlock, up(-10.1, 1.0)));
+    assert!(step(&mut interlock, tilt(1.0, 5.0)) && !step(&mut interlock, tilt(5.0, 5.0)));
 }
 
 #[test]

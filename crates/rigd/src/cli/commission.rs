@@ -97,8 +97,8 @@ struct JogArgs {
     /// Axis to move
     #[arg(value_enum)]
     axis: AxisName,
-    /// Step from where it stands, mm or degrees by the rig file: at most 0.2 mm or 1°; up to 10 mm or 31° once stop and signs
-    /// are shown. Until the scale is shown too, a step may be longer than it says: begin with short ones
+    /// Step from where it stands, mm or degrees by the rig file: at most 0.2 mm or 1°; up to 10 mm or 31° once stop, signs and
+    /// scale are shown
     #[arg(value_name = "MM|DEG", allow_negative_numbers = true)]
     by: f64,
     /// States that sample and dish are away and a hand is at the stop, without asking for Enter

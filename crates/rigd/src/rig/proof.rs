@@ -51,7 +51,7 @@ impl Proof {
     /// The same with these unproven instruments: the rig moves as in commissioning alone.
     fn with_instruments(self, unproven: Option<Arc<str>>) -> Self {
         let Some(text) = unproven else { return self };
-        let proven = if self.proven == Proven::Nothing { Proven::Nothing } else { Proven::Signs };
+        let proven = self.proven.min(Proven::Scales);
         let missing = match self.missing {
             Some(missing) => format!("{missing}; {text}").into(),
             None => Arc::clone(&text),
@@ -108,7 +108,11 @@ impl From<&Standing> for Proof {
             return Self::COMPLETE;
         }
         let has_signs = standing.has(Step::Stop) && standing.has(Step::Signs);
-        let proven = if has_signs { Proven::Signs } else { Proven::Nothing };
+        let proven = match has_signs {
+            true if standing.has(Step::Scale) => Proven::Scales,
+            true => Proven::Signs,
+            false => Proven::Nothing,
+        };
         Self { proven, missing: Some(standing.to_string().into()), unproven: None }
     }
 }
@@ -172,7 +176,7 @@ mod tests {
         let said = "the file of meter (analyzer) is unproven: setup, reading; `rigd instrument record` proves it";
         assert_eq!(text.as_deref(), Some(said));
         let proof = Proof::COMPLETE.with_instruments(text.clone());
-        assert_eq!((proof.proven, proof.missing.as_deref()), (Proven::Signs, Some(said)));
+        assert_eq!((proof.proven, proof.missing.as_deref()), (Proven::Scales, Some(said)));
         let proof = Proof::nothing().with_instruments(text);
         assert_eq!(proof.proven, Proven::Nothing);
         assert!(proof.missing.is_some_and(|missing| missing.ends_with(said)));

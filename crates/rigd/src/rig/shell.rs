@@ -122,7 +122,7 @@ impl Shell {
         let uncommissioned = Uncommissioned::new(rig.basis(), store.directory(), purpose, &proof);
         let proven = match purpose {
             Purpose::Service => proof.proven,
-            Purpose::Commissioning => proof.proven.min(Proven::Signs),
+            Purpose::Commissioning => proof.proven.min(Proven::Scales),
         };
         let opened = open_rig(rig, bench, clock, proven).await?;
         let Opened { setting, analyzer, streamed, axes, gate, halt, .. } = opened;

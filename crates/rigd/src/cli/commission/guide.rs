@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use rig_commission::{Answer, Asked, Bench, Jog, Jogged};
+use rig_commission::{Answer, Asked, Bench, Jog, JogAxis, Jogged};
 use rig_engine::Command;
 
 use super::CommissionFailure;
@@ -145,6 +145,10 @@ impl Bench for Guide {
             Err(trouble) => say_clearly(&indented(&format!("{axis}: {trouble}"), 0)),
         }
         Ok(jogged)
+    }
+
+    async fn seen(&mut self, axis: JogAxis) -> Result<(), Failure> {
+        Ok(self.handle.step_seen(axis, self.operator.as_str()).await?)
     }
 
     fn remark(&mut self, text: &str) {

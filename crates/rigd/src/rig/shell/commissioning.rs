@@ -1,6 +1,6 @@
 //! A rig that is not commissioned: it refuses everything but stops and the steps of commissioning.
 
-use rig_commission::{Answer, Asked, Jog, Jogged};
+use rig_commission::{Answer, Asked, Jog, JogAxis, Jogged};
 use rig_engine::Command;
 use rig_interlock::{Proven, Word};
 use rig_store::{Operator, Record};
@@ -48,6 +48,16 @@ impl Shell {
         Ok(self.owners.jog(jog))
     }
 
+    /// A person has seen on a gauge how long the last step of an axis was.
+    pub(super) fn step_seen(&mut self, axis: JogAxis, by: String) -> Result<(), RequestRefusal> {
+        let word = match axis {
+            JogAxis::Linear => Word::LinearStepSeen,
+            JogAxis::Rotary => Word::RotaryStepSeen,
+        };
+        self.gate.operator(&by, word)?;
+        self.put_on_record(format!("the last step of the {} was as long as asked", axis.name()), by)
+    }
+
     /// Asks the simulated person, if there is one who answers.
     pub(super) fn ask_simulated(&mut self, asked: Asked) -> Option<Answer> {
         self.person.as_mut().map(|person| person.answer(asked))
@@ -63,7 +73,7 @@ impl Shell {
             rig.missing = missing.clone();
         }
         if proof.proven == Proven::Bench && !is_for_service {
-            self.gate.prove(Proven::Signs);
+            self.gate.prove(Proven::Scales);
             return None;
         }
         self.gate.prove(proof.proven);

@@ -46,6 +46,7 @@ impl Shell {
             }
             Request::Identify { by, reply } => _ = reply.send(self.identify(by)),
             Request::Jog { jog, by, reply } => _ = reply.send(self.jog(jog, by)),
+            Request::StepSeen { axis, by, reply } => _ = reply.send(self.step_seen(axis, by)),
             Request::AskSimulated { asked, reply } => _ = reply.send(self.ask_simulated(asked)),
             Request::ReadCalibrations { by, reply } => {
                 _ = reply.send(self.read_calibrations(&by));
