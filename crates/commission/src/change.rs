@@ -20,11 +20,13 @@ pub enum BenchChange {
     Collision,
     /// The bench was moved, or its temperature has changed by more than 3 °C.
     Place,
+    /// The block or a reference sample of the daily check was exchanged.
+    References,
 }
 
 impl BenchChange {
     /// All of them.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Drive,
         Self::Stop,
         Self::Sensor,
@@ -32,6 +34,7 @@ impl BenchChange {
         Self::Holder,
         Self::Collision,
         Self::Place,
+        Self::References,
     ];
 
     /// Its name in commands and records.
@@ -44,6 +47,7 @@ impl BenchChange {
             Self::Holder => "holder",
             Self::Collision => "collision",
             Self::Place => "place",
+            Self::References => "references",
         }
     }
 
@@ -59,6 +63,7 @@ impl BenchChange {
             Self::Holder => "the holder of the samples was taken off",
             Self::Collision => "the probe was pressed into something",
             Self::Place => "the bench was moved, or its temperature has changed by more than 3 °C",
+            Self::References => "the block or a reference sample of the daily check was exchanged",
         }
     }
 
@@ -67,10 +72,13 @@ impl BenchChange {
         match self {
             Self::Drive => &Kind::ALL,
             Self::Stop => &[Kind::Stop],
-            Self::Sensor | Self::Probe | Self::Holder | Self::Collision => {
-                &[Kind::Geometry, Kind::Blocks]
+            Self::Sensor | Self::Probe | Self::Holder => {
+                &[Kind::Geometry, Kind::Blocks, Kind::Check]
             }
+            // The daily check goes on, and shows what they have changed.
+            Self::Collision => &[Kind::Geometry, Kind::Blocks],
             Self::Place => &[Kind::Blocks],
+            Self::References => &[Kind::Check],
         }
     }
 }

@@ -19,11 +19,14 @@ pub enum Kind {
     /// Surface, rotary axis, probe and the zero of the rotary stage by touches on hard blocks, and the error of the
     /// linear screw.
     Blocks,
+    /// The bench is as it was at the checks before: the daily check.
+    Check,
 }
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::Stop, Self::Signs, Self::Geometry, Self::Scale, Self::Blocks];
+    pub const ALL: [Self; 6] =
+        [Self::Stop, Self::Signs, Self::Geometry, Self::Scale, Self::Blocks, Self::Check];
 
     /// Its name in commands and files.
     pub const fn name(self) -> &'static str {
@@ -33,6 +36,7 @@ impl Kind {
             Self::Geometry => "geometry",
             Self::Scale => "scale",
             Self::Blocks => "blocks",
+            Self::Check => "check",
         }
     }
 
@@ -57,6 +61,7 @@ impl Kind {
                 "see that the gauge stands still and square, that nothing slips, and begin the step again"
             }
             Self::Blocks => "see that the block is clean and lies flat, and run its protocol again",
+            Self::Check => "do what is said of each quantity, and check again",
         }
     }
 }

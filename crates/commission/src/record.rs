@@ -2,7 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Basis, BenchChange, Change, Finding, Kind, Value, Verdict, metrology::ScrewError};
+use crate::{
+    Basis, BenchChange, Change, Finding, Kind, Value, Verdict,
+    check::{CheckValues, Checked},
+    metrology::ScrewError,
+};
 
 /// The version of the file.
 const FORMAT: u32 = 1;
@@ -37,7 +41,8 @@ pub struct Calibration {
     format: u32,
     /// What it shows.
     pub kind: Kind,
-    /// `accepted`, `rig file` if that must be changed, `failed`, or `void` after a change of the bench.
+    /// `accepted`, `rig file` if that must be changed, `failed`, or `void` after a change of the bench; of a daily check
+    /// `accepted`, `look` or `not to be trusted`.
     pub verdict: String,
     /// Why it failed, or what was changed.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -53,6 +58,9 @@ pub struct Calibration {
     drives: [String; 2],
     /// SHA-256 of the keys of the rig file on which it rests.
     keys_sha256: String,
+    /// SHA-256 of the protocols of a daily check: only checks with the same ones are compared.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    protocols_sha256: Option<String>,
     /// Covariance of the values, in their order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub covariance: Vec<Vec<f64>>,
@@ -135,6 +143,7 @@ impl Calibration {
             temperature_c: around.temperature_c,
             drives: basis.drives().clone(),
             keys_sha256: basis.sha256(kind),
+            protocols_sha256: None,
             covariance,
             screw_mm: screw.iter().map(screw_row).collect(),
             values: values.into_iter().map(ValueFile::from).collect(),
@@ -146,6 +155,23 @@ impl Calibration {
     pub fn void(kind: Kind, change: BenchChange, basis: &Basis, around: Circumstances) -> Self {
         let finding = Finding::failed(change.text().to_owned());
         Self { verdict: VOID.to_owned(), ..Self::new(kind, finding, basis, around) }
+    }
+
+    /// The record of a daily check with protocols of this digest.
+    pub fn check(
+        values: CheckValues,
+        judged: &Checked,
+        protocols_sha256: String,
+        basis: &Basis,
+        around: Circumstances,
+    ) -> Self {
+        let finding = Finding::of(values.to_values(), Vec::new());
+        Self {
+            verdict: judged.verdict.name().to_owned(),
+            reason: judged.reason(),
+            protocols_sha256: Some(protocols_sha256),
+            ..Self::new(Kind::Check, finding, basis, around)
+        }
     }
 
     /// Reads the text of a file.
@@ -187,6 +213,16 @@ impl Calibration {
     /// Whether it was made with these drives.
     pub(crate) fn has_drives_of(&self, basis: &Basis) -> bool {
         self.drives == *basis.drives()
+    }
+
+    /// SHA-256 of the protocols of a daily check.
+    pub fn protocols_sha256(&self) -> Option<&str> {
+        self.protocols_sha256.as_deref()
+    }
+
+    /// Whether it is a daily check with protocols of this digest.
+    pub(crate) fn has_protocols(&self, sha256: &str) -> bool {
+        self.protocols_sha256.as_deref() == Some(sha256)
     }
 
     /// Whether it has expired.

@@ -114,6 +114,27 @@ pub fn holding<'a>(
     }
 }
 
+/// The daily checks since the bench was changed, the oldest first: those with the present keys and drives, and with
+/// `protocols` of this digest if it is given.
+pub fn checks<'a>(
+    records: &'a [Calibration],
+    basis: &Basis,
+    protocols: Option<&str>,
+) -> Vec<&'a Calibration> {
+    let is_of_drives =
+        |record: &&Calibration| record.kind == Kind::Check && record.has_drives_of(basis);
+    let mut found: Vec<_> = records.iter().filter(is_of_drives).collect();
+    // The names of the files are in the order of time within a second.
+    found.sort_by_key(|record| record.made_unix_s());
+    let begin = found.iter().rposition(|record| record.is_void()).map_or(0, |void| void + 1);
+    let mut found = found.split_off(begin);
+    found.retain(|record| {
+        let has_protocols = |sha256| record.has_protocols(sha256);
+        record.has_keys_of(basis) && protocols.is_none_or(has_protocols)
+    });
+    found
+}
+
 #[cfg(test)]
 mod tests {
     use rig_files::rig_file::RigFile;

@@ -3,10 +3,10 @@
 use std::fmt::Write as _;
 
 use rig_record::{
-    Amended, Amendment, BlackBox, Change, Clearance, ClockJumped, Confirmed, Direction, Expected,
-    Fault, Intent, MoveReason, Prompt, Record, ReferenceJumped, RefusalAnswered, RefusedTouch,
-    Resumed, RetractTried, RunStarted, Sample, Stalled, StoredRecord, Sweep, SweepOutcome, Touch,
-    TouchSettings, UnreadableRecord,
+    Amended, Amendment, BlackBox, Change, CitedCalibration, Clearance, ClockJumped, Confirmed,
+    Direction, Expected, Fault, Intent, MoveReason, Prompt, Record, ReferenceJumped,
+    RefusalAnswered, RefusedTouch, Resumed, RetractTried, RunStarted, Sample, Stalled,
+    StoredRecord, Sweep, SweepOutcome, Touch, TouchSettings, UnreadableRecord,
 };
 
 use crate::{
@@ -210,6 +210,12 @@ impl RunData {
     /// Whether no real device took part.
     pub(crate) fn is_simulated(&self) -> bool {
         self.started.as_ref().is_some_and(|started| started.is_simulated)
+    }
+
+    /// The last daily check of the bench before the run.
+    pub(crate) fn daily_check(&self) -> Option<&CitedCalibration> {
+        let cited = self.started.iter().flat_map(|started| &started.calibrations);
+        cited.into_iter().find(|cited| cited.verdict.is_some())
     }
 
     /// Index of the sample with this name.

@@ -11,6 +11,7 @@ mod provenance;
 mod stiffness;
 mod sweeps;
 mod tables;
+pub mod trend;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use rig_analysis::sensitivity::Sensitivity;
@@ -157,6 +158,13 @@ fn head(results: &RunResults, check: &ChainCheck, verdict: &RunVerdict, began: &
                 b { "The journal of this run is not sound." }
                 " The checker found what is listed here; do not use the results before it is explained."
                 ul { @for finding in &verdict.findings { li { (finding) } } }
+            }
+        }
+        @if let Some(check) = data.daily_check()
+            && let Some(verdict) = check.verdict.as_deref().filter(|verdict| *verdict != "accepted") {
+            p.alarm {
+                b { "The daily check of the bench before this run says: " (verdict) "." }
+                " It was made " (check.made) " by " (check.person) "; `checks.html` in the data directory has its charts."
             }
         }
         @for fault in data.faults() {

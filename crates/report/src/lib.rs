@@ -17,7 +17,7 @@ mod tests;
 mod text;
 mod units;
 
-pub use html::RunVerdict;
+pub use html::{RunVerdict, trend};
 pub use results::{
     RunResults,
     aim::{AimPartSummary, AimSummary},
@@ -26,7 +26,7 @@ pub use results::{
     touches::TouchRow,
 };
 pub use summary::{
-    ClassificationSummary, EvidenceSummary, ModelSummary, RecognitionSummary, RunSummary,
-    ShiftSummary, StiffnessSummary, TermSummary,
+    ClassificationSummary, DailyCheckSummary, EvidenceSummary, ModelSummary, RecognitionSummary,
+    RunSummary, ShiftSummary, StiffnessSummary, TermSummary,
 };
 pub use units::with_sigma;

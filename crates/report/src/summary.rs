@@ -1,6 +1,7 @@
 //! The results for programs.
 
 use rig_analysis::model::{Evidence, Pattern, RunModel, Term};
+use rig_record::CitedCalibration;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -46,6 +47,8 @@ pub struct RunSummary {
     pub aim: Option<AimSummary>,
     /// From beginning to end by the wall clock, s; `None` during the run.
     pub wall_seconds: Option<f64>,
+    /// The last daily check of the bench before the run; `None` if there was none.
+    pub daily_check: Option<DailyCheckSummary>,
     /// Mean resonance with the probe clear, Hz.
     pub no_load_hz: Option<f64>,
     /// The shifts of the main touches.
@@ -63,6 +66,21 @@ pub struct RunSummary {
     pub recognition: Vec<RecognitionSummary>,
     /// Every planned touch with its result.
     pub touch_results: Vec<TouchRow>,
+}
+
+/// The last daily check of the bench before a run.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct DailyCheckSummary {
+    /// `accepted`, `look` or `not to be trusted`.
+    pub verdict: String,
+    /// When it was made, UTC.
+    pub made: String,
+    /// Name of the person.
+    pub person: String,
+    /// Name of its file in `calibrations` of the data directory.
+    pub file: String,
+    /// SHA-256 of the file.
+    pub sha256: String,
 }
 
 /// The shift of one sample at one pose.
@@ -221,6 +239,13 @@ pub struct RecognitionSummary {
     pub high: f64,
 }
 
+impl DailyCheckSummary {
+    fn of(cited: &CitedCalibration) -> Option<Self> {
+        let CitedCalibration { made, person, file, sha256, verdict, .. } = cited.clone();
+        Some(Self { verdict: verdict?, made, person, file, sha256 })
+    }
+}
+
 impl RunResults {
     /// The results for programs.
     pub fn summary(&self) -> RunSummary {
@@ -273,6 +298,7 @@ impl RunResults {
             expected_seconds: data.expected().map(|expected| [expected.least_s, expected.most_s]),
             aim: self.aim.clone(),
             wall_seconds: run.wall_s,
+            daily_check: data.daily_check().and_then(DailyCheckSummary::of),
             no_load_hz: self.no_load.map(|no_load| no_load.mean_hz),
             shifts: self.direction_means.iter().map(shift).collect(),
             sensitivity_hz_per_mpa: self

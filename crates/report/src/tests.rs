@@ -178,7 +178,7 @@ fn the_summary_has_the_documented_fields() {
     };
     assert_eq!(
         fields(&json),
-        "aim classification expected_seconds is_sealed is_simulated model no_load_hz prompts recognition rig_seconds run_id \
+        "aim classification daily_check expected_seconds is_sealed is_simulated model no_load_hz prompts recognition rig_seconds run_id \
          sensitivity_hz_per_mpa shifts status stiffness touch_results touches touches_measured \
          touches_not_reached touches_planned touches_refused touches_skipped wall_seconds"
     );

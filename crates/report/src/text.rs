@@ -61,6 +61,10 @@ impl RunResults {
 fn facts(results: &RunResults) -> Vec<(String, String)> {
     let mut facts = Vec::new();
     let mut fact = |name: &str, value: String| facts.push((name.to_owned(), value));
+    if let Some(check) = results.data.daily_check() {
+        let verdict = check.verdict.as_deref().unwrap_or_default();
+        fact("daily check", format!("{verdict}, {}", check.made));
+    }
     if let Some(no_load) = &results.no_load {
         let (mean, span) = (fixed(no_load.mean_hz, 3), fixed(no_load.max_hz - no_load.min_hz, 3));
         let count = no_load.count;

@@ -8,13 +8,15 @@ use std::{
 use jiff::Timestamp;
 use rig_commission::{
     Basis, BenchChange, Calibration, Circumstances, Finding, Kind, Standing, UnreadableCalibration,
-    file_name, holding,
+    checks, file_name, holding,
 };
-use rig_store::{CitedCalibration, Digest, make_directory};
+use rig_files::rig_file::RigFile;
+use rig_store::{CitedCalibration, Digest, RunStarted, Source, make_directory};
 use sha2::{Digest as _, Sha256};
 
 use crate::{
     durable::{self, FOR_ALL},
+    loaded_rig::FileError,
     rig::SOFTWARE,
 };
 
@@ -91,7 +93,7 @@ fn read_files(data: &Path) -> Result<Vec<(Filed, Calibration)>, CalibrationsErro
     paths.into_iter().map(read).collect()
 }
 
-/// The calibrations that hold now, for the record of a run.
+/// The calibrations that hold now, and the last daily check whatever it says, for the record of a run.
 ///
 /// # Errors
 /// [`CalibrationsError`]. A folder that is not there has none.
@@ -102,7 +104,10 @@ pub(crate) fn cited(
     let (files, records): (Vec<_>, Vec<_>) = read_files(data)?.into_iter().unzip();
     let now_s = Timestamp::now().as_second();
     let cite = |kind: Kind| {
-        let found = holding(kind, &records, basis, now_s).ok()?;
+        let found = match kind {
+            Kind::Check => checks(&records, basis, None).pop()?,
+            kind => holding(kind, &records, basis, now_s).ok()?,
+        };
         let at = records.iter().position(|record| std::ptr::eq(record, found))?;
         let Filed { path, text } = files.get(at)?;
         Some(CitedCalibration {
@@ -111,9 +116,22 @@ pub(crate) fn cited(
             person: found.person().to_owned(),
             file: path.file_name()?.to_string_lossy().into_owned(),
             sha256: Digest::from_bytes(Sha256::digest(text.as_bytes()).into()).to_string(),
+            verdict: (kind == Kind::Check).then(|| found.verdict.clone()),
         })
     };
     Ok(Kind::ALL.into_iter().filter_map(cite).collect())
+}
+
+/// Whether a run was made with the scales and zeros of the axes that the rig file has now: heights and tilts of other ones
+/// are not comparable.
+///
+/// # Errors
+/// The rig file of the run cannot be read by this version.
+pub(crate) fn has_axes_of(started: &RunStarted, basis: &Basis) -> Result<bool, FileError> {
+    let Source { name, toml } = &started.rig;
+    let rig = RigFile::read(name, toml).map_err(FileError::Faults)?;
+    // The keys of the axes alone are compared; the instrument files of that time are not in the journal.
+    Ok(Basis::of(&rig, [None, None]).sha256(Kind::Scale) == basis.sha256(Kind::Scale))
 }
 
 /// Who saw a step, in which session of the journal, and at which temperature.
@@ -153,6 +171,18 @@ pub fn void(
 ) -> Result<PathBuf, CalibrationsError> {
     let record = |around| Calibration::void(kind, change, basis, around);
     keep(data, kind, witness, record)
+}
+
+/// Writes a daily check, and returns the path of its record.
+///
+/// # Errors
+/// [`CalibrationsError`]. There is then no new file.
+pub(crate) fn keep_check(
+    data: &Path,
+    witness: Witness,
+    record: impl FnOnce(Circumstances) -> Calibration,
+) -> Result<PathBuf, CalibrationsError> {
+    keep(data, Kind::Check, witness, record)
 }
 
 fn keep(

@@ -6,6 +6,7 @@ mod archive;
 mod args;
 mod bench_key;
 mod check;
+mod check_bench;
 mod client;
 mod commission;
 mod compensate;
@@ -146,6 +147,8 @@ enum CliCommand {
     Compensate(compensate::CompensateArgs),
     /// Test a bench in levels, each check with its limit; nothing moves
     Selftest(selftest::SelftestArgs),
+    /// Check that a bench is as it was, by touches on a block and references
+    CheckBench(check_bench::CheckBenchArgs),
     /// Check a rig and advise on each problem
     Doctor(doctor::DoctorArgs),
     /// Show a new bench to be as its rig file says, step by step
@@ -196,7 +199,7 @@ pub fn main() -> ExitCode {
                 // Each fault begins with its place, so that an editor can jump there.
                 Failure::BadFile(FileError::Faults(faults)) => table::note(&faults.to_string()),
                 // What was found has been listed.
-                Failure::TouchesRefused | Failure::NotSound => {}
+                Failure::TouchesRefused | Failure::NotSound | Failure::NotAccepted { .. } => {}
                 failure => table::note(&format!("rigd: {}", with_causes(failure))),
             }
             if let Some(advice) = failure.advice() {
@@ -247,6 +250,7 @@ fn carry_out(command: CliCommand) -> Result<(), Failure> {
         CliCommand::Instrument(args) => instrument::instrument(&args),
         CliCommand::Compensate(args) => compensate::compensate(&args),
         CliCommand::Selftest(args) => selftest::run(&args),
+        CliCommand::CheckBench(args) => check_bench::check_bench(&args),
         CliCommand::Doctor(args) => doctor::doctor(&args),
         CliCommand::Commission(args) => commission::commission(&args),
         CliCommand::Home(args) => moves::home(&args),

@@ -3,6 +3,7 @@
 
 mod aim;
 mod archive;
+mod bench_check;
 pub mod calibrations;
 pub mod cli;
 mod describe;

@@ -43,7 +43,7 @@ fn a_missing_file_is_told_with_those_that_are_there_and_exits_with_2() {
     let none = config("protocols/smok.toml");
     let there = [
         "smok.toml: no such file; ",
-        "protocols holds block.toml, smoke.toml, three-direction.toml",
+        "protocols holds block.toml, check-block.toml, check-references.toml, ",
     ];
     for command in ["run", "check", "serve"] {
         check(&[command.as_ref(), &none, "--rig".as_ref(), &rig], 2, &there);

@@ -22,7 +22,8 @@ pub struct RunStarted {
     pub scene: Option<Source>,
     /// Devices on the ports.
     pub devices: Vec<Device>,
-    /// The calibrations of the bench that held when the run began; none for a simulated bench that is as described.
+    /// The calibrations of the bench that held when the run began, and its last daily check. A simulated bench that is as
+    /// described needs none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub calibrations: Vec<CitedCalibration>,
     /// The samples, in the protocol's order.
@@ -87,6 +88,9 @@ pub struct CitedCalibration {
     pub file: String,
     /// SHA-256 of the file.
     pub sha256: String,
+    /// Verdict of a daily check: `accepted`, `look` or `not to be trusted`. The others are accepted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<String>,
 }
 
 /// A sample of the protocol, with its known stiffness.

@@ -74,11 +74,15 @@ fn keys_of<'a>(toml: &'a str, table: &str) -> impl Iterator<Item = &'a str> {
     lines.filter(|line| line.contains('=') && !line.starts_with('#'))
 }
 
-/// A calibration of the bench. Its file is found by the beginning of its digest.
+/// A calibration of the bench, or its last daily check with the verdict. Its file is found by the beginning of its digest.
 fn cited(calibration: &CitedCalibration) -> Markup {
-    let CitedCalibration { kind, made, person, sha256, .. } = calibration;
+    let CitedCalibration { kind, made, person, sha256, verdict, .. } = calibration;
     let digest = sha256.get(..12).unwrap_or(sha256);
-    fact(&format!("calibration: {kind}"), format!("{made}, {person}, SHA-256 {digest}…"))
+    let told = format!("{made}, {person}, SHA-256 {digest}…");
+    match verdict {
+        Some(verdict) => fact("daily check", format!("{verdict}, {told}")),
+        None => fact(&format!("calibration: {kind}"), told),
+    }
 }
 
 fn fact(name: &str, value: impl Render) -> Markup {

@@ -23,6 +23,7 @@ use super::{
     table::{print, print_json, wrapped},
 };
 use crate::{
+    bench_check::CheckError,
     calibrations::{self, CalibrationsError, Witness},
     endpoint::{Endpoint, EndpointError},
     loaded_rig::LoadedRig,
@@ -147,6 +148,8 @@ pub(super) enum CommissionFailure {
     Failed { kind: Kind, why: String },
     #[error(transparent)]
     NoGeometry(#[from] NoGeometry),
+    #[error(transparent)]
+    Check(#[from] CheckError),
     #[error("the bench is not as the rig file says: {changes}")]
     RigFile { changes: String },
     #[error("{run} was made with other values of [linear] or [rotary] than the rig file has now")]
@@ -158,7 +161,10 @@ pub(super) enum CommissionFailure {
 impl CommissionFailure {
     pub(super) const fn exit_code(&self) -> u8 {
         match self {
-            Self::RigFile { .. } | Self::NotAnAnswer(_) | Self::OtherAxes { .. } => 2,
+            Self::RigFile { .. }
+            | Self::NotAnAnswer(_)
+            | Self::OtherAxes { .. }
+            | Self::Check(CheckError::OtherAxes { .. } | CheckError::Samples { .. }) => 2,
             _ => 1,
         }
     }
@@ -167,6 +173,9 @@ impl CommissionFailure {
         match self {
             Self::Failed { kind, .. } => Some(kind.remedy()),
             Self::NoGeometry(_) => Some(Kind::Blocks.remedy()),
+            Self::Check(CheckError::Unmeasured(_)) => {
+                Some("`rigd show RUN` says why the touches were refused; make the check again")
+            }
             Self::OtherAxes { .. } => {
                 Some("run the protocol of the block again, and evaluate that run")
             }

@@ -38,7 +38,8 @@ Exit codes:
   4  the rig is latched after a fault
   5  a run, a move or a sweep was aborted
   6  a run came to its end, and some of its touches were refused
-  7  the journal or the folder of a run is not sound";
+  7  the journal or the folder of a run is not sound
+  8  the daily check of the bench says look, or not to be trusted";
 
 /// Why a command failed, with its exit code.
 #[derive(Debug, thiserror::Error)]
@@ -146,6 +147,9 @@ pub(super) enum Failure {
     /// The runs have been listed already.
     #[error("touches were refused")]
     TouchesRefused,
+    /// The check has been printed.
+    #[error("the daily check says: {verdict}")]
+    NotAccepted { verdict: &'static str },
     #[error("interrupted")]
     Interrupted,
     #[error(
@@ -215,6 +219,7 @@ impl Failure {
             Self::Aborted => 5,
             Self::TouchesRefused => 6,
             Self::NotSound => 7,
+            Self::NotAccepted { .. } => 8,
             Self::Commission(failure) => failure.exit_code(),
             Self::Interrupted => 130,
             #[cfg(feature = "simulator")]

@@ -73,7 +73,7 @@ enum Order {
 
 /// What matters here of the bench.
 #[derive(Debug, Clone, Copy)]
-struct BenchKind {
+pub(super) struct BenchKind {
     /// Nobody is asked at the terminal.
     is_simulated: bool,
     /// The rig's clock does not follow that of the wall.
@@ -81,7 +81,7 @@ struct BenchKind {
 }
 
 impl BenchKind {
-    fn of(rig: &LoadedRig) -> Self {
+    pub(super) fn of(rig: &LoadedRig) -> Self {
         Self { is_simulated: rig.is_simulated(), is_virtual_time: rig.is_virtual_time() }
     }
 }
@@ -184,6 +184,22 @@ async fn begin(session: &Session, order: Order) -> Result<RunId, Failure> {
     })
 }
 
+/// Begins a run of a protocol and waits until it is completed, also with refused touches.
+pub(super) async fn replay_protocol(
+    session: &mut Session,
+    protocol: LoadedProtocol,
+    bench: BenchKind,
+    journal: Option<&Path>,
+) -> Result<RunId, Failure> {
+    let order = Order::Protocol(Box::new(protocol));
+    let (run, ending, status) = replay(session, order, bench, journal).await?;
+    match ending {
+        RunStatus::Completed | RunStatus::CompletedWithRefusals => Ok(run),
+        RunStatus::Aborted => Err(Failure::Aborted),
+        RunStatus::Faulted => Err(latched(&status)),
+    }
+}
+
 /// Begins the requested run and waits for its end.
 async fn replay(
     session: &mut Session,
@@ -256,7 +272,7 @@ async fn replay(
 
 impl OutputArgs {
     /// The data directory, if the outcome of each touch is said.
-    fn touches<'a>(&self, data: &'a Path) -> Option<&'a Path> {
+    pub(super) fn touches<'a>(&self, data: &'a Path) -> Option<&'a Path> {
         (!self.json).then_some(data)
     }
 }

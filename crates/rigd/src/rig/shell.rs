@@ -78,8 +78,8 @@ pub(super) struct Shell {
     gate: Gate,
     /// The intent that is noted and not yet durable.
     intent: Option<Position<Mm>>,
-    /// What calibrations of the rig rest on; `None` for a simulated bench that is as described and needs none.
-    rests_on: Option<Basis>,
+    /// What calibrations of the rig rest on.
+    rests_on: Basis,
     /// `None` for a rig that is commissioned.
     uncommissioned: Option<Uncommissioned>,
     /// The simulated person, while the rig is commissioned.
@@ -118,7 +118,7 @@ impl Shell {
         let left = InterruptedRig::left(&store.reader().map_err(data_error)?, &name);
         let clock = Clock::start();
         let proof = Proof::of(&rig, store.directory());
-        let rests_on = (!rig.is_put_together_as_described()).then(|| rig.basis());
+        let rests_on = rig.basis();
         let uncommissioned = Uncommissioned::new(rig.basis(), store.directory(), purpose, &proof);
         let proven = match purpose {
             Purpose::Service => proof.proven,

@@ -8,11 +8,11 @@ use rig_commission::{
     metrology::{BlockGeometry, BlockTouch, TouchNoise, fit},
 };
 use rig_files::rig_file::RigFile;
-use rig_model::{ContactAngle, Direction};
-use rig_store::{Reader, Record, Run, Source, StoreError};
+use rig_store::{Reader, Record, Run, StoreError};
 
 use super::{CommissionFailure, judged};
 use crate::{
+    bench_check::tilt_deg,
     calibrations::{self, Witness},
     cli::{
         Failure,
@@ -20,7 +20,6 @@ use crate::{
         screen::say,
         table::{facts, print},
     },
-    loaded_rig::FileError,
 };
 
 /// Fits surface, rotary axis, probe and the zero of the rotary stage to the touches of a run on a hard flat block, such as
@@ -118,23 +117,14 @@ fn of_run(
         let surface = match stored.record().map_err(StoreError::from)? {
             Record::SurfaceFound(surface) => surface,
             Record::RunStarted(started) => {
-                let Source { name, toml } = &started.rig;
-                let rig = RigFile::read(name, toml).map_err(FileError::Faults)?;
-                // The instrument files of that time are not in the journal.
-                if Basis::of(&rig, [None, None]).sha256(Kind::Scale) != basis.sha256(Kind::Scale) {
+                if !calibrations::has_axes_of(&started, basis)? {
                     return Err(CommissionFailure::OtherAxes { run: run.short_name() }.into());
                 }
                 continue;
             }
             _ => continue,
         };
-        let direction = match surface.pose.direction {
-            rig_record::Direction::Front => Direction::Front,
-            rig_record::Direction::Back => Direction::Back,
-            rig_record::Direction::Left => continue,
-        };
-        let Ok(angle) = ContactAngle::new(surface.pose.angle_deg) else { continue };
-        let tilt_deg = direction.rotary_position(angle).value();
+        let Some(tilt_deg) = tilt_deg(surface.pose) else { continue };
         let touch = BlockTouch { tilt_deg, height_mm: surface.position_mm, raised_mm };
         touches.push((touch, surface.sigma_mm));
     }

@@ -70,12 +70,10 @@ impl Shell {
         }
     }
 
-    /// The calibrations that hold now. Those that cannot be read are not cited.
+    /// The calibrations that hold now, and the last daily check. Those that cannot be read are not cited.
     fn cited(&self) -> Vec<CitedCalibration> {
-        let (Some(basis), Some(data)) = (&self.rests_on, self.log.store().directory()) else {
-            return Vec::new();
-        };
-        calibrations::cited(basis, data).unwrap_or_else(|error| {
+        let Some(data) = self.log.store().directory() else { return Vec::new() };
+        calibrations::cited(&self.rests_on, data).unwrap_or_else(|error| {
             let error = with_causes(&error);
             tracing::warn!(error, "the calibrations cannot be read, and the run cites none");
             Vec::new()

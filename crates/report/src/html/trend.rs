@@ -1,0 +1,168 @@
+//! The trend of the daily checks of a bench as one HTML file.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use rig_chart::{Axis, Band, BandEdge, Chart, Marker, Point, Series};
+
+use super::element::{drawn, figure_row, note, table, text};
+
+/// The daily checks of a bench that can be compared with each other, the oldest first.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trend {
+    /// Name of the rig.
+    pub rig: String,
+    /// A chart for each quantity.
+    pub panels: Vec<TrendPanel>,
+    /// The checks.
+    pub checks: Vec<TrendCheck>,
+}
+
+/// The chart of a quantity.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrendPanel {
+    /// Name of the quantity.
+    pub title: String,
+    /// Its unit; 1 for a logarithm.
+    pub unit: String,
+    /// Its values.
+    pub points: Vec<TrendPoint>,
+}
+
+/// A value of a quantity.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrendPoint {
+    /// The value.
+    pub value: f64,
+    /// When it was measured, for a person.
+    pub made: String,
+    /// Between which values it was expected; `None` for the first ones.
+    pub limits: Option<(f64, f64)>,
+    /// The moving average of the scores.
+    pub average: Option<f64>,
+    /// Whether the chart has an alarm.
+    pub is_alarm: bool,
+}
+
+/// A check.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrendCheck {
+    /// When it was made, for a person.
+    pub made: String,
+    /// Name of the person.
+    pub person: String,
+    /// `accepted`, `look` or `not to be trusted`.
+    pub verdict: String,
+    /// Why it is not accepted; empty if it is.
+    pub reason: String,
+}
+
+/// Width and height of a chart, pixels: two in a row.
+const PANEL_PX: (u32, u32) = (446, 260);
+
+impl Trend {
+    /// The page. It asks no host for anything.
+    pub fn html(&self) -> String {
+        let last = self.checks.last();
+        let page = html! {
+            (DOCTYPE)
+            html lang="en" {
+                head {
+                    meta charset="utf-8";
+                    meta name="viewport" content="width=device-width, initial-scale=1";
+                    meta name="color-scheme" content="light dark";
+                    meta http-equiv="Content-Security-Policy"
+                        content="default-src 'none'; style-src 'unsafe-inline'";
+                    title { (self.rig) " – daily checks" }
+                    style {
+                        (PreEscaped(include_str!("style.css"))) (PreEscaped(rig_chart::STYLE))
+                    }
+                }
+                body {
+                    main {
+                        header {
+                            p.eyebrow { "Daily checks" }
+                            h1 { (self.rig) }
+                            @if let Some(last) = last { (verdict(last)) }
+                        }
+                        section {
+                            h2 { "Trend" }
+                            @if self.panels.is_empty() { (note("No check was made yet.")) }
+                            @else { (self.charts()) }
+                        }
+                        section {
+                            h2 { "Checks" }
+                            (self.table())
+                        }
+                    }
+                }
+            }
+        };
+        page.into_string()
+    }
+
+    fn charts(&self) -> Markup {
+        let charts = html! {
+            @for (index, panel) in self.panels.iter().enumerate() {
+                (drawn(&panel.chart(), &format!("fig-trend-{index}")))
+            }
+        };
+        let caption = "Each quantity by number of the check. The band is where a check was expected by those before \
+                       it; a ring marks an alarm: a value beyond the band, or a small change that stays.";
+        figure_row(&charts, caption)
+    }
+
+    fn table(&self) -> Markup {
+        let row = |(index, check): (usize, &TrendCheck)| {
+            let TrendCheck { made, person, verdict, reason } = check;
+            vec![text(index + 1), text(made), text(person), text(verdict), text(reason)]
+        };
+        let rows: Vec<_> = self.checks.iter().enumerate().rev().map(row).collect();
+        let heads = ["check", "made", "person", "verdict", "reason"];
+        html! { div.words { (table("Every check since the bench was changed, the last one first.", &heads, &rows)) } }
+    }
+}
+
+fn verdict(last: &TrendCheck) -> Markup {
+    let class = match last.verdict.as_str() {
+        "accepted" => "completed",
+        "look" => "partial",
+        _ => "failed",
+    };
+    html! {
+        p.meta { span.status.(class) { (last.verdict) } " " (last.made) " · " (last.person) }
+        @if !last.reason.is_empty() { p.alarm { (last.reason) } }
+    }
+}
+
+impl TrendPanel {
+    fn chart(&self) -> Chart {
+        let unit = if self.unit == "1" { String::new() } else { format!(" ({})", self.unit) };
+        let mut chart = Chart::new(
+            &self.title,
+            &format!("{} of each daily check, with the limits by the checks before.", self.title),
+            Axis::linear("check"),
+            Axis::linear(&format!("value{unit}")),
+        );
+        chart.size_px = PANEL_PX;
+        let numbered = || self.points.iter().zip(1_u32..).map(|(point, n)| (f64::from(n), point));
+        let edges = numbered()
+            .filter_map(|(x, point)| point.limits.map(|(low, high)| BandEdge { x, low, high }));
+        let edges: Vec<_> = edges.collect();
+        if edges.len() > 1 {
+            chart.bands.push(Band { name: None, edges, colour: 0 });
+        }
+        let mark = |(x, point): (f64, &TrendPoint)| Point {
+            x,
+            y: point.value,
+            error: None,
+            note: Some(format!("{}: {}{unit}", point.made, point.value)),
+        };
+        let all = Series::joined("", 0, numbered().map(mark));
+        chart.series.push(Series { name: None, ..all });
+        let alarms: Vec<_> = numbered().filter(|(_, point)| point.is_alarm).map(mark).collect();
+        if !alarms.is_empty() {
+            let rings = Series::scatter("alarm", 1, alarms);
+            chart.series.push(Series { marker: Some(Marker::Ring), ..rings });
+        }
+        chart
+    }
+}

@@ -1,0 +1,139 @@
+//! `rigd check-bench` on a simulated bench, day after day.
+
+#![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
+
+use std::{
+    fs,
+    path::PathBuf,
+    process::{Command, Output},
+};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn config(path: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../config").join(path)
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// A change of a bench: a text of its scene, and what stands there then.
+type Change = (&'static str, &'static str);
+
+/// The bench of one data directory.
+struct Bench(TempDir);
+
+impl Bench {
+    fn new() -> Self {
+        Self(TempDir::new().unwrap())
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.0.path().join(name).to_str().unwrap().to_owned()
+    }
+
+    /// The same bench on another day, after these changes.
+    fn put_together(&self, day: u64, changes: &[Change]) {
+        let mut scene = fs::read_to_string(config("scenes/daily.toml")).unwrap();
+        let seed = format!("seed = {day}");
+        for (old, new) in [("seed = 2020", seed.as_str())].iter().chain(changes) {
+            assert!(scene.contains(old), "{old}");
+            scene = scene.replacen(old, new, 1);
+        }
+        fs::write(self.path("scene.toml"), scene).unwrap();
+        let rig = fs::read_to_string(config("rigs/simulated.toml")).unwrap();
+        fs::write(self.path("rig.toml"), rig.replacen("../scenes/paper.toml", "scene.toml", 1))
+            .unwrap();
+    }
+
+    fn rigd(&self, args: &[&str]) -> Output {
+        self.read(&[args, &["--rig", &self.path("rig.toml")]].concat())
+    }
+
+    /// A command that needs no rig.
+    fn read(&self, args: &[&str]) -> Output {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rigd"));
+        command.args(args).args(["--data", &self.path("data")]).output().unwrap()
+    }
+
+    /// A check by two runs that were made before.
+    fn judge(&self, block: u64, references: u64) -> Value {
+        let runs = [format!("check-block-{block}"), format!("check-references-{references}")];
+        let output = self.rigd(&["check-bench", "--json", "--runs", &runs[0], &runs[1]]);
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", stderr(&output)))
+    }
+
+    /// A check on a day, with its exit code.
+    fn check(&self, day: u64, changes: &[Change]) -> (Value, Option<i32>) {
+        self.put_together(day, changes);
+        let output = self.rigd(&["check-bench", "--json", "--operator", "Ada"]);
+        let view = serde_json::from_slice(&output.stdout);
+        (view.unwrap_or_else(|_| panic!("{}", stderr(&output))), output.status.code())
+    }
+}
+
+fn alarms(check: &Value) -> Vec<&str> {
+    let quantities = check["quantities"].as_array().unwrap();
+    let is_alarm = |quantity: &&Value| quantity["is_alarm"] == true;
+    quantities.iter().filter(is_alarm).map(|quantity| quantity["name"].as_str().unwrap()).collect()
+}
+
+#[test]
+fn a_bench_that_has_changed_is_told_by_the_quantity_that_shows_it() {
+    let bench = Bench::new();
+    for day in 1..=4 {
+        let (check, code) = bench.check(day, &[]);
+        assert_eq!((&check["verdict"], code), (&Value::from("look"), Some(8)), "{day}: {check}");
+        assert_eq!(check["checks"], day);
+    }
+    // Runs of the same days, each with those of another one, as further checks.
+    let pairs = (1..=4).flat_map(|block| (1..=4).map(move |references| (block, references)));
+    for (block, references) in pairs.filter(|(block, references)| block != references) {
+        bench.judge(block, references);
+    }
+    let (check, code) = bench.check(5, &[]);
+    assert_eq!((&check["verdict"], code), (&Value::from("accepted"), Some(0)), "{check}");
+    assert_eq!(check["checks"], 17);
+    // A run cites the last check, and its report shows it.
+    let run = bench.rigd(&["run", config("protocols/check-references.toml").to_str().unwrap()]);
+    assert!(run.status.success(), "{}", stderr(&run));
+    let shown = bench.read(&["show", "latest", "--json"]);
+    let shown: Value = serde_json::from_slice(&shown.stdout).unwrap();
+    let trend = fs::read_to_string(bench.path("data/checks.html")).unwrap();
+    assert!(trend.contains("accepted") && trend.matches("<svg").count() == 7);
+    assert_eq!(shown["daily_check"]["verdict"], "accepted", "{shown}");
+    let report = fs::read_to_string(shown["report"].as_str().unwrap()).unwrap();
+    assert!(report.contains("daily check") && !report.contains("says: "), "daily check");
+    // A zero that was lost and a bent probe, a worn ball, a sensor that aged: each is found by what shows it.
+    for (day, changes, shows) in [
+        (
+            12,
+            &[
+                ("surface_mm = 10.03", "surface_mm = 10.06"),
+                ("probe_beside_pivot_mm = 0.32", "probe_beside_pivot_mm = 0.36"),
+            ][..],
+            &["check.surface", "check.tilt_difference"][..],
+        ),
+        (
+            13,
+            &[("probe_radius_mm = 0.51", "probe_radius_mm = 0.40")],
+            &["check.first_reference", "check.second_reference"],
+        ),
+        (14, &[("length_mm = 35", "length_mm = 34.6")], &["check.free_resonance"]),
+    ] {
+        let (check, code) = bench.check(day, changes);
+        let told = alarms(&check);
+        assert!(shows.iter().all(|shows| told.contains(shows)), "{changes:?}: {check}");
+        assert_eq!(code, Some(8));
+    }
+    // After a change of the bench that is meant, the charts begin anew.
+    let changed = bench.rigd(&["commission", "changed", "references"]);
+    assert!(changed.status.success(), "{}", stderr(&changed));
+    assert_eq!(bench.judge(5, 5)["checks"], 1);
+    let mixed_up = bench.rigd(&["check-bench", "--runs", "check-references-5", "check-block-5"]);
+    assert_eq!(mixed_up.status.code(), Some(2), "{}", stderr(&mixed_up));
+    let said = "check-references-5 has 2 samples, and the check on the block has 1";
+    assert!(stderr(&mixed_up).contains(said), "{}", stderr(&mixed_up));
+}
