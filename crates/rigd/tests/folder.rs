@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
 use std::{
+    collections::BTreeSet,
     fs,
     path::{Path, PathBuf},
     process::{Command, Output},
@@ -96,6 +97,41 @@ fn the_checker_confirms_chi_squared_of_the_model_and_refutes_another() {
     ] {
         assert_eq!(confirmed(other), Some(false), "{other:?}");
     }
+}
+
+/// The references of its touches lie between two sweeps of the free sensor, on a bench that drifts.
+#[test]
+fn the_checker_confirms_chi_squared_of_a_run_with_references_by_drift() {
+    let data = TempDir::new().unwrap();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config");
+    let write = |name: &str, of: &str, from: &str, to: &str| {
+        let text = fs::read_to_string(root.join(of)).unwrap();
+        assert!(text.contains(from), "{from}");
+        let path = data.path().join(name);
+        fs::write(&path, text.replacen(from, to, 1)).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let walk = ("walk_hz_per_sqrt_hour = 0.1", "walk_hz_per_sqrt_hour = 1.0");
+    let scene = write("scene.toml", "scenes/paper.toml", walk.0, walk.1);
+    let rig = write("rig.toml", "rigs/simulated.toml", "../scenes/paper.toml", &scene);
+    let policy = ("# no_load = \"every-sample\"", "no_load = \"by-drift\"");
+    let protocol = write("by-drift.toml", "protocols/three-direction.toml", policy.0, policy.1);
+    let run = rigd(data.path(), &["run", &protocol, "--rig", &rig, "--json"]);
+    let run: Value = serde_json::from_slice(&run.stdout).unwrap();
+    // Touches that share the sweep before them have references of their own between it and the next one.
+    let touches = run["touch_results"].as_array().unwrap();
+    let of = |key: &str| {
+        touches.iter().map(|touch| touch[key].to_string()).collect::<BTreeSet<_>>().len()
+    };
+    assert!(
+        of("no_load_hz") > of("no_load_sweep") + 10,
+        "{} and {}",
+        of("no_load_hz"),
+        of("no_load_sweep")
+    );
+    let verified = rigd(data.path(), &["verify", "latest", "--json"]);
+    let verified: Value = serde_json::from_slice(&verified.stdout).unwrap();
+    assert_eq!(verified["model"]["is_confirmed"], true, "{}", verified["model"]);
 }
 
 #[test]

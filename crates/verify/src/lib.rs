@@ -17,6 +17,7 @@
 
 mod aim;
 mod archived;
+mod between;
 mod chain;
 mod descent;
 mod drift;

@@ -11,6 +11,7 @@ use std::{collections::BTreeMap, path::Path};
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    between::Between,
     journal::{self, Journal, JournalError},
     record::{Record, RunStarted, TouchResult},
 };
@@ -141,30 +142,49 @@ fn touches(journal: &Journal) -> Result<(RunStarted, Vec<TouchResult>), &'static
     if !journal.elsewhere.is_empty() {
         return Err("touches of the run were measured again or left out");
     }
-    let (mut started, mut touches) = (None, BTreeMap::new());
+    let (mut started, mut touches, mut between) = (None, BTreeMap::new(), Between::default());
+    let mut is_archived = false;
     for entry in journal.entries.iter().filter(|entry| entry.is_own) {
-        match serde_json::from_str(&entry.payload) {
-            Ok(Record::RunStarted(found)) => started = Some(*found),
-            Ok(Record::TouchResult(found)) => {
+        is_archived |= entry.kind == "sweep" && entry.payload.is_empty();
+        let Ok(record) = serde_json::from_str(&entry.payload) else { continue };
+        between.take(&record);
+        match record {
+            Record::RunStarted(found) => started = Some(*found),
+            Record::TouchResult(found) => {
                 touches.insert(found.touch.step.clone(), *found);
             }
             _ => {}
         }
     }
-    Ok((started.ok_or("the run has no beginning")?, touches.into_values().collect()))
+    let started = started.ok_or("the run has no beginning")?;
+    let mut touches: Vec<TouchResult> = touches.into_values().collect();
+    if is_by_drift(&started)? {
+        if is_archived {
+            return Err("the sweeps between which its references lie are in an archive");
+        }
+        for touch in &mut touches {
+            between.refer(touch);
+        }
+    }
+    Ok((started, touches))
+}
+
+/// Whether the references of a run are measured when the drift asks for them.
+fn is_by_drift(started: &RunStarted) -> Result<bool, &'static str> {
+    let protocol = protocol(started)?;
+    let chosen = started.aim.as_ref().map(|aim| aim.settings.no_load.as_str());
+    Ok(chosen.or(protocol.no_load.as_deref()) == Some("by-drift"))
+}
+
+fn protocol(started: &RunStarted) -> Result<ProtocolKeys, &'static str> {
+    toml::from_str(&started.protocol.toml).map_err(|_| "the protocol cannot be read")
 }
 
 /// χ² for each degree of freedom, and their number.
 fn chi2_of(journal: &Journal, stated: &StatedModel) -> Result<(f64, usize), &'static str> {
     let (started, touches) = touches(journal)?;
-    let protocol: ProtocolKeys =
-        toml::from_str(&started.protocol.toml).map_err(|_| "the protocol cannot be read")?;
-    if protocol.angle.as_deref() == Some("unknown") {
+    if protocol(&started)?.angle.as_deref() == Some("unknown") {
         return Err("the contact angles are unknown");
-    }
-    let chosen = started.aim.as_ref().map(|aim| aim.settings.no_load.as_str());
-    if chosen.or(protocol.no_load.as_deref()) == Some("by-drift") {
-        return Err("its references lie between two sweeps, which this checker does not follow");
     }
     let rig: RigKeys = toml::from_str(&started.rig.toml)
         .map_err(|_| "the rig file does not describe the sensor in full")?;
