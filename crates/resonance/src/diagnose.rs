@@ -1,6 +1,7 @@
 //! Faults of readings and checks of results.
 
 pub(crate) mod alternatives;
+pub(crate) mod any_phase;
 pub(crate) mod doubts;
 pub(crate) mod flagged;
 pub(crate) mod mains;

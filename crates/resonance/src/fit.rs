@@ -22,7 +22,7 @@ use crate::{
         doubt_resolution,
     },
     diagnose::rounding,
-    fit::full::Model,
+    fit::full::{BROAD, Model},
     fit::steady::SteadyFit,
     noise,
     numeric::descent::End,
@@ -85,8 +85,10 @@ impl Fitter {
                 && doubt_place(&resonance, window).is_none()
                 && doubt_circuit(&resonance, span).is_none()
                 && doubt_resolution(&resonance, span, count).is_none()
-                && self.has_settled(&resonance, at, readings, options)
-                && let widened = resonance.widened(widening * resonance.resonance_hz.powi(2))
+                && !is_broad(&resonance, span)
+                && let Some(unsettled) = self.unsettled(&resonance, at, readings, options)
+                && let more = widening.max(unsettled)
+                && let widened = resonance.widened(more * resonance.resonance_hz.powi(2))
                 && doubt_precision(&widened, resonance.sigma_hz).is_none()
             {
                 return FitOutcome::Accepted(widened);
@@ -101,19 +103,21 @@ impl Fitter {
         }
     }
 
-    /// Whether the readings have settled, or nothing is known of their times.
-    fn has_settled(
+    /// Addition to the relative variance of the resonance for readings that may not have settled; `None`
+    /// if they have not.
+    fn unsettled(
         &self,
         found: &Resonance,
         at: ModelEstimate,
         readings: &[Reading],
         options: &FitOptions,
-    ) -> bool {
+    ) -> Option<f64> {
+        if options.timing != Timing::Waited || self.quick.has_surely_settled(found) {
+            return Some(0.0);
+        }
         let unit_farad = self.quick.points.reference_farad;
         let free = if found.loss_tangent_sigma().is_some() { CIRCUIT } else { CIRCUIT - 1 };
-        options.timing != Timing::Waited
-            || self.quick.has_surely_settled(found)
-            || Model::is_settled_at(at, free, readings, unit_farad, options)
+        Some(Model::settling_at(at, free, readings, unit_farad, options)?.widening)
     }
 
     fn load(&mut self, readings: &[Reading]) -> Result<(), Reason> {
@@ -128,6 +132,12 @@ impl Fitter {
         }
         Ok(())
     }
+}
+
+/// Whether a resonance is so broad that its likelihood has another shape than its curvature indicates.
+fn is_broad(found: &Resonance, span: Window) -> bool {
+    let is_narrow = found.circuit().linewidth_hz() < BROAD * (span.max_hz - span.min_hz);
+    !is_narrow
 }
 
 /// The verdict on a model that was compared with all alternatives.

@@ -18,6 +18,7 @@ pub(crate) mod learn;
 pub(crate) mod mode;
 pub(crate) mod model;
 pub(crate) mod outliers;
+mod rounding;
 pub(crate) mod search;
 pub(crate) mod start;
 pub(crate) mod stay;

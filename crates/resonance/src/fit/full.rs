@@ -1,5 +1,6 @@
 //! The full fit of unusual readings: other start values, other models, outliers.
 
+mod profile;
 mod weights;
 
 use std::f64::consts::TAU;
@@ -11,6 +12,7 @@ use crate::{
     FitOptions, Reason, Resonance,
     circuit::trace::{CIRCUIT, ExtraTerm, Minimum, ModelEstimate, Sample, Timing, Trace},
     diagnose::alternatives::{Alternative, Cause, Fitted, inflation_max},
+    diagnose::any_phase::AnyPhase,
     diagnose::doubts::GAIN_MIN,
     diagnose::outliers::{self, GAIN_PER_OUTLIER, READINGS_PER_OUTLIER},
     diagnose::unknown_dwell,
@@ -21,6 +23,8 @@ use crate::{
     numeric::descent::End,
     outcome::{LOSS_GAIN_MIN, ModelOrder, Spread},
 };
+
+pub(crate) use profile::BROAD;
 
 /// The most likely model and the evidence against it.
 #[derive(Debug)]
@@ -40,6 +44,22 @@ pub(crate) struct Model {
     widened: f64,
     /// The reason to refuse this model, if there is one.
     pub(crate) reason: Option<Reason>,
+}
+
+/// What readings that may not have settled do to a fit of settled ones.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Settling {
+    /// Addition to the relative variance of the resonance.
+    pub(crate) widening: f64,
+    /// Whether the residuals show transients of any phase. A circuit remains valid with its wider
+    /// uncertainty, but they may be the reason of every other term.
+    has_transients: bool,
+}
+
+impl Settling {
+    fn of(any_phase: AnyPhase) -> Self {
+        Self { widening: any_phase.widening(), has_transients: any_phase.is_present() }
+    }
 }
 
 /// Number of grid minima that are refined.
@@ -118,27 +138,35 @@ impl Model {
         if options.timing.is_steady() && !options.always_loss {
             model.try_without_loss();
         }
-        let has_settled = model.has_settled(options);
+        let settling = model.settling(options);
         model.climb(options);
-        if !has_settled {
-            model.reason = Some(Cause::NotSettled.into());
-        } else if model.reason.is_none() {
-            model.reason = model.too_many_outliers();
+        let is_circuit = model.reason.is_none() && model.order <= ModelOrder::Loss;
+        match settling {
+            Some(settling) if is_circuit || !settling.has_transients => {
+                model.widened = model.widened.max(settling.widening);
+                if model.reason.is_none() {
+                    model.reason = model.too_many_outliers();
+                }
+            }
+            // Transients resemble every other cause.
+            _ => model.reason = Some(Cause::NotSettled.into()),
         }
+        model.try_broader(options);
         Ok(model)
     }
 
-    /// Whether the readings have settled if the circuit at `at` with `free` unknowns describes them.
-    pub(crate) fn is_settled_at(
+    /// Addition to the relative variance of the resonance for readings that may not have settled, if the
+    /// circuit at `at` with `free` unknowns describes them; `None` if they have not.
+    pub(crate) fn settling_at(
         at: ModelEstimate,
         free: usize,
         readings: &[Reading],
         unit_farad: f64,
         options: &FitOptions,
-    ) -> bool {
+    ) -> Option<Settling> {
         let trace = Trace::of(readings, options.timing, unit_farad);
         let found = Minimum { at, normal: trace.normal(&at), end: End::Converged, free };
-        Self::with(trace, &found, ModelOrder::Loss).has_settled(options)
+        Self::with(trace, &found, ModelOrder::Loss).settling(options)
     }
 
     /// A model without evidence against it.
@@ -330,15 +358,20 @@ impl Model {
         Some(Self { trace, found, order, known, mains_hz, too_many, widened: 0.0, reason: None })
     }
 
-    /// Whether the residual motion is negligible for the settling times, or is absent.
-    fn has_settled(&self, options: &FitOptions) -> bool {
-        let Some(left) = Fitted::new(&self.trace, &self.found).left_over() else { return true };
+    /// The effect of residual motion, which the settling times make negligible or the readings do not
+    /// contain; `None` if they do.
+    fn settling(&self, options: &FitOptions) -> Option<Settling> {
+        let Some(left) = Fitted::new(&self.trace, &self.found).left_over() else {
+            return Some(Settling::default());
+        };
         let noise = self.noise(options).deviation();
-        if left.error.abs() < SETTLED_SIGMAS * noise * left.variance_without.sqrt() {
-            return true;
-        }
+        let is_negligible =
+            left.error.abs() < SETTLED_SIGMAS * noise * left.variance_without.sqrt();
         let sigma = noise * left.size_variance.sqrt();
-        left.size.abs() < 3.0 * sigma && 1.0 - left.size > 4.0 * sigma
+        let is_absent = left.size.abs() < 3.0 * sigma && 1.0 - left.size > 4.0 * sigma;
+        // The drive may not have continued from point to point.
+        let any_phase = AnyPhase::of(&self.trace, &self.found, noise * noise);
+        (is_negligible || is_absent).then(|| any_phase.map_or_else(Settling::default, Settling::of))
     }
 
     /// The weighted sum of |r|², bounded below by rounding.

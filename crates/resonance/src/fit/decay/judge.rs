@@ -52,9 +52,12 @@ pub(crate) fn fit(readings: &[Reading], options: &FitOptions) -> FitOutcome {
         min_hz: frequencies().fold(f64::INFINITY, f64::min),
         max_hz: frequencies().fold(0.0, f64::max),
     });
-    let Some((best, expected)) = best(&mut stays, window, noise, options) else {
+    let Some((mut best, expected)) = best(&mut stays, window, noise, options) else {
         return refused(Reason::NotConverged);
     };
+    if stays.weigh_rounding(readings, stays.known.variance) {
+        best = stays.minimum(best.at, &expected);
+    }
     judge(&stays, &best, &expected, noise, window)
 }
 
