@@ -9,6 +9,7 @@
 
 pub mod access;
 mod changes;
+mod commission;
 mod events;
 mod expiry;
 mod export;
@@ -74,6 +75,7 @@ use tokio::{
 use tokio_util::sync::CancellationToken;
 
 use crate::{
+    commissioning::Commissioning,
     loaded_rig::RigFacts,
     notify::{Notifier, Post},
     protocol_file::LoadedProtocol,
@@ -116,6 +118,8 @@ struct Inner {
     tls: OnceLock<Tls>,
     /// To the task that reads the configuration again.
     reloads: OnceLock<mpsc::Sender<ReloadRequest>>,
+    /// The commissioning of the rig by clients.
+    commissioning: OnceLock<Commissioning>,
     results: ResultsCache,
     /// Its blocking threads build the documents of runs.
     builders: Handle,
@@ -171,6 +175,7 @@ impl Shared {
             notifications: RwLock::default(),
             tls: OnceLock::new(),
             reloads: OnceLock::new(),
+            commissioning: OnceLock::new(),
             results,
             builders,
             happened,

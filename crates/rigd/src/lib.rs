@@ -6,6 +6,7 @@ mod archive;
 mod bench_check;
 pub mod calibrations;
 pub mod cli;
+mod commissioning;
 mod describe;
 mod doctor;
 mod durable;

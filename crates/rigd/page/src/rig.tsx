@@ -1,6 +1,7 @@
 // The rig: who its devices are, moves by hand, a single sweep, and what happened.
 import { useEffect, useState } from "preact/hooks";
 import { clock, fixed, setting } from "./format.ts";
+import { CommissionCard } from "./commission.tsx";
 import { Bench } from "./drawings.tsx";
 import { FrameList, SweepCard, wallMs } from "./now.tsx";
 import { AskButton, Said } from "./shell.tsx";
@@ -13,6 +14,7 @@ export function RigPage({ view }: { view: View }) {
   const off = view.link === "lost" ? "the link is lost" : rig.state !== "idle" ? `the rig is ${rig.state}` : undefined;
   return (
     <main class="rig" id="main">
+      <CommissionCard view={view} />
       <Devices rig={rig} off={off} />
       <section class="card by-hand" aria-label="Move by hand">
         <h2>Move by hand</h2>

@@ -27,13 +27,29 @@ export interface Rig {
   prompt?: string;
   asked?: Asked;
   refused?: RefusedTouch;
-  fault?: { kind: "fault" | "interrupted" | "not_homed"; cause: string; hint: string; attempts?: number };
+  fault?: { kind: "fault" | "interrupted" | "not_homed" | "not_commissioned"; cause: string; hint: string; attempts?: number };
   /** Who operates the rig, where clients have tokens. */
   lease?: { name: string; since_unix_ms: number };
   journal_error?: string;
   /** The rig loop gives no sign of life; all else is old. */
   silence?: { since_unix_ms: number; message: string; hint: string };
 }
+
+/** The commissioning of the rig: its steps, and what is asked. */
+export interface Commission { steps: CommissionStep[]; under_way: string | null; question: CommissionQuestion | null; said: string[] }
+export interface CommissionStep {
+  step: string;
+  shows: string;
+  accepted_when: string;
+  remedy: string;
+  /** Text in lines of equal letters. */
+  picture: string;
+  is_held: boolean;
+  why: string | null;
+  made: string | null;
+  person: string | null;
+}
+export interface CommissionQuestion { number: number; text: string; choices: string[]; expected: string }
 
 /** A device, and what it has answered since rigd was started. */
 export interface Device { role: string; identity: string; health: Health }

@@ -28,6 +28,7 @@ use super::{
     signals::Signals,
 };
 use crate::{
+    commissioning::{Commissioned, Commissioning},
     http::{
         self,
         access::{Access, Token},
@@ -138,6 +139,7 @@ impl Daemon {
         // The address is bound first: a daemon that cannot be reached must not move anything.
         let door = Door::open(listening, tls)?;
         let before = last_event(&data)?;
+        let commissioned = Commissioned::of(&rig, data.clone());
         let (handle, thread) = open(rig, data.clone(), &mut signals).await?;
         watch_over_http(Handle::current(), handle.clone())?;
         let closing = CancellationToken::new();
@@ -151,6 +153,7 @@ impl Daemon {
             builders,
             closing.clone(),
         );
+        shared.open_commissioning(Commissioning::new(handle.clone(), commissioned));
         tokio::spawn(ended_runs::write(shared.clone(), handle.status(), data.clone()));
         if let Some(tls) = door.tls() {
             shared.show_certificate(tls);

@@ -11,7 +11,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator};
 use super::{
     Shared, changes,
     changes::ChangesView,
-    events, export,
+    commission, events, export,
     export::ExportOptions,
     frames,
     frames::FramesView,
@@ -82,7 +82,7 @@ pub(super) enum Content {
     Text(&'static [&'static str]),
 }
 
-const fn json<T: JsonSchema>() -> Content {
+pub(super) const fn json<T: JsonSchema>() -> Content {
     Content::Json(schema_of::<T>)
 }
 
@@ -91,7 +91,7 @@ fn schema_of<T: JsonSchema>(generator: &mut SchemaGenerator) -> Schema {
 }
 
 impl Route {
-    const fn get(
+    pub(super) const fn get(
         path: &'static str,
         id: &'static str,
         summary: &'static str,
@@ -113,7 +113,7 @@ impl Route {
         }
     }
 
-    const fn post(
+    pub(super) const fn post(
         path: &'static str,
         id: &'static str,
         summary: &'static str,
@@ -571,6 +571,7 @@ fn to_ended_runs() -> Vec<Route> {
 pub(super) fn all() -> impl Iterator<Item = Route> {
     of_rig()
         .into_iter()
+        .chain(commission::routes())
         .chain(of_measurements())
         .chain(of_runs())
         .chain(to_runs())

@@ -1,0 +1,134 @@
+//! The bench as a step of commissioning sees it through clients, or through the simulated person.
+
+use rig_commission::{Answer, Asked, Bench, Choice, Jog, JogAxis, Jogged};
+use rig_engine::Command;
+use tokio_util::sync::CancellationToken;
+
+use super::{Commissioning, Ended};
+
+/// The name in the record of a step that the simulated person has answered.
+pub(crate) const SIMULATED_PERSON: &str = "simulated person";
+
+/// What a client is asked.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Question {
+    /// What a person does or sees.
+    Asked(Asked),
+    /// Whether an axis may move by this step.
+    Step(Jog),
+}
+
+impl Question {
+    /// What answers it.
+    pub(crate) const fn asked(self) -> Asked {
+        match self {
+            Self::Asked(asked) => asked,
+            Self::Step(_) => Asked::NoSample,
+        }
+    }
+
+    /// The question for a person.
+    pub(crate) fn text(self) -> String {
+        match self {
+            Self::Asked(asked) => asked.text().to_owned(),
+            Self::Step(jog) => {
+                let (axis, unit) = (jog.axis.name(), jog.axis.unit());
+                format!(
+                    "The {axis} moves by {:+.3} {unit} at {:.0} {unit}/s. Nothing is below the probe, and a hand is at the \
+                     stop. May it?",
+                    jog.by,
+                    jog.speed_per_s()
+                )
+            }
+        }
+    }
+}
+
+/// A bench in the middle of a step.
+pub(super) struct Remote {
+    commissioning: Commissioning,
+    by: String,
+    stop: CancellationToken,
+    is_simulated: bool,
+}
+
+impl Remote {
+    pub(super) const fn new(
+        commissioning: Commissioning,
+        by: String,
+        stop: CancellationToken,
+    ) -> Self {
+        Self { commissioning, by, stop, is_simulated: false }
+    }
+
+    /// Who answered.
+    pub(super) fn person(&self) -> String {
+        if self.is_simulated { SIMULATED_PERSON.to_owned() } else { self.by.clone() }
+    }
+
+    fn say(&self, text: String) {
+        self.commissioning.progress().say(text);
+    }
+
+    /// Waits for the answer of a client.
+    async fn answer(&self, question: Question) -> Result<Answer, Ended> {
+        let answer = self.commissioning.progress().ask(question);
+        tokio::select! {
+            answer = answer => answer.map_err(|_| Ended::Aborted),
+            () = self.stop.cancelled() => Err(Ended::Aborted),
+        }
+    }
+}
+
+impl Bench for Remote {
+    type Trouble = Ended;
+
+    async fn ask(&mut self, asked: Asked) -> Result<Answer, Ended> {
+        if self.stop.is_cancelled() {
+            return Err(Ended::Aborted);
+        }
+        if let Some(answer) = self.commissioning.rig.ask_simulated(asked).await? {
+            self.is_simulated = true;
+            self.say(format!("{} {SIMULATED_PERSON}: {answer}", asked.text()));
+            return Ok(answer);
+        }
+        self.answer(Question::Asked(asked)).await
+    }
+
+    async fn jog(&mut self, jog: Jog) -> Result<Result<Jogged, String>, Ended> {
+        if jog.by != 0.0 && !self.is_simulated {
+            let answer = self.answer(Question::Step(jog)).await?;
+            if answer != Answer::Choice(Choice::Yes) {
+                return Ok(Err("the person did not let it move".to_owned()));
+            }
+        }
+        let rig = self.commissioning.rig.clone();
+        let step = rig.jog(jog, &self.by);
+        tokio::pin!(step);
+        let jogged = tokio::select! {
+            ended = &mut step => ended?,
+            () = self.stop.cancelled() => {
+                rig.command(Command::Stop, None, &self.by).await?;
+                _ = step.await;
+                return Err(Ended::Aborted);
+            }
+        };
+        let (axis, unit) = (jog.axis.name(), jog.axis.unit());
+        match &jogged {
+            Ok(Jogged { from, at }) if from != at => {
+                self.say(format!("{axis}: {from:.3} {unit} → {at:.3} {unit}"));
+            }
+            Ok(_) => {}
+            Err(trouble) => self.say(format!("{axis}: {trouble}")),
+        }
+        Ok(jogged)
+    }
+
+    async fn seen(&mut self, axis: JogAxis) -> Result<(), Ended> {
+        Ok(self.commissioning.rig.step_seen(axis, &self.by).await?)
+    }
+
+    fn remark(&mut self, text: &str) {
+        self.say(text.to_owned());
+    }
+}

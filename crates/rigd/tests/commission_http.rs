@@ -1,0 +1,160 @@
+//! A bench that clients of a daemon commission.
+
+#![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
+
+#[expect(dead_code, reason = "other tests use more of it")]
+#[path = "support/program.rs"]
+mod program;
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::Command,
+    thread::sleep,
+    time::{Duration, Instant},
+};
+
+use program::{PATIENCE, Program, post, request};
+use rustix::process::Signal;
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn config(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config").join(path)
+}
+
+/// A daemon with a bench that its rig file describes but for a small zero of the table, which the rig does not know.
+struct Daemon {
+    folder: TempDir,
+    program: Program,
+    address: String,
+}
+
+impl Daemon {
+    fn start(person: &str) -> Self {
+        let folder = TempDir::new().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let mut scene = fs::read_to_string(config("scenes/new-bench.toml")).unwrap();
+        for (old, new) in [
+            ("mm_per_step = 0.00102", "mm_per_step = 0.001"),
+            ("deg_per_step = -0.01", "deg_per_step = 0.01"),
+            ("zero_deg = 0.8", "zero_deg = 0.05"),
+            ("wrong_answers = 0.1", "wrong_answers = 0"),
+        ] {
+            assert!(scene.contains(old), "{old}");
+            scene = scene.replacen(old, new, 1);
+        }
+        fs::write(path("scene.toml"), scene).unwrap();
+        let rig = fs::read_to_string(config("rigs/simulated.toml")).unwrap();
+        let rig = rig.replacen("../scenes/paper.toml", "scene.toml", 1);
+        let rig = rig.replacen("person = \"answers\"", &format!("person = \"{person}\""), 1);
+        fs::write(path("rig.toml"), rig).unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rigd"));
+        command
+            .args(["serve", config("protocols/smoke.toml").to_str().unwrap()])
+            .args(["--listen", "127.0.0.1:0", "--operator", "Ada"])
+            .args(["--rig", path("rig.toml").to_str().unwrap()])
+            .args(["--data", path("data").to_str().unwrap()]);
+        let mut program = Program::spawn(&mut command, path("data"));
+        let address = program.wait_for_address();
+        Self { folder, program, address }
+    }
+
+    fn post(&self, path: &str, body: &str) -> (u16, Value) {
+        parts(&post(&self.address, path, body))
+    }
+
+    fn show(&self) -> Value {
+        parts(&request(&self.address, "GET /api/v1/commission", "")).1
+    }
+
+    /// Waits until the commissioning is as wanted.
+    fn wait(&self, what: &str, is_wanted: impl Fn(&Value) -> bool) -> Value {
+        let began = Instant::now();
+        let mut view = self.show();
+        while !is_wanted(&view) {
+            assert!(began.elapsed() < PATIENCE, "gave up waiting for {what}: {view}");
+            // The daemon is another program.
+            sleep(Duration::from_millis(20));
+            view = self.show();
+        }
+        view
+    }
+
+    fn end(self) {
+        self.program.signal(Signal::TERM);
+        self.program.end();
+    }
+}
+
+/// Status and body of an answer.
+fn parts(answer: &str) -> (u16, Value) {
+    let status = answer.split(' ').nth(1).unwrap().parse().unwrap();
+    let body = answer.split_once("\r\n\r\n").unwrap().1;
+    let json = body.find('{').map(|begin| &body[begin..=body.rfind('}').unwrap()]);
+    (status, json.map_or(Value::Null, |json| serde_json::from_str(json).unwrap()))
+}
+
+#[test]
+fn a_bench_is_commissioned_over_http_and_goes_into_service_without_a_new_start() {
+    let daemon = Daemon::start("answers");
+    let refused = daemon.post("moves", r#"{"axis": "linear", "to": 30}"#);
+    assert_eq!(refused.0, 409, "{}", refused.1);
+    let view = daemon.show();
+    let steps = view["steps"].as_array().unwrap();
+    assert_eq!(steps.len(), 4);
+    assert!(steps.iter().all(|step| step["is_held"] == false && step["why"] == "never made"));
+    assert!(steps[0]["picture"].as_str().unwrap().contains("stop"));
+    let (status, view) = daemon.post("commission", "{}");
+    assert_eq!(status, 202, "{view}");
+    let view = daemon.wait("the end of the commissioning", |view| view["under_way"].is_null());
+    let last = view["said"].as_array().unwrap().last().unwrap();
+    assert_eq!(last, "The rig is commissioned, and goes into service.", "{view}");
+    assert!(view["steps"].as_array().unwrap().iter().all(|step| step["is_held"] == true));
+    assert_eq!(view["steps"][0]["person"], "simulated person");
+    let records = fs::read_dir(daemon.folder.path().join("data/calibrations")).unwrap();
+    assert_eq!(records.count(), 4);
+    let began = Instant::now();
+    loop {
+        let (status, answer) = daemon.post("moves", r#"{"axis": "linear", "to": 30}"#);
+        if status == 202 {
+            break;
+        }
+        // The rig is brought into service: it retracts first.
+        assert!(began.elapsed() < PATIENCE, "{status}: {answer}");
+        sleep(Duration::from_millis(20));
+    }
+    let again = daemon.post("commission", "{}");
+    assert_eq!(again.0, 409, "{}", again.1);
+    daemon.end();
+}
+
+#[test]
+fn a_client_answers_by_number_and_an_abort_leaves_no_record() {
+    let daemon = Daemon::start("waits");
+    assert_eq!(daemon.post("commission/answer", r#"{"question": 1, "answer": "yes"}"#).0, 409);
+    assert_eq!(daemon.post("commission/abort", "").0, 409);
+    assert_eq!(daemon.post("commission", "{}").0, 202);
+    let asked = |number: u64| {
+        daemon.wait("a question", |view| view["question"]["number"].as_u64() == Some(number))
+    };
+    let first = asked(1);
+    assert_eq!(first["under_way"], "stop");
+    assert_eq!(first["question"]["choices"], serde_json::json!(["yes", "no"]));
+    assert_eq!(daemon.post("commission", "{}").0, 409);
+    let (status, why) = daemon.post("commission/answer", r#"{"question": 1, "answer": "perhaps"}"#);
+    assert_eq!((status, why["detail"].as_str().unwrap().contains("yes or no")), (422, true));
+    assert_eq!(daemon.post("commission/answer", r#"{"question": 1, "answer": "yes"}"#).0, 202);
+    asked(2);
+    let late = daemon.post("commission/answer", r#"{"question": 1, "answer": "yes"}"#);
+    assert_eq!(late.0, 409, "{}", late.1);
+    assert_eq!(daemon.post("commission/abort", "").0, 202);
+    let view = daemon.wait("the abort", |view| view["under_way"].is_null());
+    assert_eq!(view["said"].as_array().unwrap().last().unwrap(), "step stop: aborted");
+    assert!(view["question"].is_null());
+    assert!(!daemon.folder.path().join("data/calibrations").exists());
+    // A second start asks under a new number.
+    assert_eq!(daemon.post("commission", "{}").0, 202);
+    asked(3);
+    daemon.end();
+}
