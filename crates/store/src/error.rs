@@ -43,7 +43,7 @@ pub enum StoreError {
     #[error("the disk is full")]
     DiskFull,
     /// The system failed to read or write.
-    #[error("input or output failed")]
+    #[error("reading or writing the journal failed")]
     Io(#[source] SqliteError),
     /// There is no write-ahead log, so that readers would hold up the writer.
     #[error("SQLite keeps its journal in mode `{mode}`; rigd needs `wal`")]

@@ -295,6 +295,10 @@ impl Failure {
             | Self::Open(OpenError::Data { source: StoreError::Damaged(_), .. }) => {
                 Some("`rigd salvage NEW --data DIR` copies the readable part to a new directory")
             }
+            Self::Store(StoreError::Io(_))
+            | Self::RunFiles(RunFilesError::Store(StoreError::Io(_))) => {
+                Some("check the disk of the data directory")
+            }
             Self::Store(StoreError::Broken { .. })
             | Self::RunFiles(RunFilesError::Store(StoreError::Broken { .. })) => Some(SALVAGE),
             Self::RunFiles(RunFilesError::File { source, .. })
