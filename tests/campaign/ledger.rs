@@ -63,6 +63,17 @@ pub(crate) enum LedgerError {
         asked.start, asked.end - 1, known.start, known.end - 1
     )]
     Overlap { asked: Range<u64>, known: Range<u64> },
+    #[error(
+        "seeds {} to {} were played by the programs {} and {}: leave one of the pieces out",
+        seeds.start, seeds.end - 1, programs[0], programs[1]
+    )]
+    Programs { seeds: Range<u64>, programs: [String; 2] },
+    #[error(
+        "seeds {} to {} were played twice by the program {program}, and the runs have the digests {:016x} and \
+         {:016x}: one of the pieces is damaged, or the runs do not depend on their seeds alone",
+        seeds.start, seeds.end - 1, digests[0], digests[1]
+    )]
+    Digests { seeds: Range<u64>, program: String, digests: [u64; 2] },
 }
 
 /// The file of the ledger beside its page.
@@ -148,6 +159,43 @@ impl Ledger {
         self.pieces.sort_by_key(|piece| piece.first_seed);
     }
 
+    /// Adds the pieces of another ledger. Of two pieces with the same seeds the faster one stays: the runs are the same.
+    ///
+    /// # Errors
+    /// Another menu, seeds that are in part those of another piece, and the same seeds with other runs.
+    pub(crate) fn merge(&mut self, page: &Path, other: Self) -> Result<(), LedgerError> {
+        if self.menu != other.menu && !self.pieces.is_empty() {
+            let (path, known) = (beside(page), self.menu.clone());
+            return Err(LedgerError::Menu { path, known, present: other.menu });
+        }
+        self.menu = other.menu;
+        for piece in other.pieces {
+            let seeds = piece.range();
+            match self.pieces.iter().find(|known| known.range() == seeds) {
+                None => {
+                    let overlaps = |known: &&Piece| {
+                        known.range().start < seeds.end && seeds.start < known.range().end
+                    };
+                    if let Some(known) = self.pieces.iter().find(overlaps) {
+                        return Err(LedgerError::Overlap { asked: seeds, known: known.range() });
+                    }
+                }
+                Some(known) if known.program != piece.program => {
+                    let programs = [known.program.clone(), piece.program];
+                    return Err(LedgerError::Programs { seeds, programs });
+                }
+                Some(known) if known.counts.digest != piece.counts.digest => {
+                    let digests = [known.counts.digest, piece.counts.digest];
+                    return Err(LedgerError::Digests { seeds, program: piece.program, digests });
+                }
+                Some(known) if known.seconds <= piece.seconds => continue,
+                Some(_) => {}
+            }
+            self.add(piece);
+        }
+        Ok(())
+    }
+
     /// The counts of all pieces.
     pub(crate) fn counts(&self) -> Counts {
         let mut all = Counts::default();
@@ -195,6 +243,37 @@ mod tests {
         other.admits(page, &(300..300)).unwrap();
         ledger.add(piece(1, 200, 11));
         assert_eq!((ledger.pieces.len(), ledger.counts().touches), (1, 11));
+    }
+
+    #[test]
+    fn pieces_of_several_computers_give_one_ledger_in_any_order_and_as_often_as_you_like() {
+        let page = Path::new("campaign.md");
+        let of = |pieces: &[Piece]| Ledger { menu: menu(), pieces: pieces.to_vec() };
+        let (one, two) = (of(&[piece(1, 100, 5), piece(201, 100, 7)]), of(&[piece(101, 100, 6)]));
+        let slower = of(&[Piece { seconds: 2.0, ..piece(101, 100, 6) }]);
+        let merged = |ledgers: &[&Ledger]| {
+            let mut all = Ledger::new(menu());
+            for ledger in ledgers {
+                all.merge(page, of(&ledger.pieces)).unwrap();
+            }
+            serde_json::to_string(&all).unwrap()
+        };
+        let expected = merged(&[&one, &two]);
+        for others in [&[&two, &one][..], &[&slower, &one, &two], &[&two, &one, &slower, &one]] {
+            assert_eq!(merged(others), expected);
+        }
+
+        let mut all = Ledger::new(menu());
+        all.merge(page, one).unwrap();
+        let mut refused = |piece: Piece| all.merge(page, of(&[piece])).unwrap_err();
+        assert!(matches!(refused(piece(50, 100, 0)), LedgerError::Overlap { .. }));
+        let other = Piece { program: "1".repeat(16), ..piece(1, 100, 5) };
+        assert!(matches!(refused(other), LedgerError::Programs { .. }));
+        let mut other = piece(1, 100, 5);
+        other.counts.digest = 1;
+        assert!(matches!(refused(other), LedgerError::Digests { .. }));
+        let other = Ledger { menu: "0".repeat(16), pieces: vec![piece(301, 100, 0)] };
+        assert!(matches!(all.merge(page, other), Err(LedgerError::Menu { .. })));
     }
 
     #[test]

@@ -89,6 +89,10 @@ struct Arguments {
     /// Add the faulted runs to the ledger beside this file, and write it as the page of the ledger.
     #[arg(long, value_name = "FILE")]
     page: Option<PathBuf>,
+    /// Play nothing, and put the pieces of these ledgers into that of the page. In any order, and each as often as you
+    /// like: the page is the same.
+    #[arg(long, value_name = "LEDGER", num_args = 1.., requires = "page")]
+    merge: Vec<PathBuf>,
     /// Print how often each fault began in each phase.
     #[arg(long)]
     table: bool,
@@ -102,6 +106,12 @@ struct Arguments {
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
+    if let (Some(page), [_, ..]) = (&arguments.page, &*arguments.merge) {
+        return match merge(page, &arguments.merge) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(error) => failed(&error),
+        };
+    }
     if arguments.engine {
         return alone(&arguments);
     }
@@ -192,6 +202,17 @@ fn failed(error: &LedgerError) -> ExitCode {
     ExitCode::FAILURE
 }
 
+/// Puts the pieces of other ledgers into that of a page.
+fn merge(page: &Path, ledgers: &[PathBuf]) -> Result<(), LedgerError> {
+    let mut ledger = Ledger::read(page)?;
+    for path in ledgers {
+        // Only the ledger of the page may be missing.
+        fs::metadata(path).map_err(|source| LedgerError::File { path: path.clone(), source })?;
+        ledger.merge(page, Ledger::read(path)?)?;
+    }
+    publish(page, &ledger)
+}
+
 /// Adds the runs to the ledger, and writes it and its page.
 fn gather(
     arguments: &Arguments,
@@ -204,9 +225,16 @@ fn gather(
     if seeds > 0 {
         let (software, program) = (rigd::rig::SOFTWARE.to_owned(), ledger::program()?);
         ledger.add(Piece { first_seed, seeds, jobs, seconds, software, program, counts });
+    }
+    publish(page, &ledger)
+}
+
+/// Writes a ledger and its page.
+fn publish(page: &Path, ledger: &Ledger) -> Result<(), LedgerError> {
+    if !ledger.pieces.is_empty() {
         ledger.write(page)?;
     }
-    fs::write(page, Page(&ledger).to_string())
+    fs::write(page, Page(ledger).to_string())
         .map_err(|source| LedgerError::File { path: page.to_owned(), source })
 }
 
