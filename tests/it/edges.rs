@@ -77,6 +77,7 @@ const ARROWS: [(&str, &[&str]); 23] = [
             "rig-report",
             "rig-verify",
             "rig-ship",
+            "rig-hub",
             "rig-sim",
         ],
     ),

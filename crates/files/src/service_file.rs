@@ -2,10 +2,12 @@
 //!
 //! `config/service/service.toml` is the manual of its keys. Paths in it begin at its directory.
 
+mod hub;
 mod notifications;
 
 use std::path::{Path, PathBuf};
 
+pub use hub::HubFile;
 pub use notifications::{Address, EventKind, NotificationsFile, TargetFile, Url, Via};
 
 use crate::{
@@ -28,6 +30,8 @@ pub struct ServiceFile {
     pub tls: Option<Setting<TlsFile>>,
     /// Who is told what happens on the rig.
     pub notifications: Option<Setting<NotificationsFile>>,
+    /// Where the journal is shipped to.
+    pub hub: Option<Setting<HubFile>>,
 }
 
 /// How the daemon speaks TLS.
@@ -79,7 +83,7 @@ impl ServiceFile {
         faults.finish(file)
     }
 
-    /// The values in force of the section `[notifications]` of a service file, each with its place.
+    /// The values in force of the sections `[notifications]` and `[hub]` of a service file, each with its place.
     ///
     /// # Errors
     /// All faults of the file.
@@ -88,7 +92,8 @@ impl ServiceFile {
         let name = path.display().to_string();
         let (_, faults, mut values) =
             settings::in_force(&name, text, |table| service(table, folder));
-        values.retain(|value| value.name.starts_with("notifications."));
+        let is_wanted = |name: &str| name.starts_with("notifications.") || name.starts_with("hub.");
+        values.retain(|value| is_wanted(&value.name));
         faults.finish(values)
     }
 
@@ -114,6 +119,7 @@ fn service(table: &mut Table<'_>, folder: &Path) -> ServiceFile {
         notifications: table
             .section("notifications", |table| notifications::notifications(table, folder))
             .optional(),
+        hub: table.section("hub", |table| hub::hub(table, folder)).optional(),
     }
 }
 
@@ -171,6 +177,28 @@ mod tests {
         assert_eq!(file.token_file.unwrap().value, PathBuf::from("/etc/rigd/token"));
         let files = TlsFile::Files { certificate: "/c.pem".into(), key: "/etc/rigd/k.pem".into() };
         assert_eq!(file.tls.unwrap().value, files);
+    }
+
+    #[test]
+    fn a_hub_has_an_address_a_bench_and_files() {
+        let files = "bench = \"lab/left\"\ncertificate = \"b.pem\"\nkey = \"b.key\"\nauthority = \"/ca.pem\"\n";
+        for (address, host, port) in
+            [("hub.lab.example:5432", "hub.lab.example", 5432), ("[::1]:6000", "::1", 6000)]
+        {
+            let hub = read(&format!("[hub]\naddress = \"{address}\"\n{files}")).unwrap().hub;
+            let hub = hub.unwrap().value;
+            assert_eq!(
+                (hub.host.as_str(), hub.port, hub.database.as_str()),
+                (host, port, "rigd_hub")
+            );
+            assert_eq!((hub.bench.as_str(), hub.authority), ("lab/left", "/ca.pem".into()));
+            assert_eq!(hub.key, PathBuf::from("/etc/rigd/b.key"));
+        }
+        for wrong in ["hub.lab.example", ":5432", "/var/run/postgresql:5432", "h:0", "h:70000"] {
+            let said = read(&format!("[hub]\naddress = \"{wrong}\"\n{files}")).unwrap_err();
+            assert!(said.contains(":2:11: address = "), "{said}");
+        }
+        assert!(read("[hub]\naddress = \"h:1\"").unwrap_err().contains("`bench`"));
     }
 
     #[test]

@@ -10,7 +10,7 @@
 //! (`sql/04-ingest.sql`) refuses gaps, checks each digest and seal, and puts aside what differs from what is there. The
 //! journal of a bench stays complete by itself, and what is here can be sent again from it.
 //!
-//! [`Inlet`] is the side of a bench; [`admin`] and [`doctor`] are what the program `rigd-hub` does for the administrator.
+//! [`ship`] is the side of a bench; [`admin`] and [`doctor`] are what the program `rigd-hub` does for the administrator.
 
 pub mod admin;
 mod batch;
@@ -21,6 +21,7 @@ pub mod doctor;
 mod inlet;
 mod migrations;
 mod name;
+mod shipper;
 mod state;
 mod tls;
 mod trial;
@@ -31,6 +32,7 @@ pub use connect::{ConnectError, connect};
 pub use inlet::{Cursor, Inlet, InletError};
 pub use migrations::{MIGRATIONS, MigrationError, migrate};
 pub use name::{BenchName, NameError};
+pub use shipper::{Destination, Held, ShipperError, Standing, ship};
 pub use state::{Alarm, BenchState, State, state};
 pub use tls::{Identity, TlsError};
 pub use trial::{Trial, TrialError};

@@ -1,9 +1,10 @@
 //! TLS to PostgreSQL, with a certificate of the client.
 
 use std::{
-    fmt,
+    fmt, fs,
     future::Future,
     io,
+    os::unix::fs::PermissionsExt,
     path::{Path, PathBuf},
     pin::Pin,
     sync::Arc,
@@ -23,6 +24,9 @@ use tokio_rustls::{
     },
 };
 
+/// Permissions that the file of a key must not have: writing by the group, and any access by others.
+const MODE_FORBIDDEN: u32 = 0o037;
+
 /// Why there is no TLS.
 #[derive(Debug, thiserror::Error)]
 pub enum TlsError {
@@ -33,6 +37,17 @@ pub enum TlsError {
         path: PathBuf,
         /// What is wrong with it.
         source: pem::Error,
+    },
+    /// Other users could read or change the key.
+    #[error(
+        "{} has mode {mode:03o}: other users could read or change the key; run `chmod 600 {}`",
+        path.display(), path.display()
+    )]
+    Open {
+        /// Path of the file.
+        path: PathBuf,
+        /// Permission bits of the file.
+        mode: u32,
     },
     /// The certificate and the key cannot be used together.
     #[error("{} and its key cannot be used together", path.display())]
@@ -71,6 +86,10 @@ impl Identity {
                 .map_err(failed(path))
         };
         let chain = all(certificate)?;
+        let mode = fs::metadata(key).map_or(0, |metadata| metadata.permissions().mode() & 0o777);
+        if mode & MODE_FORBIDDEN != 0 {
+            return Err(TlsError::Open { path: key.to_path_buf(), mode });
+        }
         let key = PrivateKeyDer::from_pem_file(key).map_err(failed(key))?;
         let mut roots = RootCertStore::empty();
         roots.add_parsable_certificates(all(authority)?);

@@ -127,11 +127,11 @@ impl Trial {
         config
     }
 
-    /// A new certificate for this role, in a directory of its own below that of the server.
+    /// A new certificate for this role, its key, and the certificate of the authority.
     ///
     /// # Errors
     /// [`TrialError`].
-    pub fn identity(&self, role: &str) -> Result<Identity, TrialError> {
+    pub fn certify(&self, role: &str) -> Result<[PathBuf; 3], TrialError> {
         let mut out = self.directory.clone();
         for part in ["benches"].into_iter().chain(role.split('/')) {
             out.push(part);
@@ -141,7 +141,16 @@ impl Trial {
         }
         let authority = Authority::open(&self.directory.join("certificates"))?;
         let [certificate, key] = authority.sign_client(role, &out)?;
-        Ok(Identity::read(&certificate, &key, &authority.certificate())?)
+        Ok([certificate, key, authority.certificate()])
+    }
+
+    /// The same, read.
+    ///
+    /// # Errors
+    /// [`TrialError`].
+    pub fn identity(&self, role: &str) -> Result<Identity, TrialError> {
+        let [certificate, key, authority] = self.certify(role)?;
+        Ok(Identity::read(&certificate, &key, &authority)?)
     }
 
     /// Port on the loopback.
@@ -153,7 +162,7 @@ impl Trial {
     ///
     /// # Errors
     /// [`TrialError`].
-    pub fn crash(&mut self) -> Result<(), TrialError> {
+    pub fn crash(&self) -> Result<(), TrialError> {
         self.stop()?;
         self.go_on()
     }
@@ -162,7 +171,7 @@ impl Trial {
     ///
     /// # Errors
     /// [`TrialError`].
-    pub fn stop(&mut self) -> Result<(), TrialError> {
+    pub fn stop(&self) -> Result<(), TrialError> {
         let mut stop = as_user(&self.programs.join("pg_ctl"), self.user);
         stop.arg("--pgdata").arg(self.directory.join("data")).args(["--mode", "immediate", "stop"]);
         run(&mut stop, "pg_ctl")
@@ -172,7 +181,7 @@ impl Trial {
     ///
     /// # Errors
     /// [`TrialError`].
-    pub fn go_on(&mut self) -> Result<(), TrialError> {
+    pub fn go_on(&self) -> Result<(), TrialError> {
         let mut start = as_user(&self.programs.join("pg_ctl"), self.user);
         start.arg("--pgdata").arg(self.directory.join("data"));
         start.arg("--log").arg(self.directory.join("log")).args(["--wait", "start"]);

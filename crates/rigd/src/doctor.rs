@@ -8,6 +8,7 @@ mod data;
 mod device;
 mod growth;
 pub(crate) mod host;
+pub(crate) mod hub;
 mod port;
 #[cfg(test)]
 mod tests;

@@ -64,11 +64,12 @@ use axum::{
     routing::get,
 };
 use futures_util::FutureExt;
+use rig_hub::Standing;
 use rig_model::{panic_message, with_causes};
 use rig_store::{Reader, RunId, RunKind, RunStatus};
 use tokio::{
     runtime::Handle,
-    sync::{Mutex, Semaphore, mpsc},
+    sync::{Mutex, Semaphore, mpsc, watch},
     task::JoinHandle,
     time::timeout,
 };
@@ -114,6 +115,8 @@ struct Inner {
     queue: queue::Keeper,
     /// Who is told what happens on the rig, if anybody.
     notifications: RwLock<Option<Arc<Post>>>,
+    /// How the shipping of the journal to a hub stands, if there is one.
+    shipping: OnceLock<watch::Receiver<Standing>>,
     /// The TLS of the listener, if clients must speak it.
     tls: OnceLock<Tls>,
     /// To the task that reads the configuration again.
@@ -173,6 +176,7 @@ impl Shared {
             lease,
             queue,
             notifications: RwLock::default(),
+            shipping: OnceLock::new(),
             tls: OnceLock::new(),
             reloads: OnceLock::new(),
             commissioning: OnceLock::new(),
@@ -196,9 +200,19 @@ impl Shared {
         self.inner.rig.status().borrow().clone()
     }
 
+    /// Tells of each change of the rig.
+    pub(crate) fn watch_status(&self) -> watch::Receiver<Status> {
+        self.inner.rig.status()
+    }
+
     /// Shows when the certificate of the daemon expires among the figures of the service.
     pub(crate) fn show_certificate(&self, tls: &Tls) {
         _ = self.inner.tls.set(tls.clone());
+    }
+
+    /// Shows how the shipping of the journal stands among the figures of the service.
+    pub(crate) fn show_hub(&self, standing: watch::Receiver<Standing>) {
+        _ = self.inner.shipping.set(standing);
     }
 
     /// Shows the notifications among the figures of the service.

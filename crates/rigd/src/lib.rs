@@ -32,6 +32,7 @@ mod rig_view;
 pub mod run_files;
 mod selftest;
 mod sensitivity;
+mod shipper;
 pub mod simulation;
 mod sweep_form;
 mod sweeps;

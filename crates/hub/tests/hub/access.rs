@@ -1,6 +1,8 @@
 //! A bench ships for itself alone, by its certificate and by three functions.
 
-use rig_hub::{Batch, Inlet, InletError, admin, connect, doctor};
+use std::{fs, os::unix::fs::PermissionsExt};
+
+use rig_hub::{Batch, Identity, Inlet, InletError, TlsError, admin, connect, doctor};
 use rig_store::Reader;
 
 use crate::support::{Hub, assert_same, contents_of, journal, server};
@@ -117,6 +119,17 @@ async fn a_bench_is_its_certificate() {
     assert!(connect(&config, Some(&identity)).await.is_err(), "it is not let in again");
     admin::add_bench(&hub.admin, &left.parse().unwrap()).await.unwrap();
     assert!(connect(&config, Some(&identity)).await.is_ok(), "it is let in again");
+}
+
+#[test]
+fn a_key_that_others_can_read_is_refused() {
+    let [certificate, key, authority] = server().certify("nobody/careless").unwrap();
+    fs::set_permissions(&key, fs::Permissions::from_mode(0o644)).unwrap();
+    let refused = Identity::read(&certificate, &key, &authority);
+    assert!(matches!(refused, Err(TlsError::Open { mode: 0o644, .. })), "{refused:?}");
+    fs::set_permissions(&key, fs::Permissions::from_mode(0o640)).unwrap();
+    Identity::read(&certificate, &key, &authority).unwrap();
+    assert!(matches!(Identity::read(&key, &key, &authority), Err(TlsError::Unusable { .. })));
 }
 
 #[tokio::test]

@@ -181,7 +181,7 @@ pub(super) fn in_force(
 fn of_daemon(bench: &BenchArgs, settings: &Settings) -> Vec<ValueView> {
     let mut values = of_service(settings);
     values.push(of_operator(bench));
-    values.extend(of_notifications(settings));
+    values.extend(of_sections(settings));
     values
 }
 
@@ -207,6 +207,9 @@ fn change(part: Part, name: &str) -> Change {
         (Part::Service, "tls") => Change::Restart(
             "the port speaks as it did at the start; renewed files of a certificate need no reload",
         ),
+        (Part::Service, name) if name.starts_with("hub.") => {
+            Change::Restart("the journal is shipped as it was said at the start")
+        }
         (Part::Service, "release_queue") => Change::Restart("it says what happens after a start"),
         (Part::Service, _) => Change::Restart("it is a flag of the program"),
         (Part::Directories, _) => Change::Restart("the rig and its journal are open"),
@@ -246,11 +249,11 @@ fn of_service(settings: &Settings) -> Vec<ValueView> {
     ]
 }
 
-/// Who is told what happens on the rig: files with secrets are named, and not read.
-fn of_notifications(settings: &Settings) -> impl Iterator<Item = ValueView> {
+/// Who is told what happens on the rig, and the hub: files with secrets are named, and not read.
+fn of_sections(settings: &Settings) -> impl Iterator<Item = ValueView> {
     let file = settings.service.value.as_ref();
     let file = file.map(|path| path.display().to_string()).unwrap_or_default();
-    let values = settings.of_notifications.iter().cloned();
+    let values = settings.of_sections.iter().cloned();
     values.map(move |value| ValueView::of_file(Part::Service, &file, value))
 }
 

@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::{
     Failure,
     args::{DataArgs, OutputArgs, RigArgs},
+    settings,
     table::{note, print, print_json},
 };
 use crate::{
@@ -71,6 +72,9 @@ pub(super) fn doctor(args: &DoctorArgs) -> Result<(), Failure> {
     let mut findings =
         doctor::findings(&args.data.dir(), &name, host.as_ref(), &rig::inspect(rig)?);
     findings.extend(shown.into_iter().flatten());
+    if let Some(hub) = settings::hub()? {
+        findings.extend(doctor::hub::findings(&hub, &args.data.dir()));
+    }
     let count = |level| findings.iter().filter(|finding| finding.level == level).count();
     let (problems, warnings) = (count(Level::Problem), count(Level::Warning));
     if args.output.json {

@@ -125,6 +125,8 @@ pub(super) enum Failure {
     Tokens(#[from] TokensError),
     #[error(transparent)]
     Tls(#[from] TlsError),
+    #[error("the hub")]
+    Hub(#[from] rig_hub::TlsError),
     #[error(transparent)]
     Target(#[from] TargetError),
     #[error(transparent)]
@@ -194,6 +196,7 @@ impl Failure {
             | Self::NoToken { .. }
             | Self::Token(_)
             | Self::Tls(_)
+            | Self::Hub(_)
             | Self::Target(_)
             | Self::Tokens(TokensError::Taken { .. } | TokensError::Unknown { .. })
             | Self::NoFile { .. }

@@ -10,6 +10,7 @@ use std::{
 use clap::Args;
 use jiff::Timestamp;
 use rig_files::service_file::TlsFile;
+use rig_hub::Destination;
 use rig_store::{Reader, StoreError};
 use tokio::runtime::Handle;
 use tokio_util::sync::CancellationToken;
@@ -40,6 +41,7 @@ use crate::{
     operator::Operator,
     protocol_file::LoadedProtocol,
     queue,
+    shipper::{self, Shipper},
     tokens::{Secret, Tokens},
 };
 
@@ -112,6 +114,7 @@ struct Daemon {
     access: Access,
     secret: Secret,
     targets: Option<Targets>,
+    hub: Option<Destination>,
 }
 
 impl Daemon {
@@ -122,17 +125,19 @@ impl Daemon {
         let listening = Listening::of(settings.listen.value)?;
         let access = access(&settings, listening.address(), args.bench.operator.name(), &secret)?;
         let (tls, targets) = (tls(&settings, listening.address())?, settings.targets()?);
+        let hub = settings.hub.as_ref().map(shipper::destination).transpose()?;
         let rig = LoadedRig::load(&settings.rig.value)?;
         let flags = Flags { bench: args.bench.clone(), service: args.service.clone() };
         let in_force = InForce::new(&flags, &settings, &rig)?;
         let (protocol, facts) = (args.protocol.as_ref(), rig.facts());
         let loaded = protocol.map(|path| LoadedProtocol::load(path, &facts)).transpose()?;
         let port = (listening, tls);
-        Ok(Self { settings, flags, in_force, port, rig, loaded, access, secret, targets })
+        Ok(Self { settings, flags, in_force, port, rig, loaded, access, secret, targets, hub })
     }
 
     async fn serve(self, builders: Handle) -> Result<(), Failure> {
-        let Self { settings, flags, in_force, port, rig, loaded, access, secret, targets } = self;
+        let Self { settings, flags, in_force, port, rig, loaded, access, secret, targets, hub } =
+            self;
         let (listening, tls) = port;
         let (data, facts) = (settings.data.value.clone(), rig.facts());
         let (mut signals, hangups) = Signals::of_daemon()?;
@@ -155,15 +160,13 @@ impl Daemon {
         );
         shared.open_commissioning(Commissioning::new(handle.clone(), commissioned));
         tokio::spawn(ended_runs::write(shared.clone(), handle.status(), data.clone()));
-        if let Some(tls) = door.tls() {
-            shared.show_certificate(tls);
-            tokio::spawn(watch_certificate(tls.clone()));
-        }
+        show_certificate(&door, &shared);
         let opened = shared.open_queue(settings.release_queue.value).await;
         opened.map_err(|source| Failure::File { path: data.join(queue::FILE), source })?;
         // Ends what begins something by itself.
         let nothing_more = CancellationToken::new();
         tokio::spawn(shared.clone().run_queue(nothing_more.clone()));
+        let shipper = ship(hub, &shared, &data)?;
         let reloader = Reloader::new(flags, in_force, shared.clone(), told);
         let reloading = tokio::spawn(reloader.serve(hangups, nothing_more.clone()));
         let telling = tokio::spawn(manager::feed(shared.clone()));
@@ -191,6 +194,7 @@ impl Daemon {
             () = signals.next() => return Err(left(&handle.status().borrow())),
         }
         thread.join();
+        Shipper::finish(shipper).await;
         // The end of the last run is in the outbox then.
         drop(reloading.await);
         drop(announced);
@@ -203,6 +207,27 @@ impl Daemon {
             () = signals.next() => {}
         }
         Ok(())
+    }
+}
+
+/// Begins to ship the journal, if there is a hub.
+fn ship(
+    hub: Option<Destination>,
+    shared: &http::Shared,
+    data: &Path,
+) -> Result<Option<Shipper>, Failure> {
+    let Some(to) = hub else { return Ok(None) };
+    let shipper = Shipper::start(to, data.to_path_buf(), shared.watch_status())
+        .map_err(|source| Failure::System { what: "thread of the hub", source })?;
+    shared.show_hub(shipper.standing());
+    Ok(Some(shipper))
+}
+
+/// Shows and watches when the certificate expires, where clients must speak TLS.
+fn show_certificate(door: &Door, shared: &http::Shared) {
+    if let Some(tls) = door.tls() {
+        shared.show_certificate(tls);
+        tokio::spawn(watch_certificate(tls.clone()));
     }
 }
 

@@ -10,7 +10,7 @@ use std::{
 use clap::Args;
 use rig_files::{
     Complaint, Faults, FileKind,
-    service_file::{NotificationsFile, ServiceFile, TlsFile},
+    service_file::{HubFile, NotificationsFile, ServiceFile, TlsFile},
     settings::{InForce, Setting},
 };
 use serde::Serialize;
@@ -126,8 +126,10 @@ pub(super) struct Settings {
     pub(super) tls: Settled<TlsFile>,
     /// Who is told what happens on the rig, if anybody.
     pub(super) notifications: Option<NotificationsFile>,
-    /// The values of the section, each with its line.
-    pub(super) of_notifications: Vec<InForce>,
+    /// Where the journal is shipped to, if anywhere.
+    pub(super) hub: Option<HubFile>,
+    /// The values of both sections, each with its line.
+    pub(super) of_sections: Vec<InForce>,
 }
 
 impl Settings {
@@ -184,7 +186,8 @@ impl Settings {
                 tls.unwrap_or(Settled::default(TlsFile::Off)),
             ),
             notifications: given.file.notifications.map(|section| section.value),
-            of_notifications: given.in_force,
+            hub: given.file.hub.map(|section| section.value),
+            of_sections: given.in_force,
             service: given.path,
         })
     }
@@ -214,6 +217,20 @@ impl Settings {
     }
 }
 
+/// The hub of the service file that a daemon without flags would use.
+///
+/// # Errors
+/// [`FileError`] with every fault of the service file.
+pub(super) fn hub() -> Result<Option<HubFile>, FileError> {
+    let file = Place::found().service;
+    if !file.try_exists().unwrap_or(true) {
+        return Ok(None);
+    }
+    let (_, text) = files::read(&file, FileKind::Service)?;
+    let file = ServiceFile::read(&file, &text).map_err(FileError::Faults)?;
+    Ok(file.hub.map(|section| section.value))
+}
+
 impl TlsArgs {
     /// What the flags say, and the flag that says it.
     fn given(&self) -> (Option<TlsFile>, &'static str) {
@@ -231,7 +248,7 @@ impl TlsArgs {
 struct Given {
     path: Settled<Option<PathBuf>>,
     file: ServiceFile,
-    /// The values of its section on notifications.
+    /// The values of its sections on notifications and the hub.
     in_force: Vec<InForce>,
 }
 

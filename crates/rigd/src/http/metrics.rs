@@ -143,6 +143,7 @@ pub(super) async fn show(State(shared): State<Shared>) -> Result<Response, Probl
         f64::from(u8::from(is_held)),
     );
     of_the_notifications(&shared, &mut figures);
+    of_the_hub(&shared, &mut figures).await?;
     of_the_devices(&status, &mut figures);
     of_the_journal(&happened, &mut figures);
     drop(happened);
@@ -256,6 +257,21 @@ fn of_the_notifications(shared: &Shared, figures: &mut Figures) {
         "Messages that were tried often enough, or for which there was no room",
         |of| of.given_up,
     );
+}
+
+/// How far the hub is behind the journal.
+async fn of_the_hub(shared: &Shared, figures: &mut Figures) -> Result<(), Problem> {
+    let Some(standing) = shared.inner.shipping.get() else { return Ok(()) };
+    let standing = standing.borrow().clone();
+    let last_event = shared.read(|reader| Ok(reader.last_event()?)).await?;
+    let is_connected = f64::from(u8::from(standing.is_connected));
+    figures.gauge("hub_connected", "1 while the hub answers", is_connected);
+    let behind = last_event.saturating_sub(standing.event);
+    figures.gauge("hub_events_behind", "Events that the hub has not committed", behind as f64);
+    let help = "Records that the hub has committed since the start";
+    figures.count("hub_records", help, standing.records);
+    figures.count("hub_failures", "Attempts to ship that failed", standing.failures);
+    Ok(())
 }
 
 fn of_the_journal(happened: &Happened, figures: &mut Figures) {

@@ -1,0 +1,243 @@
+//! Ships a journal for as long as its rig is open.
+//!
+//! ```text
+//!   connect ─▶ ask for the cursor ─▶ batch, batch, … ─▶ wait for news, or greet every half minute
+//!      ▲                                  │ any failure
+//!      └──────── wait 1 s, 2 s, … 5 min ──┘
+//! ```
+//!
+//! Nothing waits for it. It keeps one batch in memory, and whatever was not committed it sends again.
+
+use std::{
+    io,
+    path::{Path, PathBuf},
+    time::{Duration, SystemTime},
+};
+
+use rig_model::with_causes;
+use rig_store::Reader;
+use tokio::{
+    sync::watch,
+    time::{error::Elapsed, sleep, timeout},
+};
+use tokio_postgres::{Client, Config};
+
+use crate::{ConnectError, Identity, Inlet, InletError, TlsError, connect};
+
+/// Time limits of a connection, and of an answer: a batch is committed in milliseconds.
+const CONNECT_TIME: Duration = Duration::from_secs(10);
+const ANSWER_TIME: Duration = Duration::from_secs(60);
+/// The hub is told this often that the bench is there.
+const GREET_EVERY: Duration = Duration::from_secs(30);
+/// What is recorded within this time is sent together.
+const TOGETHER: Duration = Duration::from_millis(200);
+/// Time to the second attempt. It doubles with each further one.
+const WAIT: Duration = Duration::from_secs(1);
+const WAIT_MAX: Duration = Duration::from_secs(300);
+
+/// Where a journal is shipped to, and as whom.
+#[derive(Debug, Clone)]
+pub struct Destination {
+    config: Config,
+    /// Certificate, key and authority; without them, there is no TLS.
+    files: Option<[PathBuf; 3]>,
+}
+
+/// How the shipping of a journal stands.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Standing {
+    /// Whether the hub has answered last.
+    pub is_connected: bool,
+    /// The last event that the hub has committed, as far as it has said so.
+    pub event: u64,
+    /// Records that were committed since the start.
+    pub records: u64,
+    /// Attempts that failed since the start.
+    pub failures: u64,
+    /// Why the last attempt failed, until one succeeds.
+    pub error: Option<String>,
+}
+
+/// What the hub has of a journal.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Held {
+    /// The last event that it has committed; 0 for a journal that it does not know.
+    pub event: u64,
+    /// Why it takes nothing more of the journal.
+    pub quarantined: Option<String>,
+}
+
+/// Why shipping failed.
+#[derive(Debug, thiserror::Error)]
+pub enum ShipperError {
+    /// The certificate of the bench.
+    #[error(transparent)]
+    Tls(#[from] TlsError),
+    /// No connection.
+    #[error(transparent)]
+    Connect(#[from] ConnectError),
+    /// A batch.
+    #[error(transparent)]
+    Inlet(#[from] InletError),
+    /// The runtime of the connection.
+    #[error("runtime")]
+    Runtime(#[source] io::Error),
+    /// No answer in time.
+    #[error("the hub has not answered in time")]
+    Silent(#[from] Elapsed),
+}
+
+impl Destination {
+    /// The database at this host and port, as the role of a bench, by TLS with these files of PEM: the certificate of
+    /// the bench, the key of that, and the certificate of the authority of the server. They are read at each connection.
+    pub fn new(address: (&str, u16), database: &str, bench: &str, files: [PathBuf; 3]) -> Self {
+        let mut config = Config::new();
+        config.host(address.0).port(address.1).dbname(database).user(bench);
+        Self { config, files: Some(files) }
+    }
+
+    /// A hub on this computer, without TLS.
+    pub const fn local(config: Config) -> Self {
+        Self { config, files: None }
+    }
+
+    /// Reads the files.
+    ///
+    /// # Errors
+    /// [`TlsError`] names the file and its fault.
+    pub fn check(&self) -> Result<(), TlsError> {
+        self.identity().map(drop)
+    }
+
+    fn identity(&self) -> Result<Option<Identity>, TlsError> {
+        let read = |[certificate, key, authority]: &[PathBuf; 3]| {
+            Identity::read(certificate, key, authority)
+        };
+        self.files.as_ref().map(read).transpose()
+    }
+
+    async fn connect(&self) -> Result<Client, ShipperError> {
+        let identity = self.identity()?;
+        let (client, _task) =
+            timeout(CONNECT_TIME, connect(&self.config, identity.as_ref())).await??;
+        Ok(client)
+    }
+
+    /// Asks what the hub has of a journal, and changes nothing.
+    ///
+    /// # Errors
+    /// [`ShipperError`].
+    pub async fn held(&self, reader: &Reader) -> Result<Held, ShipperError> {
+        let (journal, _) = reader.identity().map_err(InletError::from)?;
+        let client = self.connect().await?;
+        let select = "SELECT cursor_event, quarantined FROM hub.journal WHERE id = $1::text::uuid";
+        let row = timeout(ANSWER_TIME, client.query_opt(select, &[&journal]))
+            .await?
+            .map_err(InletError::from)?;
+        let held = row.map(|row| Held {
+            event: row.get::<_, i64>(0).cast_unsigned(),
+            quarantined: row.get(1),
+        });
+        Ok(held.unwrap_or(Held { event: 0, quarantined: None }))
+    }
+}
+
+/// Ships the journal in `data` until everything is there and nobody has `news` of it any more. It never fails for
+/// good: `standing` says how it stands.
+pub async fn ship<T>(
+    to: &Destination,
+    data: &Path,
+    software: &str,
+    mut news: watch::Receiver<T>,
+    standing: &watch::Sender<Standing>,
+) {
+    let mut wait = WAIT;
+    loop {
+        let before = standing.borrow().records;
+        let Err(error) = passage(to, data, software, &mut news, standing).await else { return };
+        standing.send_modify(|standing| {
+            standing.is_connected = false;
+            standing.failures += 1;
+            standing.error = Some(with_causes(&error));
+        });
+        if standing.borrow().records > before {
+            wait = WAIT;
+        }
+        tokio::select! {
+            () = sleep(spread(wait)) => {}
+            // What is left is sent when the journal is open again.
+            () = closed(&mut news) => return,
+        }
+        wait = (wait * 2).min(WAIT_MAX);
+    }
+}
+
+/// Ships over one connection.
+async fn passage<T>(
+    to: &Destination,
+    data: &Path,
+    software: &str,
+    news: &mut watch::Receiver<T>,
+    standing: &watch::Sender<Standing>,
+) -> Result<(), ShipperError> {
+    let reader = Reader::open(data).map_err(InletError::from)?;
+    let client = to.connect().await?;
+    let mut inlet = timeout(ANSWER_TIME, Inlet::open(client, &reader, software)).await??;
+    let note = |event, records| {
+        standing.send_modify(|standing| {
+            *standing = Standing {
+                is_connected: true,
+                event,
+                records: standing.records + records,
+                failures: standing.failures,
+                error: None,
+            };
+        });
+    };
+    note(inlet.cursor().event, 0);
+    loop {
+        let has_closed = news.has_changed().is_err();
+        news.mark_unchanged();
+        while let Some(batch) = inlet.next(&reader)? {
+            let cursor = timeout(ANSWER_TIME, inlet.send(&batch)).await??;
+            note(cursor.event, batch.records as u64);
+        }
+        if has_closed {
+            return Ok(());
+        }
+        tokio::select! {
+            changed = news.changed() => {
+                if changed.is_ok() {
+                    sleep(TOGETHER).await;
+                }
+            }
+            () = sleep(GREET_EVERY) => {
+                timeout(ANSWER_TIME, inlet.greet(software)).await??;
+                note(inlet.cursor().event, 0);
+            }
+        }
+    }
+}
+
+async fn closed<T>(news: &mut watch::Receiver<T>) {
+    while news.changed().await.is_ok() {}
+}
+
+/// A time up to a quarter shorter, so that not all benches call at once after a failure of the hub.
+fn spread(wait: Duration) -> Duration {
+    let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+    wait.saturating_sub(wait / 4 * (since_1970.subsec_micros() % 1000) / 1000)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn waits_are_spread_over_a_quarter() {
+        for wait in [WAIT, WAIT_MAX] {
+            let spread = spread(wait);
+            assert!(spread <= wait && spread >= wait * 3 / 4, "{spread:?}");
+        }
+    }
+}

@@ -1,0 +1,52 @@
+//! Findings about the hub to which the journal is shipped. Nothing is shipped for them.
+
+use std::path::Path;
+
+use rig_files::service_file::HubFile;
+use rig_hub::{Held, InletError, ShipperError};
+use rig_model::with_causes;
+use rig_store::StoreError;
+
+use super::{Finding, Findings};
+use crate::shipper;
+
+/// A hub with fewer events behind it is as a running daemon leaves it.
+const BEHIND_MAX: u64 = 1000;
+
+pub(crate) fn findings(file: &HubFile, data: &Path) -> Vec<Finding> {
+    let mut found = Findings::of("hub");
+    let to = match shipper::destination(file) {
+        Ok(to) => to,
+        Err(error) => {
+            let advice = "write the files of `[hub]` again with `rigd-hub bench add`";
+            found.problem("certificate", with_causes(&error), advice);
+            return found.all;
+        }
+    };
+    let (bench, host, port) = (&file.bench, &file.host, file.port);
+    match shipper::held(&to, data) {
+        Ok((Held { quarantined: Some(reason), .. }, _)) => {
+            let advice = "two computers ship the same journal: ask the administrator of the hub which one goes on";
+            found.problem("journal", format!("quarantined: {reason}"), advice);
+        }
+        Ok((Held { event, .. }, last_event)) => {
+            let behind = last_event.saturating_sub(event);
+            let text = format!("{host}:{port} has {event} of {last_event} events of {bench}");
+            if behind > BEHIND_MAX {
+                let advice = "a running daemon ships them: look at `rigd_hub_connected` in its figures, and at its log";
+                found.warning("journal", text, advice);
+            } else {
+                found.ok("journal", text);
+            }
+        }
+        Err(ShipperError::Inlet(InletError::Journal(StoreError::NoJournal))) => {
+            found.ok("journal", "there is none to ship yet");
+        }
+        Err(error) => {
+            let advice = "the rig measures on, and the journal is shipped later: look at network, certificate and \
+                          `rigd-hub doctor`";
+            found.problem("connection", format!("{host}:{port}: {}", with_causes(&error)), advice);
+        }
+    }
+    found.all
+}
