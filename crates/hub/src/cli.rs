@@ -1,7 +1,10 @@
 //! The command line. Data goes to stdout, messages go to stderr.
 
+mod trial;
+
 use std::{
     io::{self, Write},
+    net::SocketAddr,
     path::PathBuf,
     process::ExitCode,
 };
@@ -9,14 +12,21 @@ use std::{
 use clap::{Args, Parser, Subcommand};
 use rig_model::with_causes;
 use serde::Serialize;
+use tokio::{
+    net::TcpListener,
+    signal::{
+        ctrl_c,
+        unix::{SignalKind, signal},
+    },
+};
 use tokio_postgres::Config;
 
 use crate::{
-    Authority, BenchName, CertificateError, ConnectError, State,
+    Authority, BenchName, Catalogue, CertificateError, ConnectError, State, TrialError,
     admin::{self, AdminError, DATABASE},
     connect,
     doctor::{self, Finding, Level},
-    state,
+    is_local, state,
 };
 
 /// Keeps the records of many rigs in one PostgreSQL.
@@ -38,6 +48,8 @@ enum HubCommand {
         #[command(subcommand)]
         command: BenchCommand,
     },
+    /// Serve the page of the laboratory: rigs, and runs with search
+    Serve(ServeArgs),
     /// Show what each bench has shipped, and the alarms
     Status(OutputArgs),
     /// Check the hub and advise on each problem
@@ -46,6 +58,8 @@ enum HubCommand {
     Acknowledge(AcknowledgeArgs),
     /// Take a journal out of quarantine: the copy that connects first goes on
     Release(ReleaseArgs),
+    /// Run a PostgreSQL with a hub in a new directory, for a first look
+    Trial(trial::TrialArgs),
     /// Make the typed tables anew from the records
     Rebuild(DatabaseArgs),
 }
@@ -72,6 +86,18 @@ struct OutputArgs {
     /// Print JSON
     #[arg(long)]
     json: bool,
+}
+
+#[derive(Debug, Args)]
+struct ServeArgs {
+    #[command(flatten)]
+    database: DatabaseArgs,
+    /// Address and port to listen on, of this computer alone
+    #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:8138")]
+    listen: SocketAddr,
+    /// Another name by which clients may call this computer, as behind a proxy; may be repeated
+    #[arg(long, value_name = "NAME")]
+    allow_host: Vec<String>,
 }
 
 #[derive(Debug, Args)]
@@ -136,6 +162,8 @@ enum Failure {
     Connect(#[from] ConnectError),
     #[error(transparent)]
     Certificate(#[from] CertificateError),
+    #[error(transparent)]
+    Trial(#[from] TrialError),
     #[error("PostgreSQL refuses")]
     Refused(#[from] tokio_postgres::Error),
     #[error("`--database {words}`")]
@@ -144,6 +172,12 @@ enum Failure {
     System(#[from] io::Error),
     #[error("the output cannot be written as JSON")]
     Json(#[from] serde_json::Error),
+    /// The page would be open to other computers.
+    #[error(
+        "{listen} can be reached from other computers, and the page knows no persons: listen on 127.0.0.1, and let a proxy \
+         with TLS and passwords stand before it (docs/hub.md)"
+    )]
+    Open { listen: SocketAddr },
     /// What was found has been listed.
     #[error("problems were found")]
     Found,
@@ -152,7 +186,7 @@ enum Failure {
 impl Failure {
     fn exit_code(&self) -> u8 {
         match self {
-            Self::Words { .. } => 2,
+            Self::Words { .. } | Self::Open { .. } => 2,
             Self::Admin(
                 AdminError::NoSuchBench { .. }
                 | AdminError::NoSuchJournal { .. }
@@ -192,6 +226,7 @@ async fn carry_out(command: HubCommand) -> Result<(), Failure> {
             admin::revoke_bench(&client, &args.bench).await?;
             say(&format!("{} may not ship any more", args.bench))
         }
+        HubCommand::Serve(args) => serve(args).await,
         HubCommand::Status(args) => status(&args).await,
         HubCommand::Doctor(args) => doctor(&args).await,
         HubCommand::Acknowledge(args) => {
@@ -202,6 +237,7 @@ async fn carry_out(command: HubCommand) -> Result<(), Failure> {
             let (mut client, _task) = args.database.connect().await?;
             Ok(admin::release_journal(&mut client, &args.journal).await?)
         }
+        HubCommand::Trial(args) => trial::trial(args).await,
         HubCommand::Rebuild(args) => {
             let (client, _task) = args.connect().await?;
             let read = admin::rebuild(&client).await?;
@@ -221,6 +257,30 @@ impl DatabaseArgs {
         &self,
     ) -> Result<(tokio_postgres::Client, tokio::task::JoinHandle<()>), Failure> {
         Ok(connect(&self.config()?, None).await?)
+    }
+}
+
+async fn serve(args: ServeArgs) -> Result<(), Failure> {
+    let listen = args.listen;
+    if !is_local(listen) {
+        return Err(Failure::Open { listen });
+    }
+    let catalogue = Catalogue::new(args.database.config()?);
+    let listener = TcpListener::bind(listen).await?;
+    // Whoever waits for the address reads it here.
+    _ = writeln!(io::stderr(), "rigd-hub: listening on http://{}/", listener.local_addr()?);
+    tokio::select! {
+        served = crate::serve(listener, catalogue, args.allow_host) => Ok(served?),
+        ended = ended() => Ok(ended?),
+    }
+}
+
+/// Waits until the program is interrupted or terminated.
+async fn ended() -> io::Result<()> {
+    let mut terminated = signal(SignalKind::terminate())?;
+    tokio::select! {
+        interrupted = ctrl_c() => interrupted,
+        _ = terminated.recv() => Ok(()),
     }
 }
 

@@ -14,6 +14,7 @@
 
 pub mod admin;
 mod batch;
+mod catalogue;
 mod certificates;
 pub mod cli;
 mod connect;
@@ -21,17 +22,21 @@ pub mod doctor;
 mod inlet;
 mod migrations;
 mod name;
+mod page;
+mod serve;
 mod shipper;
 mod state;
 mod tls;
 mod trial;
 
 pub use batch::Batch;
+pub use catalogue::{Catalogue, CatalogueError, FoundRun, Rig, Wanted};
 pub use certificates::{Authority, CertificateError};
 pub use connect::{ConnectError, connect};
 pub use inlet::{Cursor, Inlet, InletError};
 pub use migrations::{MIGRATIONS, MigrationError, migrate};
 pub use name::{BenchName, NameError};
+pub use serve::{is_local, serve};
 pub use shipper::{Destination, Held, ShipperError, Standing, ship};
 pub use state::{Alarm, BenchState, State, state};
 pub use tls::{Identity, TlsError};

@@ -6,5 +6,7 @@ mod access;
 mod forks;
 mod ingest;
 mod migrations;
+mod page;
+#[expect(dead_code, reason = "other tests use more of it")]
 mod support;
 mod typed;

@@ -42,6 +42,11 @@ impl Hub {
         Self { database, admin }
     }
 
+    /// Connects again, after a crash of the server.
+    pub(crate) async fn reconnect(&mut self) {
+        (self.admin, _) = connect(&server().admin(&self.database), None).await.unwrap();
+    }
+
     /// Adds a bench of this hub; the name of its role is the answer.
     pub(crate) async fn bench(&self, name: &str) -> String {
         let role = format!("{}/{name}", self.database);
@@ -80,19 +85,26 @@ impl Hub {
 
     /// Every run in the hub as lines: its entry, stretches, records and end, each byte of them.
     pub(crate) async fn contents(&self) -> BTreeMap<String, Vec<String>> {
+        self.contents_of("%").await
+    }
+
+    /// The same of the benches whose role is like this.
+    pub(crate) async fn contents_of(&self, role: &str) -> BTreeMap<String, Vec<String>> {
         let rows = "
+            WITH wanted AS (SELECT * FROM hub.run WHERE bench IN (SELECT id FROM hub.bench WHERE role::text LIKE $1))
             SELECT id::text AS run, 0 AS part, 0::bigint AS n,
                    concat_ws('|', origin_bench, origin_journal, kind, name, format, epoch, started_at) AS line
-            FROM hub.run
-            UNION ALL SELECT run::text, 1, epoch, concat_ws('|', epoch, started_at, rig_us) FROM hub.stretch
+            FROM wanted
+            UNION ALL SELECT run::text, 1, epoch, concat_ws('|', epoch, started_at, rig_us) FROM hub.stretch WHERE run IN (SELECT id FROM wanted)
             UNION ALL SELECT run::text, 2, seq,
-                   concat_ws('|', event, seq, epoch, rig_us, kind, payload, encode(digest, 'hex')) FROM hub.record
+                   concat_ws('|', event, seq, epoch, rig_us, kind, payload, encode(digest, 'hex'))
+            FROM hub.record WHERE run IN (SELECT id FROM wanted)
             UNION ALL SELECT id::text, 3, 0, concat_ws('|', finished_at, status, records, encode(head, 'hex'),
                                                        encode(seal, 'hex'))
-            FROM hub.run WHERE finished_at IS NOT NULL
+            FROM wanted WHERE finished_at IS NOT NULL
             ORDER BY run, part, n";
         let mut contents = BTreeMap::<String, Vec<String>>::new();
-        for row in self.admin.query(rows, &[]).await.unwrap() {
+        for row in self.admin.query(rows, &[&role]).await.unwrap() {
             contents.entry(row.get(0)).or_default().push(row.get(3));
         }
         contents

@@ -19,7 +19,7 @@ fn settings(sample: &str) -> TouchSettings {
     }
 }
 
-fn started() -> Record {
+pub(crate) fn started() -> Record {
     let source = |name: &str| Source { name: name.to_owned(), toml: String::new() };
     Record::RunStarted(RunStarted {
         software: "rigd 0.1.0".to_owned(),
@@ -43,7 +43,7 @@ fn started() -> Record {
     })
 }
 
-fn touched() -> Record {
+pub(crate) fn touched() -> Record {
     Record::TouchResult(Touch {
         touch: settings("agar"),
         no_load_sweep: 1,
@@ -65,7 +65,7 @@ fn touched() -> Record {
     })
 }
 
-fn refused() -> Record {
+pub(crate) fn refused() -> Record {
     Record::TouchRefused(RefusedTouch {
         touch: settings("gel"),
         reason: "the readings had not settled".to_owned(),

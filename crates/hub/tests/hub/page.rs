@@ -1,0 +1,154 @@
+//! The page of the laboratory shows rigs and finds runs.
+
+use std::{
+    io::{Read, Write},
+    net::SocketAddr,
+};
+
+use rig_hub::{Catalogue, FoundRun, Rig, Wanted, serve};
+use rig_store::{Ending, Journal, Prompt, PromptAnswered, PromptAsked, Record, RunKind, Store};
+use tempfile::TempDir;
+use tokio::{net::TcpListener, task::spawn_blocking};
+
+use crate::support::{Hub, append, command, finished, server, state};
+use crate::typed::{refused, started, touched};
+
+fn asked() -> Record {
+    let prompt = Prompt::PlaceSample { sample: "<gel>".to_owned() };
+    Record::PromptAsked(PromptAsked { step: "prompt/1".to_owned(), prompt })
+}
+
+async fn get(address: SocketAddr, path: &str, host: &str) -> String {
+    let request = format!("GET {path} HTTP/1.1\r\nhost: {host}\r\nconnection: close\r\n\r\n");
+    spawn_blocking(move || {
+        let mut client = std::net::TcpStream::connect(address).unwrap();
+        client.write_all(request.as_bytes()).unwrap();
+        let mut answer = String::new();
+        client.read_to_string(&mut answer).unwrap();
+        answer
+    })
+    .await
+    .unwrap()
+}
+
+/// A laboratory of three benches: at one, a run waits for a person, at another rigd was closed, and one is new.
+struct Laboratory {
+    hub: Hub,
+    left: String,
+    right: String,
+    data: TempDir,
+    waiting: Journal,
+}
+
+async fn laboratory() -> Laboratory {
+    let hub = Hub::new().await;
+    let (left, right) = (hub.bench("left").await, hub.bench("right").await);
+    hub.bench("new").await;
+    let (data, theirs) = (TempDir::new().unwrap(), TempDir::new().unwrap());
+    let store = Store::open(data.path()).unwrap();
+    let mut session = store.begin(RunKind::Session, "session").unwrap();
+    append(&mut session, &[state("idle")]);
+    let mut run = store.begin(RunKind::Run, "smoke").unwrap();
+    append(&mut run, &[started(), command("start"), state("running"), touched(), refused()]);
+    append(&mut run, &[finished(Ending::CompletedWithRefusals)]);
+    let mut waiting = store.begin(RunKind::Run, "three-direction").unwrap();
+    append(&mut waiting, &[started(), touched(), asked()]);
+    hub.ship(&left, data.path()).await.unwrap();
+    let other = Store::open(theirs.path()).unwrap();
+    let mut session = other.begin(RunKind::Session, "session").unwrap();
+    append(&mut session, &[state("latched"), finished(Ending::Completed)]);
+    hub.ship(&right, theirs.path()).await.unwrap();
+    Laboratory { hub, left, right, data, waiting }
+}
+
+#[tokio::test]
+async fn rigs_are_listed_with_what_waits_and_runs_are_found_by_what_they_have() {
+    let Laboratory { hub, left, right, .. } = laboratory().await;
+    let catalogue = Catalogue::new(server().admin(&hub.database));
+    let rigs = catalogue.rigs().await.unwrap();
+    let rig =
+        |name: &str| rigs.iter().find(|rig: &&Rig| rig.bench.ends_with(name)).unwrap().clone();
+    assert_eq!(rigs.len(), 3);
+    let shown = rig("left");
+    assert_eq!(shown.state.as_deref(), Some("running"));
+    assert_eq!(shown.run.as_deref(), Some("three-direction"));
+    assert_eq!((shown.touches_done, shown.touches), (Some(1), Some(2)));
+    assert_eq!(shown.waits.as_deref(), Some("place sample <gel>"));
+    assert_eq!(rig("right").state.as_deref(), Some("closed"));
+    assert_eq!((rig("new").state, rig("new").last_seen), (None, None));
+
+    let all = Wanted::default();
+    let named = |runs: Vec<FoundRun>| runs.into_iter().map(|run| run.protocol).collect::<Vec<_>>();
+    let both = ["three-direction", "smoke"];
+    assert_eq!(named(catalogue.runs(&all).await.unwrap()), both, "sessions are no runs");
+    let smoke = &catalogue.runs(&all).await.unwrap()[1];
+    assert_eq!((smoke.measured, smoke.refused, smoke.is_sealed), (1, 1, true));
+    assert_eq!(
+        (smoke.samples.join(" "), smoke.operators.join(" ")),
+        ("agar gel".into(), "ada".into())
+    );
+    let text = str::to_owned;
+    for (wanted, found) in [
+        (Wanted { sample: text("AGA"), ..all.clone() }, &both[..]),
+        (Wanted { sample: text("steel"), ..all.clone() }, &[]),
+        (Wanted { sample: text("%"), ..all.clone() }, &[]),
+        (Wanted { protocol: text("smo"), ..all.clone() }, &both[1..]),
+        (Wanted { operator: text("ada"), ..all.clone() }, &both[1..]),
+        (Wanted { status: text("running"), ..all.clone() }, &both[..1]),
+        (Wanted { bench: right.clone(), ..all.clone() }, &[]),
+        (Wanted { bench: left.clone(), limit: Some(1), ..all.clone() }, &both[..1]),
+        (Wanted { from: text("2020"), until: text("2999-01"), ..all.clone() }, &both[..]),
+        (Wanted { from: text("2999"), ..all.clone() }, &[]),
+        (Wanted { protocol: text("'; DROP TABLE hub.run; --"), ..all.clone() }, &[]),
+    ] {
+        assert_eq!(named(catalogue.runs(&wanted).await.unwrap()), found, "{wanted:?}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_page_and_its_json_are_served_to_clients_that_know_the_name() {
+    let Laboratory { hub, left, data, mut waiting, .. } = laboratory().await;
+    let catalogue = Catalogue::new(server().admin(&hub.database));
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    tokio::spawn(serve(listener, catalogue, vec!["hub.lab.example".to_owned()]));
+    let page = get(address, "/", "hub.lab.example").await;
+    assert!(
+        page.starts_with("HTTP/1.1 200") && page.contains("place sample &lt;gel&gt;"),
+        "{page}"
+    );
+    assert!(!page.contains("<gel>") && !page.contains("<script"));
+    let found = get(address, "/runs?protocol=smo", "localhost").await;
+    assert!(found.contains("value=\"smo\"") && found.matches("<td title=").count() == 1, "{found}");
+    let json = get(address, "/api/v1/runs?status=running", "127.0.0.1").await;
+    assert!(json.contains("\"protocol\":\"three-direction\"") && !json.contains("smoke"), "{json}");
+    let json = get(address, "/api/v1/rigs", "127.0.0.1").await;
+    assert!(json.contains("\"waits\":\"place sample <gel>\""), "{json}");
+    assert!(get(address, "/api/v1/runs?sampel=x", "localhost").await.starts_with("HTTP/1.1 400"));
+    assert!(get(address, "/", "evil.example").await.starts_with("HTTP/1.1 403"));
+
+    append(
+        &mut waiting,
+        &[Record::PromptAnswered(PromptAnswered {
+            step: "prompt/1".to_owned(),
+            by: "ada".to_owned(),
+        })],
+    );
+    hub.ship(&left, data.path()).await.unwrap();
+    let json = get(address, "/api/v1/rigs", "127.0.0.1").await;
+    assert!(!json.contains("place sample"), "{json}");
+}
+
+#[tokio::test]
+async fn the_catalogue_can_change_nothing_and_comes_back_after_its_connection_has_ended() {
+    let hub = Hub::new().await;
+    let catalogue = Catalogue::new(server().admin(&hub.database));
+    assert_eq!(catalogue.rigs().await.unwrap(), []);
+    let end = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity
+               WHERE datname = current_database() AND pid <> pg_backend_pid()";
+    assert_eq!(hub.admin.query(end, &[]).await.unwrap().len(), 1);
+    // The first request may meet the connection while it ends.
+    _ = catalogue.rigs().await;
+    hub.bench("left").await;
+    assert_eq!(catalogue.rigs().await.unwrap().len(), 1);
+}
