@@ -153,6 +153,11 @@ impl Trial {
         Ok(Identity::read(&certificate, &key, &authority)?)
     }
 
+    /// The directory of the database.
+    pub fn data(&self) -> PathBuf {
+        self.directory.join("data")
+    }
+
     /// Port on the loopback.
     pub const fn port(&self) -> u16 {
         self.port

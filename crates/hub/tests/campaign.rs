@@ -14,9 +14,10 @@ mod support;
 
 use std::{
     collections::BTreeMap,
+    fs,
     panic::{AssertUnwindSafe, catch_unwind},
     path::Path,
-    process::ExitCode,
+    process::{Command, ExitCode},
     time::{Duration, Instant},
 };
 
@@ -24,8 +25,10 @@ use clap::Parser;
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use rig_hub::{Batch, Inlet, InletError};
-use rig_store::{BlackBox, Ending, Frame, Reader, Record, RunKind, Store, back_up};
-use support::{Hub, append, assert_same, command, contents_of, finished, sealed_run, server};
+use rig_store::{Ending, Reader, RunKind, Store, back_up};
+use support::{
+    Hub, append, assert_same, command, contents_of, finished, frames, sealed_run, server,
+};
 use tempfile::TempDir;
 use tokio::{runtime::Runtime, time::timeout};
 
@@ -97,6 +100,11 @@ fn main() -> ExitCode {
     println!("{} seeds, {failed} failed; batches by what happened: {counts:?}", arguments.seeds);
     // With enough seeds, each fault has come.
     let is_missing = arguments.seeds >= 6 && counts.len() < DEEDS.len();
+    let restored = catch_unwind(AssertUnwindSafe(|| runtime.block_on(restore_hub(&mut hub))));
+    if restored.is_err() {
+        println!("the hub that was restored from a backup failed");
+        failed += 1;
+    }
     figures(&hub, &runtime);
     if failed > 0 || is_missing { ExitCode::FAILURE } else { ExitCode::SUCCESS }
 }
@@ -262,6 +270,39 @@ fn next(inlet: &Inlet, reader: &Reader, records: u32) -> Batch {
     Batch::new(cursor.event, &cursor.digest, &shipment).unwrap()
 }
 
+/// Puts the hub back to a backup, behind what it had said that it has.
+async fn restore_hub(hub: &mut Hub) {
+    let role = hub.bench("restored").await;
+    let data = TempDir::new().unwrap();
+    let store = Store::open(data.path()).unwrap();
+    sealed_run(&store, "before", 100);
+    let mut run = store.begin(RunKind::Run, "across").unwrap();
+    append(&mut run, &[command("before the backup")]);
+    hub.ship(&role, data.path()).await.unwrap();
+    let (directory, backup) = (server().data(), TempDir::new().unwrap());
+    server().stop().unwrap();
+    copy(&directory, &backup.path().join("data"));
+    server().go_on().unwrap();
+    hub.reconnect().await;
+    append(&mut run, &[command("behind it"), finished(Ending::Completed)]);
+    sealed_run(&store, "behind", 100);
+    hub.ship(&role, data.path()).await.unwrap();
+    server().stop().unwrap();
+    fs::remove_dir_all(&directory).unwrap();
+    copy(&backup.path().join("data"), &directory);
+    server().go_on().unwrap();
+    hub.reconnect().await;
+    assert!(hub.contents_of(&role).await.len() < 3, "the backup has everything");
+    hub.ship(&role, data.path()).await.unwrap();
+    assert_same(&hub.contents_of(&role).await, &contents_of(data.path()));
+}
+
+/// Copies a directory with its owners.
+fn copy(from: &Path, to: &Path) {
+    let status = Command::new("cp").arg("-a").args([from, to]).status().unwrap();
+    assert!(status.success(), "{} cannot be copied", from.display());
+}
+
 /// Ships a long journal, and then single records, without faults.
 fn figures(hub: &Hub, runtime: &Runtime) {
     const RECORDS: usize = 20_000;
@@ -297,12 +338,6 @@ fn figures(hub: &Hub, runtime: &Runtime) {
         );
     });
     assert_same_of(hub, runtime, data.path());
-}
-
-/// A record as long as the mean one of a run, about 600 bytes.
-fn frames() -> Record {
-    let frame = Frame { rig_us: 1, is_sent: true, hex: "0123456789abcdef".repeat(16) };
-    Record::BlackBox(BlackBox { port: "bus".to_owned(), frames: vec![frame.clone(), frame] })
 }
 
 fn assert_same_of(hub: &Hub, runtime: &Runtime, data: &Path) {

@@ -190,6 +190,8 @@ fn a_daemon_ships_its_journal_and_goes_on_after_a_crash_of_the_hub() {
     hub.server.stop().unwrap();
     let found = findings(&doctor(folder.path(), &service));
     assert!(matches!(&found[..], [(level, _)] if level == "problem"), "{found:?}");
+    let found = findings(&doctor(folder.path(), "[hub]"));
+    assert!(matches!(&found[..], [(level, _)] if level == "warning"), "{found:?}");
 }
 
 #[test]

@@ -2,9 +2,10 @@
 
 use rig_hub::{Batch, Inlet, InletError};
 use rig_store::{Ending, Reader, RunKind, Shipment, Store};
+use tempfile::TempDir;
 use tokio_postgres::Client;
 
-use crate::support::{Hub, append, assert_same, command, contents_of, finished, journal};
+use crate::support::{Hub, append, assert_same, command, contents_of, finished, frames, journal};
 
 /// What PostgreSQL calls the error of an ingest.
 async fn refusal(client: &Client, journal: &str, batch: &Batch) -> String {
@@ -168,4 +169,33 @@ async fn runs_with_the_same_digests_do_not_meet() {
     assert!(distinct > 1000, "the digests of both are the same: {distinct}");
     let known = hub.ship(&right, mine.path()).await;
     assert!(matches!(known, Err(InletError::Refused { .. })), "{known:?}");
+}
+
+#[tokio::test]
+async fn a_reading_that_was_archived_is_kept_by_its_digest_and_filled_when_its_content_comes() {
+    let hub = Hub::new().await;
+    let role = hub.bench("left").await;
+    let data = TempDir::new().unwrap();
+    let store = Store::open(data.path()).unwrap();
+    let mut run = store.begin(RunKind::Run, "archived").unwrap();
+    append(&mut run, &[command("begin"), frames(), frames(), finished(Ending::Completed)]);
+    let reader = Reader::open(data.path()).unwrap();
+    let whole = reader.shipment(0, 10, usize::MAX).unwrap();
+    let mut without = whole.clone();
+    for record in &mut without.records[1..3] {
+        record.payload.clear();
+    }
+    let mut inlet = Inlet::open(hub.as_role(&role).await, &reader, "rigd 0").await.unwrap();
+    inlet.send(&Batch::new(0, "", &without).unwrap()).await.unwrap();
+    assert_eq!(hub.count("hub.record WHERE payload = ''").await, 2);
+    assert_eq!(hub.count("hub.run WHERE seal IS NOT NULL").await, 1, "the chain holds by digests");
+
+    let mut altered = whole.clone();
+    altered.records[1].payload = altered.records[1].payload.replace("bus", "bat");
+    inlet.send(&Batch::new(0, "", &altered).unwrap()).await.unwrap();
+    assert_eq!(hub.count("hub.record WHERE payload = ''").await, 1, "another content is not taken");
+    inlet.send(&Batch::new(0, "", &whole).unwrap()).await.unwrap();
+    inlet.send(&Batch::new(0, "", &without).unwrap()).await.unwrap();
+    assert_same(&hub.contents().await, &contents_of(data.path()));
+    assert_eq!(hub.alarms().await, [""; 0]);
 }

@@ -11,8 +11,8 @@ use std::{
 
 use rig_hub::{BenchName, Inlet, InletError, Trial, admin, connect};
 use rig_store::{
-    Clearance, Ending, Fault, Journal, Operator, Reader, Record, RunFinished, RunKind,
-    StateChanged, Store,
+    BlackBox, Clearance, Ending, Fault, Frame, Journal, Operator, Reader, Record, RunFinished,
+    RunKind, StateChanged, Store,
 };
 use tempfile::TempDir;
 use tokio_postgres::Client;
@@ -164,6 +164,12 @@ pub(crate) fn fault() -> Record {
         probe: Clearance::Clear,
         hint: "nothing".to_owned(),
     })
+}
+
+/// A record as long as the mean one of a run, about 600 bytes.
+pub(crate) fn frames() -> Record {
+    let frame = Frame { rig_us: 1, is_sent: true, hex: "0123456789abcdef".repeat(16) };
+    Record::BlackBox(BlackBox { port: "bus".to_owned(), frames: vec![frame.clone(), frame] })
 }
 
 /// Appends records to a run, and commits.

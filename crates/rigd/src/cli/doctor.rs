@@ -72,8 +72,10 @@ pub(super) fn doctor(args: &DoctorArgs) -> Result<(), Failure> {
     let mut findings =
         doctor::findings(&args.data.dir(), &name, host.as_ref(), &rig::inspect(rig)?);
     findings.extend(shown.into_iter().flatten());
-    if let Some(hub) = settings::hub()? {
-        findings.extend(doctor::hub::findings(&hub, &args.data.dir()));
+    match settings::hub() {
+        Ok(Some(hub)) => findings.extend(doctor::hub::findings(&hub, &args.data.dir())),
+        Ok(None) => {}
+        Err(error) => findings.push(doctor::hub::unread(with_causes(&error))),
     }
     let count = |level| findings.iter().filter(|finding| finding.level == level).count();
     let (problems, warnings) = (count(Level::Problem), count(Level::Warning));

@@ -7,11 +7,23 @@ use rig_hub::{Held, InletError, ShipperError};
 use rig_model::with_causes;
 use rig_store::StoreError;
 
-use super::{Finding, Findings};
+use super::{Finding, Findings, Level};
 use crate::shipper;
 
 /// A hub with fewer events behind it is as a running daemon leaves it.
 const BEHIND_MAX: u64 = 1000;
+
+/// The service file, which names the hub, cannot be read.
+pub(crate) fn unread(text: String) -> Finding {
+    let advice = "mend the service file, or run `rigd doctor` as the user of the daemon";
+    Finding {
+        part: "hub",
+        check: "service file",
+        level: Level::Warning,
+        text,
+        advice: Some(advice),
+    }
+}
 
 pub(crate) fn findings(file: &HubFile, data: &Path) -> Vec<Finding> {
     let mut found = Findings::of("hub");
