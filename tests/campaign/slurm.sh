@@ -21,8 +21,8 @@ dd if=/dev/urandom of="$work/munge.key" bs=1024 count=1 status=none
 chown -R munge: "$work/munge.key"
 chmod 400 "$work/munge.key"
 install -d -o munge "$work/munge"
-runuser -u munge -- munged --foreground --key-file="$work/munge.key" --socket="$work/munge/socket" \
-  --pid-file="$work/munge/pid" --log-file="$work/munge/log" --seed-file="$work/munge/seed" &
+setpriv --reuid=munge --regid=munge --init-groups munged --foreground --key-file="$work/munge.key" --socket="$work/munge/socket" \
+  --pid-file="$work/munge/pid" --log-file="$work/munge/log" --seed-file="$work/munge/seed" 2> "$work/munged.log" &
 cat > "$SLURM_CONF" << END
 ClusterName=one
 SlurmctldHost=$node
@@ -55,7 +55,7 @@ for _ in {1..60}; do
   [ "$(sinfo --noheader --format=%T 2> /dev/null)" = idle ] && break
   sleep 1
 done
-[ "$(sinfo --noheader --format=%T)" = idle ] || { tail "$work"/slurm*.log; exit 1; }
+[ "$(sinfo --noheader --format=%T)" = idle ] || { tail "$work"/*.log; exit 1; }
 
 sbatch --wait --array=0-$((tasks - 1)) --chdir="$here/../.." "$here/array.sbatch" "$campaign" "$work/parts" "$seeds"
 ls "$work/parts"
