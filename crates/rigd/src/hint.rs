@@ -56,7 +56,8 @@ impl Hint {
                  the direction that is set in its drive"
             }
             NextAction::Commission => {
-                "end this daemon, and `rigd commission` asks for one step after the other"
+                "POST /api/v1/commission asks for one step after the other, as `rigd commission` does after \
+                 this daemon has ended"
             }
             NextAction::Restart => "start rigd again",
         };

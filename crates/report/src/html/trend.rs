@@ -23,6 +23,8 @@ pub struct TrendPanel {
     pub title: String,
     /// Its unit; 1 for a logarithm.
     pub unit: String,
+    /// A difference that matters to nobody, in its unit: a chart shows no smaller range than some of it.
+    pub least: f64,
     /// Its values.
     pub points: Vec<TrendPoint>,
 }
@@ -134,13 +136,21 @@ fn verdict(last: &TrendCheck) -> Markup {
 }
 
 impl TrendPanel {
+    /// The axis of the values. Values that are all alike do not fill it.
+    fn values(&self, label: &str) -> Axis {
+        let around = |axis: Axis, point: &TrendPoint| {
+            axis.including(point.value - 4.0 * self.least).including(point.value + 4.0 * self.least)
+        };
+        self.points.iter().fold(Axis::linear(label), around)
+    }
+
     fn chart(&self) -> Chart {
         let unit = if self.unit == "1" { String::new() } else { format!(" ({})", self.unit) };
         let mut chart = Chart::new(
             &self.title,
             &format!("{} of each daily check, with the limits by the checks before.", self.title),
             Axis::linear("check"),
-            Axis::linear(&format!("value{unit}")),
+            self.values(&format!("value{unit}")),
         );
         chart.size_px = PANEL_PX;
         let numbered = || self.points.iter().zip(1_u32..).map(|(point, n)| (f64::from(n), point));

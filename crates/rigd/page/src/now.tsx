@@ -1,5 +1,6 @@
 // What is going on: a run, a prompt, a fault.
 import { useEffect, useRef, useState } from "preact/hooks";
+import { CommissionCard } from "./commission.tsx";
 import { clock, degrees, duration, fixed, measured, range } from "./format.ts";
 import { Bench, PromptDrawing, ShiftCharts, Timeline, type LiveTouch } from "./drawings.tsx";
 import { Icon, SampleMark } from "./icons.tsx";
@@ -327,9 +328,12 @@ export function FaultCard({ view }: { view: View }) {
   // The words of the interface for programs, as the buttons of this page.
   const hint = fault.hint
     .replace(/POST \/api\/v1\/acknowledge(, which retracts the probe first)?/, isClear ? "acknowledge below" : "acknowledge below, which retracts the probe first")
+    .replace("POST /api/v1/commission asks", "the card below asks")
     .replace('POST /api/v1/home with {"nothing_below_probe": true}', "Home below")
     .replace("POST /api/v1/stop", "Stop all");
   const needsLook = fault.kind === "not_homed";
+  // An acknowledgement does not open a bench that nobody has commissioned.
+  const isNew = fault.kind === "not_commissioned";
   const steps = hint.split(/; (?=and |then |check )|(?<=\.) /);
   const cause = fault.cause.charAt(0).toUpperCase() + fault.cause.slice(1);
   const [head, ...rest] = cause.split(": ");
@@ -345,10 +349,10 @@ export function FaultCard({ view }: { view: View }) {
             <dt>What to do</dt><dd>{steps.length > 1 ? <ol class="steps">{steps.map((step) => <li key={step}>{step}</li>)}</ol> : hint}</dd>
           </dl>
           {needsLook && <HomeAfterLook isLost={view.link === "lost"} isDone={rig.state !== "latched"} />}
-          <div class="answer-bar fault-bar">
+          {!isNew && <div class="answer-bar fault-bar">
             <AskButton class={needsLook ? "" : "primary done"} icon="up" send={() => post("acknowledge")} isDone={rig.state !== "latched"} disabled={view.link === "lost"}>{needsLook ? "Acknowledge and look again" : isClear ? "Acknowledge and prepare" : "Acknowledge and retract"}</AskButton>
             <p class="soft">Acknowledges the fault{operator() ? `, signed ${operator()}` : ""}. {needsLook ? "Both axes are asked again where they are; without a position nothing moves." : isClear ? "Both axes are checked, and homed if they must be." : "The probe goes up first, then both axes are checked."} A run does not go on by itself: continue it on its page in <a href="#/runs">Runs</a>.</p>
-          </div>
+          </div>}
         </div>
         <div>
           <Bench model={model} />
@@ -364,6 +368,7 @@ export function FaultCard({ view }: { view: View }) {
         </div>
         {story && story.frames.length > 0 && <FrameList frames={story.frames} rig={rig} />}
       </section>
+      {isNew && <CommissionCard view={view} />}
     </main>
   );
 }

@@ -70,6 +70,7 @@ fn panels(judged: &Checked, found: &[&Calibration]) -> Vec<TrendPanel> {
         TrendPanel {
             title: quantity.text().to_owned(),
             unit: quantity.unit().to_owned(),
+            least: quantity.least_sigma(),
             points: charted.iter().zip(found).map(point).collect(),
         }
     };

@@ -298,7 +298,8 @@ impl From<RequestRefusal> for Problem {
             }
             RequestRefusal::NotCommissioned { .. } => Self {
                 hint: Some(
-                    "end this daemon, and `rigd commission` asks for one step after the other",
+                    "POST /api/v1/commission asks for one step after the other, as `rigd commission` does \
+                     after this daemon has ended",
                 ),
                 ..Self::new(StatusCode::CONFLICT, "not commissioned", detail)
             },
