@@ -175,6 +175,7 @@ pub(super) fn run_started() -> Record {
             person: "ada".to_owned(),
             file: "scale-20261125T153000.000000Z.toml".to_owned(),
             sha256: "00".repeat(32),
+            verdict: None,
         }],
         samples: vec![Sample { name: "agar, \"soft\"".to_owned(), stiffness_mpa: Some(0.104) }],
         plan: PlanSize { steps: 2, touches: 1, prompts: 1 },
