@@ -126,6 +126,8 @@ struct Seen<'a> {
     touches: bool,
     /// It went above the last clear position and read there again, because the contact might be a drift.
     is_doubted: bool,
+    /// The next reading has the same read-back: the order does not say what this one was.
+    is_tied: bool,
     /// Counts how often that was before.
     part: usize,
 }
@@ -135,11 +137,12 @@ fn seen(trail: &[Tried]) -> Vec<Seen<'_>> {
     let next = trail.iter().skip(1).map(|tried| tried.position_mm).chain([f64::INFINITY]);
     let mut all = Vec::new();
     for (tried, next_mm) in trail.iter().zip(next) {
+        let is_tied = tried.position_mm == next_mm;
         let touches = tried.position_mm < next_mm;
         let is_doubted = touches && next_mm.is_finite() && clear_mm.is_none_or(|mm| mm < next_mm);
-        all.push(Seen { tried, touches, is_doubted, part });
+        all.push(Seen { tried, touches, is_doubted, is_tied, part });
         part += usize::from(is_doubted);
-        if !touches {
+        if !touches && !is_tied {
             clear_mm = Some(tried.position_mm);
         }
     }
@@ -151,10 +154,12 @@ fn seen(trail: &[Tried]) -> Vec<Seen<'_>> {
 fn check_contacts(seq: u64, trail: &[Tried], limit: f64, findings: &mut Findings) {
     let seen = seen(trail);
     let parts_of = |part: usize| {
-        let clear = seen.iter().filter(move |one| one.part == part && !one.touches);
+        let is_clear = move |one: &&Seen<'_>| one.part == part && !one.touches && !one.is_tied;
+        let clear = seen.iter().filter(is_clear);
         clear.filter_map(|one| parts(one.tried)).collect::<Vec<[f64; 2]>>()
     };
-    for (index, one) in seen.iter().enumerate().filter(|(_, one)| !one.is_doubted) {
+    let is_known = |one: &Seen<'_>| !one.is_doubted && !one.is_tied;
+    for (index, one) in seen.iter().enumerate().filter(|(_, one)| is_known(one)) {
         let clear = parts_of(one.part);
         let mean = [0, 1]
             .map(|part| clear.iter().map(|parts| parts[part]).sum::<f64>() / clear.len() as f64);
@@ -248,5 +253,40 @@ pub(crate) fn check_trail(
             findings.add(Check::ReadingTime, seq, what, expected, found);
         }
         last_s = begin_s;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A search with these read-backs, mm, in contact below 10 mm.
+    fn trail(positions_mm: &[f64]) -> Vec<Tried> {
+        let tried = |position_mm: &f64| {
+            let ohm = if *position_mm < 10.0 { 2000.0 } else { 1000.0 };
+            let reading = serde_json::json!({
+                "frequency_hz": 140.0, "resistance_ohm": ohm, "reactance_ohm": 0.0, "started_s": 0.0,
+                "settle_s": 0.0, "integration_s": 0.01,
+            });
+            let reading = serde_json::from_value(reading).expect("a reading");
+            Tried { position_mm: *position_mm, reading }
+        };
+        positions_mm.iter().map(tried).collect()
+    }
+
+    fn found(positions_mm: &[f64]) -> usize {
+        let mut findings = Findings::default();
+        check_contacts(1, &trail(positions_mm), 0.1, &mut findings);
+        findings.0.len()
+    }
+
+    #[test]
+    fn two_contacts_with_one_read_back_are_no_clear_reading() {
+        assert_eq!(found(&[10.2, 10.1, 9.99]), 0);
+        assert_eq!(found(&[10.2, 10.1, 9.99, 9.99]), 0);
+        // Up from a contact, and down again.
+        assert_eq!(found(&[10.2, 9.9, 10.05, 9.99, 9.99]), 0);
+        // It went on downwards from a contact.
+        assert_ne!(found(&[10.2, 9.99, 9.98]), 0);
     }
 }
