@@ -210,7 +210,8 @@ fn merge(page: &Path, ledgers: &[PathBuf]) -> Result<(), LedgerError> {
         fs::metadata(path).map_err(|source| LedgerError::File { path: path.clone(), source })?;
         ledger.merge(page, Ledger::read(path)?)?;
     }
-    publish(page, &ledger)
+    ledger.write(page)?;
+    write_page(page, &ledger)
 }
 
 /// Adds the runs to the ledger, and writes it and its page.
@@ -225,15 +226,12 @@ fn gather(
     if seeds > 0 {
         let (software, program) = (rigd::rig::SOFTWARE.to_owned(), ledger::program()?);
         ledger.add(Piece { first_seed, seeds, jobs, seconds, software, program, counts });
-    }
-    publish(page, &ledger)
-}
-
-/// Writes a ledger and its page.
-fn publish(page: &Path, ledger: &Ledger) -> Result<(), LedgerError> {
-    if !ledger.pieces.is_empty() {
         ledger.write(page)?;
     }
+    write_page(page, &ledger)
+}
+
+fn write_page(page: &Path, ledger: &Ledger) -> Result<(), LedgerError> {
     fs::write(page, Page(ledger).to_string())
         .map_err(|source| LedgerError::File { path: page.to_owned(), source })
 }
