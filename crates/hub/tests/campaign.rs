@@ -210,14 +210,19 @@ impl Seed {
         match deed {
             Deed::KillInFlight => _ = timeout(wait, inlet.send(&batch)).await,
             Deed::EndInside => {
-                let end = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE usename = $1::text::name";
+                let end = "SELECT count(pg_terminate_backend(pid)) FROM pg_stat_activity
+                           WHERE usename = $1::text::name AND state = 'active'";
                 let ended = async {
-                    // The moment is drawn.
-                    tokio::time::sleep(wait).await;
-                    hub.admin.query(end, &[&self.role]).await.unwrap();
+                    while hub.admin.query_one(end, &[&self.role]).await.unwrap().get::<_, i64>(0)
+                        == 0
+                    {}
                 };
-                // It may have been committed before.
-                let (_, ()) = tokio::join!(inlet.send(&batch), ended);
+                let mut sent = std::pin::pin!(inlet.send(&batch));
+                tokio::select! {
+                    // It was committed before its connection was seen at work.
+                    _ = &mut sent => {}
+                    () = ended => drop(sent.await),
+                }
             }
             Deed::LoseAnswer => {
                 inlet.send(&batch).await.unwrap();

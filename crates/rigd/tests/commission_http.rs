@@ -10,8 +10,7 @@ use std::{
     fs,
     path::{Path, PathBuf},
     process::Command,
-    thread::sleep,
-    time::{Duration, Instant},
+    time::Instant,
 };
 
 use program::{PATIENCE, Program, post, request};
@@ -74,8 +73,6 @@ impl Daemon {
         let mut view = self.show();
         while !is_wanted(&view) {
             assert!(began.elapsed() < PATIENCE, "gave up waiting for {what}: {view}");
-            // The daemon is another program.
-            sleep(Duration::from_millis(20));
             view = self.show();
         }
         view
@@ -122,7 +119,6 @@ fn a_bench_is_commissioned_over_http_and_goes_into_service_without_a_new_start()
         }
         // The rig is brought into service: it retracts first.
         assert!(began.elapsed() < PATIENCE, "{status}: {answer}");
-        sleep(Duration::from_millis(20));
     }
     let again = daemon.post("commission", "{}");
     assert_eq!(again.0, 409, "{}", again.1);
