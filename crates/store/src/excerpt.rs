@@ -99,7 +99,7 @@ const RECORDS: &str = "
             OR run = begun.session AND seq = 1)
     UNION
     SELECT records.id, records.run FROM records JOIN (
-        SELECT max(records.id) AS last FROM records JOIN runs ON runs.key = records.run
+        SELECT max(records.id) AS last FROM runs CROSS JOIN records ON records.run = runs.key
         WHERE runs.kind = 'session' AND records.kind <> 'run_finished'
             AND runs.epoch IN (SELECT epoch FROM stretches WHERE run = ?1)
         GROUP BY runs.key) ON records.id = last";

@@ -1,5 +1,9 @@
 //! The journal as a file: its tables. Its records are in [`crate::record`].
 
+mod before;
+#[cfg(test)]
+mod tests;
+
 use std::{
     collections::BTreeMap,
     fs, io,
@@ -15,8 +19,32 @@ use sha2::{Digest, Sha256};
 
 use crate::record::{Record, RunStarted};
 
+pub(crate) use before::before;
+
 /// The format of the tables and records that this checker reads.
 const FORMAT: u32 = 4;
+
+/// The last time of each session in the epochs of a run. `CROSS JOIN` keeps the order: SQLite would walk through all
+/// records of the journal otherwise.
+const SESSIONS: &str = "
+    SELECT runs.epoch, max(rig_us) FROM runs CROSS JOIN records ON records.run = runs.key
+    WHERE runs.kind = 'session' AND records.kind <> 'run_finished'
+        AND runs.epoch IN (SELECT epoch FROM stretches WHERE run = ?1)
+    GROUP BY runs.epoch";
+
+/// What each amendment of the journal amends.
+const AMENDED: &str = "
+    SELECT payload FROM runs CROSS JOIN records ON records.run = runs.key
+    WHERE runs.kind = 'amendment' AND records.kind = 'amended' AND seq = 1";
+
+/// The records of a run, and what moved the axes between them.
+const ENTRIES: &str = "
+    WITH own AS (SELECT min(id) AS first, max(id) AS last FROM records WHERE run = ?1)
+    SELECT run, seq, records.epoch, rig_us, records.kind, payload, records.digest, runs.kind
+    FROM own, records JOIN runs ON runs.key = records.run
+    WHERE records.id BETWEEN own.first AND own.last
+        AND (run = ?1 OR records.kind IN ('operator', 'intent', 'moved', 'fault'))
+    ORDER BY records.id";
 
 /// Why a journal cannot be checked at all.
 #[derive(Debug, thiserror::Error)]
@@ -41,7 +69,7 @@ pub enum JournalError {
     },
 }
 
-/// A run with its records. [`before`] reads what moved the axes before it.
+/// A run with its records. [`before::before`] reads what moved the axes before it.
 #[derive(Debug)]
 pub(crate) struct Journal {
     pub(crate) run: Listed,
@@ -348,15 +376,7 @@ fn sessions(connection: &Connection, key: i64) -> Result<BTreeMap<u64, u64>, rus
     let of_row = |row: &rusqlite::Row<'_>| {
         Ok((row.get::<_, i64>(0)?.cast_unsigned(), row.get::<_, i64>(1)?.cast_unsigned()))
     };
-    connection
-        .prepare_cached(
-            "SELECT runs.epoch, max(rig_us) FROM runs JOIN records ON records.run = runs.key
-             WHERE runs.kind = 'session' AND records.kind <> 'run_finished'
-                 AND runs.epoch IN (SELECT epoch FROM stretches WHERE run = ?1)
-             GROUP BY runs.epoch",
-        )?
-        .query_map([key], of_row)?
-        .collect()
+    connection.prepare_cached(SESSIONS)?.query_map([key], of_row)?.collect()
 }
 
 /// The sealed note about a run with this id.
@@ -374,10 +394,7 @@ fn note(connection: &Connection, run: &str) -> Result<Option<Box<Journal>>, Jour
 
 /// The touches of a run that were measured again or left out.
 fn amended_steps(connection: &Connection, run: &str) -> Result<Vec<String>, rusqlite::Error> {
-    let mut statement = connection.prepare_cached(
-        "SELECT payload FROM records JOIN runs ON runs.key = records.run
-         WHERE runs.kind = 'amendment' AND records.kind = 'amended' AND seq = 1",
-    )?;
+    let mut statement = connection.prepare_cached(AMENDED)?;
     let payloads = statement.query_map([], |row| row.get::<_, String>(0))?;
     let mut steps = Vec::new();
     for payload in payloads {
@@ -431,42 +448,12 @@ fn settings_of(
     })
 }
 
-/// Calls `pass` for each record since the start of the session, up to the first of the run, that moves the axes. A
-/// session may last for months, so that one record is kept at a time.
-pub(crate) fn before(
-    connection: &Connection,
-    run: &Listed,
-    mut pass: impl FnMut(&Entry),
-) -> Result<(), rusqlite::Error> {
-    let mut statement = connection.prepare_cached(
-        "SELECT run, seq, records.epoch, rig_us, records.kind, payload, records.digest, runs.kind
-         FROM records JOIN runs ON runs.key = records.run
-         WHERE records.id < (SELECT min(id) FROM records WHERE run = ?1)
-             AND records.id >= (SELECT min(id) FROM records WHERE run =
-                 (SELECT max(key) FROM runs WHERE kind = 'session' AND key <= ?1))
-             AND records.kind IN ('operator', 'intent', 'moved', 'fault')
-         ORDER BY records.id",
-    )?;
-    let mut rows = statement.query([run.key])?;
-    while let Some(row) = rows.next()? {
-        pass(&Entry::from_row(row, run.key)?);
-    }
-    Ok(())
-}
-
 fn entries(
     connection: &Connection,
     key: i64,
     entries: &mut Vec<Entry>,
 ) -> Result<(), rusqlite::Error> {
-    let mut statement = connection.prepare_cached(
-        "WITH own AS (SELECT min(id) AS first, max(id) AS last FROM records WHERE run = ?1)
-         SELECT run, seq, records.epoch, rig_us, records.kind, payload, records.digest, runs.kind
-         FROM own, records JOIN runs ON runs.key = records.run
-         WHERE records.id BETWEEN own.first AND own.last
-             AND (run = ?1 OR records.kind IN ('operator', 'intent', 'moved', 'fault'))
-         ORDER BY records.id",
-    )?;
+    let mut statement = connection.prepare_cached(ENTRIES)?;
     let mut rows = statement.query([key])?;
     while let Some(row) = rows.next()? {
         entries.push(Entry::from_row(row, key)?);

@@ -54,7 +54,7 @@ pub(crate) fn check(connection: &Connection, journal: &Journal) -> Verdict {
         walk.settings = Settings::read(started).ok();
     }
     let before =
-        journal::before(connection, &journal.run, |entry| walk.pass(entry, &journal.sessions));
+        journal::before(connection, journal.run.key, |entry| walk.pass(entry, &journal.sessions));
     if let Err(error) = before {
         let what = "the database is damaged before the first record";
         walk.findings.add(Check::Readable, 0, what, "records", error);
