@@ -31,6 +31,10 @@ WARM_UP_PART = 0.25
 GROWTH_MAX = {"memory, MB": 10.0, "handles": 6.0, "threads": 2.0}
 # Nothing in here takes longer than this, s.
 PATIENCE_S = 120
+# Pause between two looks at the rig, s: without one, half of the work would be that of looking.
+POLL_S = 0.02
+# Pause of a client of the crowd after each of its rounds, s. A second here is some minutes on the rig's clock.
+PAUSE_S = 0.3
 # A person stops the rig, and the configuration is reloaded, after this many runs.
 STOP_EVERY, RELOAD_EVERY = 9, 7
 
@@ -82,6 +86,7 @@ class Client:
         while time.monotonic() < end:
             if is_wanted(rig := self.json("/api/v1/rig")):
                 return rig
+            time.sleep(POLL_S)
         raise AssertionError(f"gave up waiting for {what}: {self.json('/api/v1/rig')}")
 
 
@@ -112,7 +117,7 @@ class Crowd:
         for path in ("/metrics", "/healthz", "/", "/page.js", "/openapi.json"):
             client.do("GET", path, (200,))
         client.connection.close()
-        self.ended.wait(0.05)
+        self.ended.wait(PAUSE_S)
 
     def follow(self):
         """An event stream that is closed in the middle."""
@@ -124,6 +129,7 @@ class Crowd:
             if self.ended.is_set() or not answer.readline():
                 break
         connection.close()
+        self.ended.wait(PAUSE_S)
 
     def read(self):
         """The results of the last run, in every form. Without a run there is none; one may be under way."""
@@ -132,7 +138,7 @@ class Crowd:
                      "/export?format=hdf5", "/export?format=documents", "/sweeps"):
             client.do("GET", f"/api/v1/runs/latest{path}", (200, 404))
         client.connection.close()
-        self.ended.wait(0.3)
+        self.ended.wait(PAUSE_S)
 
     def leave(self):
         """A client that asks and does not wait, and one that is wrong."""
@@ -143,7 +149,7 @@ class Crowd:
         client.do("GET", "/api/v1/nothing", (404,))
         client.do("POST", "/api/v1/protocols/check", (422,), {"protocol_toml": "name = 1"})
         client.connection.close()
-        self.ended.wait(0.2)
+        self.ended.wait(PAUSE_S)
 
     def end(self):
         self.ended.set()
