@@ -241,8 +241,9 @@ impl Shared {
             let found = if let Ok(id) = wanted.parse() {
                 Some(reader.run(id)?).filter(|run| run.kind != RunKind::Session)
             } else {
-                let mut runs = reader.runs()?.into_iter().filter(|run| run.kind == RunKind::Run);
-                runs.find(|run| wanted == "latest" || run.short_name() == wanted)
+                let limit = (wanted == "latest").then_some(1);
+                let mut runs = reader.latest_runs(limit, None)?.into_iter();
+                runs.find(|run| limit.is_some() || run.short_name() == wanted)
             };
             found.map(|run| run.id).ok_or_else(|| Problem::not_found(format!("no run {wanted}")))
         })

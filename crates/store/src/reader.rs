@@ -8,6 +8,8 @@ mod list;
 mod sealed;
 mod shipment;
 mod size;
+#[cfg(test)]
+mod tests;
 mod walk;
 
 use std::{path::Path, str};
@@ -81,6 +83,25 @@ impl Reader {
         self.select_runs("ORDER BY key DESC", [])
     }
 
+    /// The latest runs of protocols, the latest first: at most so many, and only those that were begun before another one.
+    ///
+    /// # Errors
+    /// [`StoreError`] of the system or of SQLite.
+    pub fn latest_runs(
+        &self,
+        limit: Option<usize>,
+        before: Option<RunId>,
+    ) -> Result<Vec<Run>, StoreError> {
+        // SQLite takes a negative limit for none.
+        let limit = limit.map_or(-1, |limit| i64::try_from(limit).unwrap_or(-1));
+        let before = before.map(|before| before.to_string());
+        self.select_runs(
+            "WHERE kind = 'run' AND (?2 IS NULL OR key < (SELECT key FROM runs WHERE id = ?2))
+             ORDER BY key DESC LIMIT ?1",
+            params![limit, before],
+        )
+    }
+
     /// One run.
     ///
     /// # Errors
@@ -143,12 +164,10 @@ impl Reader {
     /// # Errors
     /// [`StoreError`] of the system or of SQLite.
     pub fn keyed_run(&self, key: &str) -> Result<Option<StoredRecord>, StoreError> {
-        let mut statement = self.connection.prepare_cached(&select_records(
-            "WHERE records.kind = 'run_started' AND seq = 1 AND json_valid(payload)
-               AND json_extract(payload, '$.idempotency_key') = ?1
-             ORDER BY records.id DESC LIMIT 1",
-        ))?;
-        Ok(statement.query_row([key], record_from).optional()?)
+        // Only the first records are looked at, and only one that has the key somewhere is parsed.
+        let mut statement = self.connection.prepare_cached(&select_records(KEYED))?;
+        let in_json = serde_json::Value::from(key).to_string();
+        Ok(statement.query_row([key, &in_json], record_from).optional()?)
     }
 
     /// The run that a person means: `latest`, a short name such as `smoke-7`, the name of a protocol
@@ -157,19 +176,18 @@ impl Reader {
     /// # Errors
     /// [`StoreError::NoSuchRun`] or [`StoreError::Ambiguous`].
     pub fn find(&self, wanted: &str) -> Result<Run, StoreError> {
-        let mut runs = self.runs()?;
-        if wanted == "latest" {
-            runs.retain(|run| run.kind == RunKind::Run);
-            runs.truncate(1);
+        let mut runs = if wanted == "latest" {
+            self.latest_runs(Some(1), None)?
         } else {
-            runs.retain(|run| {
+            let is_meant = |run: &Run| {
                 let id = run.id.to_string();
                 let is_named = run.name == wanted || run.short_name() == wanted;
                 id.starts_with(wanted)
                     || id.ends_with(wanted)
                     || run.kind == RunKind::Run && is_named
-            });
-        }
+            };
+            self.runs()?.into_iter().filter(is_meant).collect()
+        };
         match runs.len() {
             0 => Err(StoreError::NoSuchRun { wanted: wanted.to_owned() }),
             1 => Ok(runs.remove(0)),
@@ -286,22 +304,30 @@ pub fn intact(run: RunId, check: &ChainCheck) -> Result<(), StoreError> {
     }
 }
 
+/// The latest first record of a run with this key; `?2` is the key as JSON.
+const KEYED: &str = "WHERE records.id = (
+    SELECT first.id FROM runs CROSS JOIN records AS first ON first.run = runs.key AND first.seq = 1
+    WHERE runs.kind = 'run' AND instr(first.payload, ?2) AND json_valid(first.payload)
+        AND json_extract(first.payload, '$.idempotency_key') = ?1
+    ORDER BY runs.key DESC LIMIT 1)";
+
 /// All runs, each with its number among those of its kind and name.
 const RUNS: &str =
     "SELECT *, row_number() OVER (PARTITION BY kind, name ORDER BY key) AS number FROM runs";
 
 fn select_runs(runs: &str, tail: &str) -> String {
     format!(
-        "SELECT id, kind, name, started_at, finished_at, status,
+        "WITH amendments AS MATERIALIZED (
+             SELECT name AS run, count(*) AS amendments FROM runs
+             WHERE kind = 'amendment' AND status != 'running' GROUP BY name)
+         SELECT id, kind, name, started_at, finished_at, status,
                 round(unixepoch(finished_at, 'subsec') - unixepoch(started_at, 'subsec'), 3),
                 number,
                 EXISTS (SELECT 1 FROM seals WHERE run = key),
                 coalesce((SELECT max(epoch) FROM stretches WHERE run = key), epoch),
                 (SELECT max(n) FROM epochs),
-                (SELECT count(*) FROM runs AS amendments
-                 WHERE amendments.kind = 'amendment' AND amendments.name = all_runs.id
-                   AND amendments.status != 'running')
-         FROM ({runs}) AS all_runs {tail}"
+                coalesce(amendments, 0)
+         FROM ({runs}) AS all_runs LEFT JOIN amendments ON amendments.run = id {tail}"
     )
 }
 

@@ -17,7 +17,7 @@ pub const FORMAT: u32 = 4;
 /// `records.id` is the id of the event and is never reused; `(run, seq)` counts without gaps.
 /// During a run, `finished_at` is the time of its last record. docs/data.md describes every column
 /// and digest.
-const TABLES: &str = "
+pub(crate) const TABLES: &str = "
 CREATE TABLE meta (
     journal TEXT NOT NULL,
     bench TEXT NOT NULL,

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use jiff::Timestamp;
-use rig_store::{Reader, Run, RunKind, StoreError};
+use rig_store::{Reader, StoreError};
 
 use super::Findings;
 use crate::run_files;
@@ -44,9 +44,8 @@ pub(super) fn finding(findings: &mut Findings, data: &Path, free_bytes: u64) {
 }
 
 fn past(reader: &Reader, data: &Path) -> Result<Vec<Past>, StoreError> {
-    let is_run = |run: &Run| run.kind == RunKind::Run;
     let mut past = Vec::new();
-    for run in reader.runs()?.into_iter().filter(is_run).take(RUNS_MAX) {
+    for run in reader.latest_runs(Some(RUNS_MAX), None)? {
         // The size of one whose readings are elsewhere is not what a run adds.
         if reader.archive_of(run.id)?.is_some() {
             continue;

@@ -125,13 +125,8 @@ pub(super) async fn list(
         None => None,
     };
     let page = shared.read(move |reader| {
-        let mut runs: Vec<Run> =
-            reader.runs()?.into_iter().filter(|run| run.kind == RunKind::Run).collect();
-        if let Some(before) = before {
-            let none = || Problem::not_found(format!("there is no run {before}"));
-            let at = runs.iter().position(|run| run.id == before).ok_or_else(none)?;
-            runs.drain(..=at);
-        }
+        // One more than asked for, which tells whether there is a next page.
+        let mut runs = reader.latest_runs(limit.map(|limit| limit.get() + 1), before)?;
         let has_more = limit.is_some_and(|limit| runs.len() > limit.get());
         runs.truncate(limit.map_or(usize::MAX, NonZeroUsize::get));
         let next = runs.last().filter(|_| has_more).map(|last| last.id);

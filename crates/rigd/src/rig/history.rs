@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use rig_protocol::{Action, Plan};
-use rig_store::{Reader, Record, RunKind, StoreError, StoredRecord};
+use rig_store::{Reader, Record, StoreError, StoredRecord};
 
 use super::Setting;
 use crate::protocol_file::LoadedProtocol;
@@ -56,8 +56,7 @@ impl History {
     /// out.
     pub(super) fn read(reader: &Reader, setting: &Setting) -> Result<Self, StoreError> {
         let mut history = Self::default();
-        let is_run = |run: &rig_store::Run| run.kind == RunKind::Run;
-        for run in reader.runs()?.into_iter().filter(is_run).take(RUNS_MAX) {
+        for run in reader.latest_runs(Some(RUNS_MAX), None)? {
             let records = reader.unchecked(run.id, &KINDS)?;
             if let Some(plan) = plan_of(&records, setting) {
                 history.add(&plan, &records, setting);

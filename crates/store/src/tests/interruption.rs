@@ -160,7 +160,7 @@ fn every_cut_of_a_run_says_where_it_was_left() {
 fn the_run_that_belongs_to_a_key_is_found_again() {
     let directory = Directory::new();
     let mut ids = Vec::new();
-    for key in [None, Some("monday"), Some("tuesday")] {
+    for key in [None, Some("monday"), Some("tuesday"), Some("it's \"noon\"")] {
         let store = Store::open(directory.path()).unwrap();
         let mut journal = store.begin(RunKind::Run, "one touch").unwrap();
         let Record::RunStarted(mut started) = run_started() else { unreachable!() };
@@ -172,5 +172,6 @@ fn the_run_that_belongs_to_a_key_is_found_again() {
     let reader = Reader::open(directory.path()).unwrap();
     let found = |key| reader.keyed_run(key).unwrap().map(|record| record.run);
     assert_eq!((found("monday"), found("tuesday")), (Some(ids[1]), Some(ids[2])));
+    assert_eq!(found("it's \"noon\""), Some(ids[3]));
     assert_eq!((found(""), found("' OR 1")), (None, None));
 }

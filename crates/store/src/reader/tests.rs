@@ -1,0 +1,53 @@
+//! The work of statements in a journal of years.
+
+use rusqlite::{Connection, StatementStatus, params};
+
+use super::{KEYED, RUNS, select_records, select_runs};
+use crate::schema::TABLES;
+
+/// A journal with so many runs, each with an amendment.
+fn journal(runs: i64) -> Connection {
+    let connection = Connection::open_in_memory().unwrap();
+    connection.execute_batch(TABLES).unwrap();
+    connection.execute("INSERT INTO epochs VALUES (1, '', NULL, '', NULL)", []).unwrap();
+    let mut add = connection
+        .prepare(
+            "INSERT INTO runs VALUES (NULL, ?1, ?2, ?3, '', '', 4, 1, '2026-11-26T00:00:00Z', x'', x'', NULL, 'completed')",
+        )
+        .unwrap();
+    for number in 0..runs {
+        let id = format!("run {number}");
+        add.execute(params![id, "run", "smoke"]).unwrap();
+        add.execute(params![format!("amendment {number}"), "amendment", id]).unwrap();
+    }
+    drop(add);
+    connection
+}
+
+#[test]
+fn a_list_of_ten_times_as_many_runs_takes_ten_times_as_many_steps() {
+    let steps = |runs| {
+        let connection = journal(runs);
+        let mut list = connection.prepare(&select_runs(RUNS, "ORDER BY key DESC")).unwrap();
+        let amended = list.query_map([], |row| row.get::<_, i64>(11)).unwrap();
+        assert_eq!(amended.map(Result::unwrap).sum::<i64>(), runs);
+        list.get_status(StatementStatus::VmStep)
+    };
+    let (few, many) = (steps(100), steps(1000));
+    assert!(many < 15 * few, "{few} steps for 100 runs, {many} for 1000");
+}
+
+#[test]
+fn a_key_is_looked_for_in_the_first_records_alone() {
+    let connection = journal(1);
+    let sql = format!("EXPLAIN QUERY PLAN {}", select_records(KEYED));
+    let mut plan = connection.prepare(&sql).unwrap();
+    let steps = plan.query_map(["key", "\"key\""], |row| row.get::<_, String>(3)).unwrap();
+    let steps = steps.map(Result::unwrap).collect::<Vec<_>>();
+    assert!(
+        !steps
+            .iter()
+            .any(|step| step.starts_with("SCAN first") || step.starts_with("SCAN records")),
+        "{steps:?}"
+    );
+}
