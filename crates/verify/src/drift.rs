@@ -231,14 +231,19 @@ fn side(mixture: &[Component], hz: f64) -> f64 {
 fn above(x: f64) -> f64 {
     let density = (-0.5 * x * x).exp() / std::f64::consts::TAU.sqrt();
     if x.abs() > 4.0 {
-        let fraction = (1..40).rev().fold(x.abs(), |rest, n| x.abs() + f64::from(n) / rest);
-        let far = density / fraction;
+        let fraction = || (1..40).rev().fold(x.abs(), |rest, n| x.abs() + f64::from(n) / rest);
+        let far = if density > 0.0 { density / fraction() } else { 0.0 };
         return if x > 0.0 { far } else { 1.0 - far };
     }
     let (mut term, mut sum) = (x, x);
     for n in 1..60 {
         term *= x * x / f64::from(2 * n + 1);
+        let before = sum;
         sum += term;
+        // From the eighth on, each term is smaller than the one before.
+        if n > 8 && sum == before {
+            break;
+        }
     }
     0.5 - density * sum
 }

@@ -174,10 +174,14 @@ struct Problem<'a> {
 }
 
 impl Problem<'_> {
-    fn residuals(&self, at: &Unknowns) -> Vec<Complex64> {
-        let expected = self.sensor.relative(&at.contact, &self.windows, self.way);
+    fn expected(&self, contact: &ContactModel) -> Vec<Complex64> {
+        self.sensor.relative(contact, &self.windows, self.way).collect()
+    }
+
+    /// The residuals of the readings, whose expected impedance over that of the clear probe is that of the contact.
+    fn residuals(&self, at: &Unknowns, expected: &[Complex64]) -> Vec<Complex64> {
         let pairs = self.measured.iter().zip(expected);
-        pairs.map(|((measured, _), expected)| measured / (at.clear * expected) - 1.0).collect()
+        pairs.map(|((measured, _), expected)| residual(*measured, at.clear, *expected)).collect()
     }
 
     /// What is known before, as mean and standard deviation by unknown.
@@ -188,9 +192,17 @@ impl Problem<'_> {
 
     fn normal(&self, at: &Unknowns) -> Normal<N> {
         const STEPS: [f64; N] = [2e-5, 1e-4, 1e-4, 1e-4, 1e-5, 1e-5, 1e-5];
-        let here = self.residuals(at);
-        let there: [Vec<Complex64>; N] =
-            std::array::from_fn(|index| self.residuals(&at.moved(index, STEPS[index])));
+        let expected = self.expected(&at.contact);
+        let here = self.residuals(at, &expected);
+        let there: [Vec<Complex64>; N] = std::array::from_fn(|index| {
+            let moved = at.moved(index, STEPS[index]);
+            if moved.contact == at.contact {
+                // Only the impedance of the clear probe is another one.
+                self.residuals(&moved, &expected)
+            } else {
+                self.residuals(&moved, &self.expected(&moved.contact))
+            }
+        });
         let mut normal = Normal::default();
         for (place, (residual, (_, weight))) in here.iter().zip(&self.measured).enumerate() {
             let row = std::array::from_fn(|index| (there[index][place] - residual) / STEPS[index]);
@@ -209,9 +221,17 @@ impl Problem<'_> {
         normal
     }
 
-    fn cost(&self, at: &Unknowns) -> f64 {
-        let weighed = self.residuals(at).into_iter().zip(&self.measured);
-        weighed.map(|(residual, (_, weight))| weight * residual.norm_sqr()).sum()
+    /// The sum of squares, or infinity as soon as it is more than `most`.
+    fn cost(&self, at: &Unknowns, most: f64) -> f64 {
+        let expected = self.sensor.relative(&at.contact, &self.windows, self.way);
+        let mut sum = 0.0;
+        for ((measured, weight), expected) in self.measured.iter().zip(expected) {
+            sum += weight * residual(*measured, at.clear, expected).norm_sqr();
+            if most < sum {
+                return f64::INFINITY;
+            }
+        }
+        sum
     }
 
     /// The minima from several starts, the best one first.
@@ -223,17 +243,22 @@ impl Problem<'_> {
             let (surface_mm, strength) = (touched_mm + above_mm, strength_hz.ln());
             let latency_s = self.latency.mean_s;
             let contact = ContactModel { surface_mm, strength, exponent, loss, latency_s };
-            let start = Unknowns { contact, clear: Complex64::ONE };
-            (start, self.cost(&start))
+            Unknowns { contact, clear: Complex64::ONE }
         };
-        let mut starts: Vec<(Unknowns, f64)> = ABOVE_MM
+        let all = ABOVE_MM
             .iter()
-            .flat_map(|above_mm| STRENGTHS_HZ.map(|strength_hz| start(*above_mm, strength_hz)))
-            .collect();
-        starts.sort_by(|a, b| a.1.total_cmp(&b.1));
+            .flat_map(|above_mm| STRENGTHS_HZ.map(|strength_hz| start(*above_mm, strength_hz)));
+        // The best so far, in order.
+        let mut starts: Vec<(Unknowns, f64)> = Vec::with_capacity(STARTS + 1);
+        for start in all {
+            let worst = starts.get(STARTS - 1).map_or(f64::INFINITY, |(_, cost)| *cost);
+            let cost = self.cost(&start, worst);
+            let place = starts.partition_point(|(_, other)| other.total_cmp(&cost).is_le());
+            starts.insert(place, (start, cost));
+            starts.truncate(STARTS);
+        }
         let mut minima: Vec<(Unknowns, Normal<N>)> = starts
             .into_iter()
-            .take(STARTS)
             .map(|(start, _)| {
                 let (place, normal, _) = descent.run(start, |at| self.normal(at));
                 (place, normal)
@@ -242,6 +267,11 @@ impl Problem<'_> {
         minima.sort_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
         minima
     }
+}
+
+/// How far a measured impedance is from that of the contact, relative to it.
+fn residual(measured: Complex64, clear: Complex64, expected: Complex64) -> Complex64 {
+    measured / (clear * expected) - 1.0
 }
 
 /// A reading that is not flagged, with its impedance, ohm.

@@ -56,11 +56,16 @@ impl FreeSensor {
         }
     }
 
-    /// s − jω with a contact of this depth, mm, and the steady current of a drive of 1 V, A.
-    fn motion(&self, contact: &ContactModel, depth_mm: f64) -> (Complex64, Complex64) {
+    /// s − jω with a contact of this strength, Hz, and depth, mm, and the steady current of a drive of 1 V, A.
+    fn motion(
+        &self,
+        contact: &ContactModel,
+        strength_hz: f64,
+        depth_mm: f64,
+    ) -> (Complex64, Complex64) {
         let mut square = Complex64::from(self.natural * self.natural);
         if depth_mm > 0.0 {
-            let rise_hz = contact.strength.exp() * (depth_mm / DEPTH_MM).powf(contact.exponent);
+            let rise_hz = strength_hz * (depth_mm / DEPTH_MM).powf(contact.exponent);
             square += 2.0 * self.natural * TAU * rise_hz * Complex64::new(1.0, contact.loss);
         }
         let half = 0.5 * self.damping;
@@ -71,25 +76,26 @@ impl FreeSensor {
         (free - drive, impedance_ohm.inv())
     }
 
-    /// The impedance over that of the clear probe, in each of these windows of integration, s.
-    pub(super) fn relative(
-        &self,
-        contact: &ContactModel,
-        windows: &[(f64, f64)],
-        way: &EvenWay,
-    ) -> Vec<Complex64> {
-        let (_, clear) = self.motion(contact, 0.0);
+    /// The impedance over that of the clear probe, in each of these windows of integration, s, one after the other.
+    pub(super) fn relative<'a>(
+        &'a self,
+        contact: &'a ContactModel,
+        windows: &'a [(f64, f64)],
+        way: &'a EvenWay,
+    ) -> impl Iterator<Item = Complex64> + 'a {
+        let strength_hz = contact.strength.exp();
+        let (_, clear) = self.motion(contact, strength_hz, 0.0);
         let touched_s =
             way.time_s - contact.latency_s + (way.at_mm - contact.surface_mm) / way.speed_mm_per_s;
         let (mut now_s, mut current) = (touched_s, clear);
-        let mut step_to = |until_s: f64| {
+        let mut step_to = move |until_s: f64| {
             let mut charge = Complex64::ZERO;
             while now_s < until_s {
                 let step_s = STEP_PART * (now_s - touched_s);
                 let step_s = step_s.clamp(STEPS_S.0, STEPS_S.1).min(until_s - now_s);
                 let middle_s = now_s + 0.5 * step_s + contact.latency_s;
                 let depth_mm = contact.surface_mm - way.position_mm(middle_s);
-                let (rate, steady) = self.motion(contact, depth_mm);
+                let (rate, steady) = self.motion(contact, strength_hz, depth_mm);
                 let decay = (rate * step_s).exp();
                 charge += steady * step_s + (current - steady) * (decay - 1.0) / rate;
                 current = steady + (current - steady) * decay;
@@ -97,14 +103,14 @@ impl FreeSensor {
             }
             charge
         };
-        let read = |&(from_s, until_s): &(f64, f64)| {
+        let read = move |&(from_s, until_s): &(f64, f64)| {
             let clear_s = (until_s.min(touched_s) - from_s).max(0.0);
             step_to(from_s);
             let charge = clear * clear_s + step_to(until_s);
             let mean = charge / (until_s - from_s);
             (self.parallel + clear) / (self.parallel + mean)
         };
-        windows.iter().map(read).collect()
+        windows.iter().map(read)
     }
 }
 

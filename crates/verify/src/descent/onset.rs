@@ -70,14 +70,6 @@ impl Way {
     }
 }
 
-/// A contact that is tried.
-#[derive(Debug, Clone, Copy)]
-struct Trial {
-    surface_mm: f64,
-    exponent: f64,
-    strength_hz: f64,
-}
-
 /// The readings near the stated surface: begin and end, s, and admittance over that of the clear probe.
 type Window = (f64, f64, Complex64);
 
@@ -101,10 +93,11 @@ pub(super) fn surface_mm(
     let before = all.iter().take_while(|one| one.1 < way.passes_s(stated_mm)).count();
     let windows = &all[before.saturating_sub(CLEAR_READINGS)..];
     let drive_hz = readings.first().map_or(free.resonance_hz, |reading| reading.frequency_hz);
+    let driven = Driven::new(free, drive_hz);
     let least = |surface_mm: f64, strengths: RangeInclusive<i32>, most: f64| {
+        let passed = passed(windows, way, surface_mm);
         least_cost(strengths, most, |strength_hz, exponent, most| {
-            let trial = Trial { surface_mm, exponent, strength_hz };
-            cost(free, drive_hz, windows, way, &trial, most)
+            driven.cost(&passed, strength_hz, exponent, most)
         })
     };
     let (strength, _) = least(stated_mm, 0..=STRENGTHS.2, f64::INFINITY);
@@ -124,15 +117,16 @@ pub(super) fn surface_mm(
 }
 
 /// The strength, by its number, and the least misfit of all contacts of these strengths, if that is less than `most`.
+/// `cost` takes a strength, Hz, the number of an exponent, and the misfit that does not count any more.
 fn least_cost(
     strengths: RangeInclusive<i32>,
     most: f64,
-    cost: impl Fn(f64, f64, f64) -> f64,
+    cost: impl Fn(f64, usize, f64) -> f64,
 ) -> (i32, f64) {
     let (first_hz, ratio, _) = STRENGTHS;
     let mut least = (0, most);
     for index in strengths {
-        for exponent in EXPONENTS {
+        for exponent in 0..EXPONENTS.len() {
             let found = cost(first_hz * ratio.powi(index), exponent, least.1);
             if found < least.1 {
                 least = (index, found);
@@ -142,57 +136,107 @@ fn least_cost(
     least
 }
 
-/// The misfit of a contact, or infinity as soon as it is more than `most`.
-fn cost(
-    free: &Free,
-    drive_hz: f64,
-    windows: &[Window],
-    way: &Way,
-    trial: &Trial,
-    most: f64,
-) -> f64 {
-    let omega = TAU * drive_hz;
-    let natural = TAU * free.resonance_hz;
-    let static_part = free.capacitance_f * Complex64::new(free.loss, 1.0) * omega;
-    // V/2L of the series branch whose capacitance is a part of the static one.
-    let force = 0.5 * natural * natural * free.capacitance_f * free.ratio;
-    let rate = |at_s: f64| {
-        let depth_mm = trial.surface_mm - way.position_mm(at_s);
-        let damping = natural / (2.0 * free.quality);
-        let detuned = Complex64::new(-damping, natural - omega);
-        if depth_mm <= 0.0 {
-            return detuned;
-        }
-        let rise = TAU * trial.strength_hz * (depth_mm / DEPTH_MM).powf(trial.exponent);
-        // The resonance grows with the root of the stiffness.
-        let risen = natural * ((1.0 + 2.0 * rise / natural).sqrt() - 1.0);
-        detuned + risen * Complex64::new(-LOSS, 1.0)
-    };
-    let free_current = -force / rate(f64::NEG_INFINITY);
-    let clear = static_part + free_current;
-    let (mut now_s, mut current) = (way.passes_s(trial.surface_mm), free_current);
-    let mut sum = 0.0;
-    for &(begin_s, end_s, measured) in windows {
-        let untouched_s = (now_s.min(end_s) - begin_s).max(0.0);
-        let mut mean = free_current * untouched_s;
+/// A reading of a probe that passes a surface.
+#[derive(Debug)]
+struct Passed {
+    /// How long the probe was clear in it, and its length, s.
+    clear_s: f64,
+    length_s: f64,
+    /// The time in contact since the reading before, and in this one.
+    steps: Vec<Step>,
+    measured: Complex64,
+    /// Of its relative error.
+    variance: f64,
+}
+
+/// A step of time.
+#[derive(Debug)]
+struct Step {
+    long_s: f64,
+    is_read: bool,
+    /// The depth in its middle over that of the strengths, to the power of each exponent; `None` while the probe is
+    /// clear.
+    powers: Option<[f64; EXPONENTS.len()]>,
+}
+
+/// The readings of a probe that passes this surface: what contacts of all strengths have in common.
+fn passed(windows: &[Window], way: &Way, surface_mm: f64) -> Vec<Passed> {
+    let mut now_s = way.passes_s(surface_mm);
+    let read = |&(begin_s, end_s, measured): &Window| {
+        let clear_s = (now_s.min(end_s) - begin_s).max(0.0);
+        let mut steps = Vec::new();
         while now_s < end_s {
             // Not beyond the next edge of a window.
             let edge_s = if now_s < begin_s { begin_s } else { end_s };
-            let step_s = STEP_S.min(edge_s - now_s).max(1e-9);
-            let rate = rate(now_s + 0.5 * step_s);
-            let settled = -force / rate;
-            let next = settled + (current - settled) * (rate * step_s).exp();
-            if begin_s <= now_s {
-                mean += 0.5 * (current + next) * step_s;
-            }
-            (current, now_s) = (next, now_s + step_s);
+            let long_s = STEP_S.min(edge_s - now_s).max(1e-9);
+            let depth_mm = surface_mm - way.position_mm(now_s + 0.5 * long_s);
+            let power = |exponent| (depth_mm / DEPTH_MM).powf(exponent);
+            let powers = if depth_mm <= 0.0 { None } else { Some(EXPONENTS.map(power)) };
+            steps.push(Step { long_s, is_read: begin_s <= now_s, powers });
+            now_s += long_s;
         }
-        let expected = (static_part + mean / (end_s - begin_s)) / clear;
         let model = MODEL_PART * (1.0 - 1.0 / measured).norm().min(1.0);
-        sum += (expected / measured - 1.0).norm_sqr() / (NOISE * NOISE + model * model);
-        if most < sum {
-            return f64::INFINITY;
-        }
+        let variance = NOISE * NOISE + model * model;
+        Passed { clear_s, length_s: end_s - begin_s, steps, measured, variance }
+    };
+    windows.iter().map(read).collect()
+}
+
+/// The free sensor under its drive.
+#[derive(Debug, Clone, Copy)]
+struct Driven {
+    /// Of the free resonance, 1/s.
+    natural: f64,
+    /// How the current of the clear probe goes on, 1/s.
+    detuned: Complex64,
+    /// V/2L of the series branch, whose capacitance is a part of the static one.
+    force: f64,
+    static_part: Complex64,
+    free_current: Complex64,
+}
+
+impl Driven {
+    fn new(free: &Free, drive_hz: f64) -> Self {
+        let omega = TAU * drive_hz;
+        let natural = TAU * free.resonance_hz;
+        let static_part = free.capacitance_f * Complex64::new(free.loss, 1.0) * omega;
+        let force = 0.5 * natural * natural * free.capacitance_f * free.ratio;
+        let damping = natural / (2.0 * free.quality);
+        let detuned = Complex64::new(-damping, natural - omega);
+        Self { natural, detuned, force, static_part, free_current: -force / detuned }
     }
-    sum
+
+    /// The misfit of a contact of this strength, Hz, and of the exponent of this number, or infinity as soon as it is
+    /// more than `most`.
+    fn cost(&self, passed: &[Passed], strength_hz: f64, exponent: usize, most: f64) -> f64 {
+        let &Self { natural, detuned, force, static_part, free_current } = self;
+        let rate = |step: &Step| {
+            let Some(powers) = &step.powers else { return detuned };
+            let rise = TAU * strength_hz * powers[exponent];
+            // The resonance grows with the root of the stiffness.
+            let risen = natural * ((1.0 + 2.0 * rise / natural).sqrt() - 1.0);
+            detuned + risen * Complex64::new(-LOSS, 1.0)
+        };
+        let clear = static_part + free_current;
+        let mut current = free_current;
+        let mut sum = 0.0;
+        for Passed { clear_s, length_s, steps, measured, variance } in passed {
+            let mut mean = free_current * *clear_s;
+            for step in steps {
+                let rate = rate(step);
+                let settled = -force / rate;
+                let next = settled + (current - settled) * (rate * step.long_s).exp();
+                if step.is_read {
+                    mean += 0.5 * (current + next) * step.long_s;
+                }
+                current = next;
+            }
+            let expected = (static_part + mean / *length_s) / clear;
+            sum += (expected / measured - 1.0).norm_sqr() / variance;
+            if most < sum {
+                return f64::INFINITY;
+            }
+        }
+        sum
+    }
 }
