@@ -204,11 +204,16 @@ fn over_ratio() -> Map {
         title: "Tiers over the stiffness of the contact",
         x_label: "contact over sensor stiffness",
         y_label: "tier",
-        columns: ratios.map(|ratio| format!("{ratio:e}")).to_vec(),
+        columns: ratios.map(short).to_vec(),
         rows: TIERS
             .map(|tier| (tier.name(), ratios.map(|ratio| grade(tier, ratio)).to_vec()))
             .to_vec(),
     }
+}
+
+/// A number as short as it can be written, so that a column is not wider than its mark.
+fn short(value: f64) -> String {
+    if (1e-2..1e3).contains(&value) { value.to_string() } else { format!("{value:e}") }
 }
 
 fn ratio_of_one_mpa(models: &Models, contact: &Contact) -> f64 {
@@ -237,7 +242,7 @@ fn over_depth() -> Map {
         title: "Contact laws over the depth, against Sneddon's solution",
         x_label: "depth over ball radius",
         y_label: "contact law",
-        columns: depths.map(|depth| depth.to_string()).to_vec(),
+        columns: depths.map(short).to_vec(),
         rows: laws.map(|law| (law.name(), depths.map(|depth| grade(law, depth)).to_vec())).to_vec(),
     }
 }
