@@ -19,7 +19,7 @@ use rig_contact::{
 
 pub(crate) use errors::{Entering, TouchErrors};
 pub(crate) use judge::{BY_CHANCE, chi2_probability};
-pub use judge::{Evidence, ModelCheck, Pattern, Residual, Verdict};
+pub use judge::{Evidence, ModelCheck, Pattern, Residual, SlipNoticed, Verdict};
 
 use crate::{
     budget::Budget,

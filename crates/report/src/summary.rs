@@ -153,6 +153,12 @@ pub struct ModelSummary {
     /// The least exponent of the depth, by which the contact grows otherwise than its law, that touches like these
     /// show in 95 % of the runs; `None` if they cannot show any.
     pub depth_exponent_noticed: Option<f64>,
+    /// The coefficient of friction below which at least one main touch slides; `None` if the touches cannot show a
+    /// slip.
+    pub slip_begins_below: Option<f64>,
+    /// A contact that slips below this coefficient of friction is noticed by touches like these in 95 % of the runs;
+    /// `None` if they do not show so much of any slip.
+    pub slip_noticed_below: Option<f64>,
     /// `indentation` or `stage`: whichever holds the depth.
     pub depth: &'static str,
     /// The same by the rig file.
@@ -216,6 +222,8 @@ impl ModelSummary {
             tangential_ratio: term(ratio, terms.tangential_ratio, described.tangential_ratio),
             arm_mm: term(arm, terms.arm_mm, described.arm_mm),
             depth_exponent_noticed: check.exponent_noticed,
+            slip_begins_below: check.slip_noticed.map(|slip| slip.begins_below),
+            slip_noticed_below: check.slip_noticed.and_then(|slip| slip.below),
             depth: depth(terms.deflects),
             depth_described: depth(described.deflects),
         })

@@ -192,7 +192,8 @@ fn the_summary_has_the_documented_fields() {
     assert_eq!(
         fields(&json["model"]),
         "added_rel arm_mm chi2_per_dof degrees_of_freedom depth depth_described \
-         depth_exponent_noticed evidence pattern pattern_sample tangential_ratio verdict"
+         depth_exponent_noticed evidence pattern pattern_sample slip_begins_below \
+         slip_noticed_below tangential_ratio verdict"
     );
     assert_eq!(json["model"]["verdict"], "holds");
     assert_eq!(json["status"], "completed");

@@ -68,6 +68,8 @@ struct Answer {
     pattern: Option<&'static str>,
     chi2_per_dof: Option<f64>,
     depth_exponent_noticed: Option<f64>,
+    slip_noticed_below: Option<f64>,
+    first_slip_noticed: Option<f64>,
     tangential_ratio: f64,
     arm_mm: f64,
     is_held_by_stage: bool,
@@ -129,6 +131,7 @@ fn analysed(described: &Compensation, run: &Run, source: ModelSource) -> Result<
     };
     let (found, model) = at_known_angles(described, &touches, source);
     let check = model.check();
+    let slip = check.and_then(|check| check.slip_noticed);
     let young = |found: &Result<RunYoung, _>| {
         let whole = found.as_ref().ok()?.whole();
         Some(YoungAnswer { stiffness_mpa: whole.mpa, sigma_mpa: whole.sigma_mpa })
@@ -142,6 +145,8 @@ fn analysed(described: &Compensation, run: &Run, source: ModelSource) -> Result<
         pattern: check.and_then(|check| check.pattern).map(Pattern::name),
         chi2_per_dof: check.map(rig_analysis::model::ModelCheck::chi2_per_dof),
         depth_exponent_noticed: check.and_then(|check| check.exponent_noticed),
+        slip_noticed_below: slip.and_then(|slip| slip.below),
+        first_slip_noticed: slip.map(|slip| slip.share_of_first),
         tangential_ratio: model.terms().tangential_ratio,
         arm_mm: model.terms().arm_mm,
         is_held_by_stage: model.terms().deflects,

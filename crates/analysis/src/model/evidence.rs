@@ -7,7 +7,7 @@
 use super::{
     Term, Terms,
     fit::{Fit, State, Usable},
-    judge::{Evidence, Pattern, above, chi2_probability},
+    judge::{Evidence, Pattern, SlipNoticed, above, chi2_probability, one_sided},
     linear::{self, Matrix},
 };
 
@@ -15,6 +15,8 @@ use super::{
 const LEFT_OVER: f64 = 0.01;
 /// Numbers of touches that slip while the others stick, as far as they are tried. A touch more or less changes little.
 const SLIPPING: [usize; 5] = [1, 2, 4, 8, 16];
+/// The share of the runs in which a departure from the model is to be noticed.
+const NOTICED: f64 = 0.95;
 /// A normal variable exceeds this five times in a hundred.
 const NORMAL_OF_FIVE_PERCENT: f64 = 1.644_854;
 /// Terms by which the evidence for a depth is looked for.
@@ -170,6 +172,57 @@ impl<'a> Rows<'a> {
         }
         columns.extend(touches.log_depths().map(|column| Column::Either(Pattern::Depth, column)));
         columns
+    }
+}
+
+impl<'a> Rows<'a> {
+    /// What these rows show of a slip, if a run is called strained when a test of one cause has less than this
+    /// probability.
+    ///
+    /// A coefficient of friction below what a touch needs lets it slide, and with it all that need more. The score
+    /// of every test for friction then has the mean that this pattern has along its column. A run may take a slip
+    /// for another arm and learn that, so that what an arm explains is left out.
+    pub(super) fn slip_noticed(&self, strained_below: f64) -> Option<SlipNoticed> {
+        let Self { touches, fit, .. } = *self;
+        let smooth = touches.smoothed(&fit.terms, &fit.state)?;
+        let arm = self.beyond_fitted(&smooth.slope(&fit.terms, Term::Arm)?);
+        self.beside(arm).of_slips(&smooth, strained_below)
+    }
+
+    /// The same rows with one more fitted column.
+    fn beside(&self, column: Option<Vec<f64>>) -> Self {
+        let fitted = self.fitted.iter().cloned().chain(column).collect();
+        Self { factor: self.factor.clone(), fitted, residuals: self.residuals.clone(), ..*self }
+    }
+
+    /// The same for smoothed touches, and for these fitted columns.
+    fn of_slips(&self, smooth: &Usable<'a>, strained_below: f64) -> Option<SlipNoticed> {
+        let Self { touches, fit, .. } = *self;
+        let changes = smooth.changes_by_sliding(&fit.terms)?;
+        let needed = touches.needed_friction(&fit.state);
+        let mut most = needed.clone();
+        most.sort_by(|a, b| b.total_cmp(a));
+        let test = |column: &Column| {
+            let Column::Positive(Pattern::Friction, values) = column else { return None };
+            let direction = self.beyond_fitted(values)?;
+            let sigma = self.score_sigma(&direction);
+            Some(direction.iter().map(|one| one / sigma).collect())
+        };
+        let tests: Vec<Vec<f64>> = self.columns().iter().filter_map(test).collect();
+        if tests.is_empty() {
+            return None;
+        }
+        let beyond_sigmas = one_sided(strained_below / tests.len() as f64);
+        let share = |least: f64| {
+            let slips = |(row, touch)| if needed[touch] >= least { changes[row] } else { 0.0 };
+            let pattern: Vec<f64> = touches.rows().enumerate().map(slips).collect();
+            let pattern = self.rest(linear::forward(&self.factor, &pattern));
+            let score = tests.iter().map(|test| dot(test, &pattern)).fold(0.0, f64::max);
+            above(beyond_sigmas - score)
+        };
+        let first = most.first().copied().filter(|needed| *needed > 0.0)?;
+        let enough = most.iter().copied().find(|least| share(*least) >= NOTICED);
+        Some(SlipNoticed { begins_below: first, share_of_first: share(first), below: enough })
     }
 }
 

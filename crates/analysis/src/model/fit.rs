@@ -368,6 +368,19 @@ impl<'a> Usable<'a> {
         self.touches.iter().enumerate().map(needed).collect()
     }
 
+    /// What a slide changes in the value of each row: the touches have the shifts of a contact without friction,
+    /// and the model takes them as in these terms. The touches must be [smoothed](Self::smoothed).
+    pub(super) fn changes_by_sliding(&self, terms: &Terms) -> Option<Vec<f64>> {
+        let model = self.described.with(terms)?;
+        let sliding = self.described.with(&Term::TangentialRatio.set(terms, 0.0))?;
+        self.values(|touch| {
+            let touch = terms.touch(touch);
+            let log = model.log_young(&touch).ok()?;
+            let shift_hz = sliding.shift_hz(&touch, log.exp())?;
+            Some(model.log_young(&PosedTouch { shift_hz, ..touch }).ok()? - log)
+        })
+    }
+
     /// The logarithm of the stiffness of each touch, and the difference of each pair.
     pub(super) fn logs(&self, terms: &Terms) -> Option<Vec<f64>> {
         let model = self.described.with(terms)?;

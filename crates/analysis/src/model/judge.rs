@@ -93,6 +93,17 @@ pub struct Residual {
     pub sigmas: f64,
 }
 
+/// What touches show of a contact that slips at some coefficient of friction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SlipNoticed {
+    /// The coefficient below which the touch that needs most friction slides.
+    pub begins_below: f64,
+    /// The share of the runs in which a slide of this touch alone is noticed.
+    pub share_of_first: f64,
+    /// A slip that begins below this coefficient is noticed in 95 % of the runs. `None` if no slip is.
+    pub below: Option<f64>,
+}
+
 /// The judgement with its evidence.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelCheck {
@@ -114,6 +125,8 @@ pub struct ModelCheck {
     /// The least exponent of the depth, by which the contact grows otherwise than its law, that these touches show
     /// in 95 % of the runs. Hertz's law and Sneddon's differ by about 0.1. `None` if they cannot show any.
     pub exponent_noticed: Option<f64>,
+    /// What these touches show of a contact that slips. `None` if they cannot show any.
+    pub slip_noticed: Option<SlipNoticed>,
     /// Relative standard deviation that the residuals ask for in addition: that of their scatter beyond
     /// what was stated, and of a misfit that all samples share under a model that does not hold.
     pub added_rel: f64,
@@ -192,18 +205,19 @@ pub(super) fn judge(touches: &Usable<'_>, fit: &Fit) -> Option<ModelCheck> {
         evidence,
         residuals: (0..touches.touches.len()).map(residual).collect(),
         exponent_noticed: rows.as_ref().and_then(|rows| {
-            rows.exponent_noticed(two_sided(STRAINED_BELOW / (tests * DEPTH_TERMS)))
+            rows.exponent_noticed(one_sided(0.5 * STRAINED_BELOW / (tests * DEPTH_TERMS)))
         }),
+        slip_noticed: rows.as_ref().and_then(|rows| rows.slip_noticed(STRAINED_BELOW / tests)),
         added_rel,
     })
 }
 
-/// The absolute value that a normal variable exceeds with this probability.
-fn two_sided(probability: f64) -> f64 {
+/// The value that a normal variable exceeds with this probability, of at most one half.
+pub(super) fn one_sided(probability: f64) -> f64 {
     let (mut low, mut high) = (0.0, 40.0);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
-        if 2.0 * above(middle) > probability { low = middle } else { high = middle }
+        if above(middle) > probability { low = middle } else { high = middle }
     }
     low
 }
@@ -234,6 +248,7 @@ pub(super) fn of_sites(sites: &[(usize, Young)]) -> Option<ModelCheck> {
         evidence: Vec::new(),
         residuals,
         exponent_noticed: None,
+        slip_noticed: None,
         added_rel: ((chi2 / freedom as f64 - 1.0) / mean_weight).max(0.0).sqrt(),
     })
 }
@@ -392,7 +407,7 @@ mod tests {
         check(above(1.959_964), 0.025, 1e-5);
         check(above(-1.0), 0.841_344_7, 1e-6);
         check(above(4.0), 3.167_124e-5, 1e-6);
-        check(two_sided(0.05), 1.959_964, 1e-6);
+        check(one_sided(0.025), 1.959_964, 1e-6);
         check(above(3.0 + 1e-9), above(3.0), 1e-4);
         check(chi2_probability(3.841_459, 1.0), 0.05, 1e-5);
         check(chi2_probability(73.311, 54.0), 0.041, 0.03);

@@ -1,3 +1,5 @@
+use rand_core::{Rng, SeedableRng};
+use rand_pcg::Pcg64Mcg;
 use rig_contact::{Contact, ContactLaw, Direction, Models, Pose, SensorDescription, Tier, Tissue};
 
 use super::*;
@@ -253,4 +255,52 @@ fn samples_of_known_stiffness_that_disagree_are_noticed_and_widen_the_intervals(
     let one = check([None, None, Some(0.75 * SAMPLES_MPA[2]), None, None]);
     assert_eq!((one.verdict, one.pattern), (Verdict::Holds, None), "{one:?}");
     assert!(one.evidence.iter().all(|one| one.pattern.name() != "known"), "{one:?}");
+}
+
+/// Of 40 runs with the stated errors, at least as many as the check says notice that the touch slides that needs
+/// most friction; nearly all notice a slip below the coefficient that it names. Within four standard deviations.
+#[test]
+fn a_slip_is_noticed_as_often_as_the_check_says() {
+    const RUNS: u64 = 40;
+    let described = Compensation::new(&SensorDescription::reference(), 0.002);
+    let models = Models::new(&Sensor::reference(), ContactLaw::Sneddon);
+    let smooth = MATCHED.touches(&ANGLES_DEG);
+    let needed: Vec<f64> = smooth
+        .iter()
+        .map(|touch| described.needed_friction(touch, SAMPLES_MPA[touch.sample]).unwrap())
+        .collect();
+    let run = |seed: u64, coefficient: f64| {
+        let mut random = Pcg64Mcg::seed_from_u64(seed);
+        let mut normal = || {
+            let [a, b] = [0, 1].map(|_| (random.next_u64() as f64 + 1.0) / 2.0_f64.powi(64));
+            (-2.0 * a.ln()).sqrt() * (std::f64::consts::TAU * b).cos()
+        };
+        let touches: Vec<PosedTouch> = (smooth.iter().zip(&needed))
+            .map(|(touch, needed)| {
+                let one = described.of_touch(touch).unwrap();
+                let sigma = (one.sigma_mpa / one.young_mpa).hypot(0.03);
+                let young_mpa = SAMPLES_MPA[touch.sample] * (sigma * normal()).exp();
+                let slides = *needed > coefficient;
+                let friction = if slides { Friction::Frictionless } else { Friction::Sticking };
+                let (pose, depth, law) = (touch.pose, touch.depth, ContactLaw::Sneddon);
+                let contact = Contact { pose, depth, law, friction };
+                let tissue = Tissue::soft(young_mpa).unwrap();
+                let found = models.predict(Tier::Reference, &tissue, &contact).unwrap();
+                PosedTouch { shift_hz: found.shift_hz, ..*touch }
+            })
+            .collect();
+        model(&touches, ModelSource::Learnt).check().unwrap().clone()
+    };
+    let slip = run(0, 9.0).slip_noticed.unwrap();
+    let below = slip.below.unwrap();
+    assert!((slip.begins_below - 1.2).abs() < 0.1 && below < slip.begins_below, "{slip:?}");
+    let noticed = |coefficient: f64| {
+        let noticed = (0..RUNS).filter(|seed| run(*seed, coefficient).verdict != Verdict::Holds);
+        noticed.count() as f64 / RUNS as f64
+    };
+    let (first, more) = (noticed(1.0), noticed(below - 1e-6));
+    let expected = slip.share_of_first;
+    let sigma = (expected * (1.0 - expected) / RUNS as f64).sqrt();
+    assert!(first > expected - 4.0 * sigma && expected > 0.7, "{first} instead of {expected}");
+    assert!(more > 0.95 - 4.0 * (0.95_f64 * 0.05 / RUNS as f64).sqrt(), "{more} of {slip:?}");
 }

@@ -1,7 +1,7 @@
 //! The model behind the stiffness: the verdict on it, what was learnt, the residuals.
 
 use maud::{Markup, html};
-use rig_analysis::model::{LearntTerm, ModelCheck, Pattern, RunModel, Term, Verdict};
+use rig_analysis::model::{LearntTerm, ModelCheck, Pattern, RunModel, SlipNoticed, Term, Verdict};
 use rig_chart::{Axis, Chart, Marker, Point, Rule, Series};
 use rig_record::{Direction, Phase};
 
@@ -24,7 +24,10 @@ pub(super) fn model(results: &RunResults, stiffness: &Stiffness) -> Markup {
         @if !learnt(model).is_empty() { p { (learnt(model)) } }
         (residuals(results, stiffness, check))
         @if check.verdict != Verdict::Holds { (evidence(&results.data, check)) }
-        @else { p { (not_told(check)) } }
+        @else {
+            p { (not_told(check)) }
+            @if let Some(slip) = check.slip_noticed { p { (of_slip(&slip)) } }
+        }
     }
 }
 
@@ -80,6 +83,28 @@ fn not_told(check: &ModelCheck) -> String {
                 seen
             }
         }
+    }
+}
+
+/// What a model that holds says of a contact that slips.
+fn of_slip(slip: &SlipNoticed) -> String {
+    let SlipNoticed { begins_below, share_of_first, below } = *slip;
+    let first = fixed(begins_below, 2);
+    match below {
+        Some(below) if below >= begins_below => format!(
+            "At a coefficient of friction below {first} at least one of these touches slides; in 95 of 100 runs that is \
+             noticed."
+        ),
+        Some(below) => format!(
+            "A contact that slips at a coefficient of friction below about {} is noticed in 95 of 100 runs. Between that and \
+             {first} it slides in the few touches that need most friction, of which one alone is noticed in {} of 100.",
+            fixed(below, 2),
+            fixed(100.0 * share_of_first, 0),
+        ),
+        None => format!(
+            "At a coefficient of friction below {first} at least one of these touches slides. They are too few or too \
+             uncertain to show it in 95 of 100 runs."
+        ),
     }
 }
 

@@ -135,7 +135,7 @@ impl Truth {
             Self { name: "samples tilted by 2°", tilt_deg: 2.0, ..one },
             Self { name: "sensor turned by 10°", turned_deg: 10.0, ..one },
             Self {
-                name: "held by the stage, relaxed by 20 %",
+                name: "held by the stage; relaxed by 20 %",
                 relaxed: 0.2,
                 is_held_by_stage: true,
                 ..one
