@@ -55,7 +55,10 @@ const ARROWS: [(&str, &[&str]); 23] = [
         ],
     ),
     ("rig-ship", &["rig-report", "rig-store", "rig-verify"]),
-    ("rig-hub", &["rig-model", "rig-store"]),
+    (
+        "rig-hub",
+        &["rig-model", "rig-store", "rig-ship", "rig-report", "rig-commission", "rig-chart"],
+    ),
     ("rig-sim", &["rig-model", "rig-files", "rig-scpi", "rig-contact"]),
     (
         "rigd",

@@ -110,6 +110,16 @@ pub async fn add_bench(client: &Client, bench: &BenchName) -> Result<(), AdminEr
     Ok(())
 }
 
+/// Says where a person finds the page of the rig of a bench.
+///
+/// # Errors
+/// [`AdminError`].
+pub async fn set_page(client: &Client, bench: &BenchName, page: &str) -> Result<(), AdminError> {
+    let set = "UPDATE hub.bench SET page = $2 WHERE role = $1::text::name";
+    client.execute(set, &[&bench.to_string(), &page]).await?;
+    Ok(())
+}
+
 /// Ends the connections of a bench, and allows no other one. What it has shipped stays.
 ///
 /// # Errors

@@ -6,7 +6,11 @@ use serde::{Deserialize, Serialize};
 use tokio::sync::Mutex;
 use tokio_postgres::{Client, Config};
 
-use crate::{ConnectError, connect};
+use crate::{
+    ConnectError,
+    compare::{self, Reference},
+    connect,
+};
 
 /// Most runs of an answer.
 const RUNS_MAX: i64 = 500;
@@ -55,6 +59,8 @@ pub struct Rig {
     pub seen_s_ago: Option<i64>,
     /// Alarms of the hub that wait.
     pub alarms: i64,
+    /// Address of the page of the rig.
+    pub page: Option<String>,
 }
 
 /// A run of the laboratory.
@@ -86,8 +92,15 @@ pub struct FoundRun {
     pub measured: i64,
     /// Touches without one.
     pub refused: i64,
+    /// Whether the model behind its stiffness holds: `holds`, `strained` or `rejected`; none if it was not judged yet, or
+    /// its touches cannot say.
+    pub model_verdict: Option<String>,
     /// Number of its records.
     pub records: i64,
+    /// The object that has them, if they are not in PostgreSQL any more.
+    pub object: Option<String>,
+    /// Address of its report on the page of the rig.
+    pub report: Option<String>,
 }
 
 /// Which runs are wanted. What is left out or empty restricts nothing.
@@ -104,6 +117,8 @@ pub struct Wanted {
     pub operator: String,
     /// How the run ended, such as `completed`; `running` for one without an end.
     pub status: String,
+    /// Whether the model holds: `holds`, `strained` or `rejected`.
+    pub verdict: String,
     /// Begun at this time or later: RFC 3339 or the beginning of it, such as `2026-11`.
     pub from: String,
     /// Begun before this time.
@@ -124,7 +139,7 @@ impl Catalogue {
             return Ok(Arc::clone(client));
         }
         let (client, _task) = connect(&self.config, None).await?;
-        // Whoever connects, it can only read from here on.
+        // From here on the connection can only read, as any role.
         let restrict = "SET ROLE rigd_hub_reader; SET default_transaction_read_only = on;
                         SET statement_timeout = '30s'";
         client.batch_execute(restrict).await?;
@@ -143,7 +158,7 @@ impl Catalogue {
                    (SELECT count(*) FROM hub.touch AS t WHERE t.run = r.id), f.touches, l.waits,
                    to_char(j.seen AT TIME ZONE 'UTC', 'YYYY-MM-DD\"T\"HH24:MI:SS\"Z\"'),
                    extract(epoch FROM now() - j.seen)::bigint,
-                   (SELECT count(*) FROM hub.alarm AS a WHERE a.bench = b.id AND a.acknowledged_at IS NULL)
+                   (SELECT count(*) FROM hub.alarm AS a WHERE a.bench = b.id AND a.acknowledged_at IS NULL), b.page
             FROM hub.bench AS b
             LEFT JOIN hub.live AS l ON l.bench = b.id
             LEFT JOIN hub.run AS r ON r.id = l.run
@@ -165,6 +180,7 @@ impl Catalogue {
                 last_seen: row.get(8),
                 seen_s_ago: row.get(9),
                 alarms: row.get(10),
+                page: row.get(11),
             }
         });
         Ok(rigs.collect())
@@ -183,9 +199,12 @@ impl Catalogue {
                    ARRAY(SELECT DISTINCT c.who FROM hub.command AS c WHERE c.run = r.id ORDER BY c.who),
                    (SELECT count(*) FROM hub.touch AS t WHERE t.run = r.id AND t.reason IS NULL),
                    (SELECT count(*) FROM hub.touch AS t WHERE t.run = r.id AND t.reason IS NOT NULL),
-                   r.records
+                   found.model_verdict, r.records,
+                   (SELECT o.name FROM hub.object AS o WHERE o.run = r.id AND r.pruned_at IS NOT NULL),
+                   b.page || '/api/v1/runs/' || r.id || '/report'
             FROM hub.run AS r JOIN hub.bench AS b ON b.id = r.bench
             LEFT JOIN hub.run_fact AS f ON f.run = r.id
+            LEFT JOIN hub.result AS found ON found.run = r.id
             WHERE r.kind = 'run' AND ($1 = '' OR b.role::text = $1)
               AND ($2 = '' OR EXISTS (SELECT FROM hub.sample AS s
                                       WHERE s.run = r.id AND position(lower($2) IN lower(s.name)) > 0))
@@ -194,12 +213,16 @@ impl Catalogue {
                                       WHERE c.run = r.id AND position(lower($4) IN lower(c.who)) > 0))
               AND ($5 = '' OR r.status = $5)
               AND ($6 = '' OR r.started_at >= $6) AND ($7 = '' OR r.started_at < $7)
-            ORDER BY r.started_at DESC, r.id DESC LIMIT $8";
+              AND ($8 = '' OR found.model_verdict = $8)
+            ORDER BY r.started_at DESC, r.id DESC LIMIT $9";
         let limit = wanted.limit.map_or(RUNS, i64::from).clamp(1, RUNS_MAX);
-        let Wanted { bench, sample, protocol, operator, status, from, until, .. } = wanted;
+        let Wanted { bench, sample, protocol, operator, status, verdict, from, until, .. } = wanted;
         let client = self.client().await?;
         let rows = client
-            .query(select, &[bench, sample, protocol, operator, status, from, until, &limit])
+            .query(
+                select,
+                &[bench, sample, protocol, operator, status, from, until, verdict, &limit],
+            )
             .await?;
         let runs = rows.iter().map(|row| FoundRun {
             bench: row.get(0),
@@ -215,8 +238,19 @@ impl Catalogue {
             operators: row.get(10),
             measured: row.get(11),
             refused: row.get(12),
-            records: row.get(13),
+            model_verdict: row.get(13),
+            records: row.get(14),
+            object: row.get(15),
+            report: row.get(16),
         });
         Ok(runs.collect())
+    }
+
+    /// The reference samples, with what each bench has found of them.
+    ///
+    /// # Errors
+    /// [`CatalogueError`].
+    pub async fn references(&self) -> Result<Vec<Reference>, CatalogueError> {
+        Ok(compare::references(&*self.client().await?).await?)
     }
 }

@@ -1,5 +1,6 @@
 //! The command line. Data goes to stdout, messages go to stderr.
 
+mod prune;
 mod trial;
 
 use std::{
@@ -11,6 +12,7 @@ use std::{
 
 use clap::{Args, Parser, Subcommand};
 use rig_model::with_causes;
+use rig_ship::StorageError;
 use serde::Serialize;
 use tokio::{
     net::TcpListener,
@@ -22,11 +24,11 @@ use tokio::{
 use tokio_postgres::Config;
 
 use crate::{
-    Authority, BenchName, Catalogue, CertificateError, ConnectError, State, TrialError,
+    Authority, BenchName, Catalogue, CertificateError, ConnectError, PruneError, State, TrialError,
     admin::{self, AdminError, DATABASE},
     connect,
     doctor::{self, Finding, Level},
-    is_local, state,
+    is_local, judge, state,
 };
 
 /// Keeps the records of many rigs in one PostgreSQL.
@@ -62,6 +64,10 @@ enum HubCommand {
     Trial(trial::TrialArgs),
     /// Make the typed tables anew from the records
     Rebuild(DatabaseArgs),
+    /// Make the results of sealed runs that have none: stiffness, and whether the model holds
+    Judge(DatabaseArgs),
+    /// Remove old records whose run is in a verified object
+    Prune(prune::PruneArgs),
 }
 
 #[derive(Debug, Subcommand)]
@@ -124,6 +130,20 @@ struct AddArgs {
     /// Directory for `bench.pem`, `bench.key` and `ca.pem`, to be brought to the computer of the bench
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Address of the page of the rig, such as `http://left.lab.example:8137`, to which the page of the laboratory leads
+    #[arg(long, value_name = "URL", value_parser = page_address)]
+    page: Option<String>,
+}
+
+/// An address without a slash at its end.
+fn page_address(text: &str) -> Result<String, String> {
+    let is_web = text.starts_with("http://") || text.starts_with("https://");
+    let is_plain = !text.chars().any(|letter| letter.is_whitespace() || "?#\"'<>".contains(letter));
+    if is_web && is_plain {
+        Ok(text.trim_end_matches('/').to_owned())
+    } else {
+        Err("give http://HOST:PORT or https://HOST, without `?` and `#`".to_owned())
+    }
 }
 
 #[derive(Debug, Args)]
@@ -168,6 +188,10 @@ enum Failure {
     Refused(#[from] tokio_postgres::Error),
     #[error("`--database {words}`")]
     Words { words: String, source: tokio_postgres::Error },
+    #[error(transparent)]
+    Prune(#[from] PruneError),
+    #[error(transparent)]
+    Storage(#[from] StorageError),
     #[error("runtime or stdout")]
     System(#[from] io::Error),
     #[error("the output cannot be written as JSON")]
@@ -243,6 +267,12 @@ async fn carry_out(command: HubCommand) -> Result<(), Failure> {
             let read = admin::rebuild(&client).await?;
             say(&format!("{read} records read"))
         }
+        HubCommand::Judge(args) => {
+            let (mut client, _task) = args.connect().await?;
+            let judged = judge(&mut client).await?;
+            say(&format!("{judged} runs judged"))
+        }
+        HubCommand::Prune(args) => prune::prune_records(args).await,
     }
 }
 
@@ -267,7 +297,7 @@ async fn serve(args: ServeArgs) -> Result<(), Failure> {
     }
     let catalogue = Catalogue::new(args.database.config()?);
     let listener = TcpListener::bind(listen).await?;
-    // Whoever waits for the address reads it here.
+    // Programs that wait for the address read it here.
     _ = writeln!(io::stderr(), "rigd-hub: listening on http://{}/", listener.local_addr()?);
     tokio::select! {
         served = crate::serve(listener, catalogue, args.allow_host) => Ok(served?),
@@ -313,6 +343,9 @@ async fn add(args: AddArgs) -> Result<(), Failure> {
         say(&format!("{} and {}", certificate.display(), key.display()))?;
     }
     admin::add_bench(&client, &args.bench).await?;
+    if let Some(page) = &args.page {
+        admin::set_page(&client, &args.bench, page).await?;
+    }
     say(&format!("{} may ship", args.bench))
 }
 
@@ -324,20 +357,28 @@ async fn status(args: &OutputArgs) -> Result<(), Failure> {
 
 fn status_text(state: &State) -> String {
     let mut lines = vec![format!(
-        "{:<24} {:>20} {:>7} {:>7} {:>10} {:>7}",
-        "bench", "last seen", "runs", "sealed", "records", "aside"
+        "{:<24} {:>20} {:>7} {:>7} {:>7} {:>10} {:>7}",
+        "bench", "last seen", "runs", "sealed", "pruned", "records", "aside"
     )];
     lines.extend(state.benches.iter().map(|bench| {
         format!(
-            "{:<24} {:>20} {:>7} {:>7} {:>10} {:>7}",
+            "{:<24} {:>20} {:>7} {:>7} {:>7} {:>10} {:>7}",
             bench.bench,
             bench.last_seen.as_deref().unwrap_or("never"),
             bench.runs,
             bench.sealed,
+            bench.pruned,
             bench.records,
             bench.clashes
         )
     }));
+    lines.push(match &state.pruning {
+        None => "records were never pruned".to_owned(),
+        Some(last) => format!(
+            "last pruning {}: {} records of {} runs removed, older than {} days and in {}; {} runs stayed",
+            last.at, last.records, last.runs, last.keep_days, last.objects, last.stayed
+        ),
+    });
     for alarm in &state.alarms {
         lines.push(format!(
             "alarm {}: {} of {}, {} ({} times, last {}): {}",

@@ -8,6 +8,12 @@ use crate::{MIGRATIONS, State, state};
 /// A bench that has not called for longer is told, s.
 const SILENCE_S: i64 = 86_400;
 
+/// Runs of an hour or two may wait for their results.
+const UNJUDGED_MAX: i64 = 100;
+
+/// Where records were pruned once, they are to be pruned at least every week, s.
+const PRUNING_S: i64 = 604_800;
+
 /// The severity of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -49,13 +55,20 @@ pub struct Finding {
 /// # Errors
 /// The error of PostgreSQL.
 pub async fn findings(client: &Client) -> Result<Vec<Finding>, tokio_postgres::Error> {
+    let schema = schema(crate::migrations::version(client).await?);
+    // The other checks read tables that an older schema does not have.
+    if schema.level != Level::Ok {
+        return Ok(vec![schema]);
+    }
     let state = state(client).await?;
-    let mut all = vec![schema(&state), durability(client).await?];
+    let mut all = vec![schema, durability(client).await?];
     all.extend(access(client).await?);
     all.push(backup(client).await?);
     all.push(alarms(&state));
     all.extend(silent(&state));
     all.push(unread(client).await?);
+    all.push(unjudged(client).await?);
+    all.push(pruning(&state));
     Ok(all)
 }
 
@@ -73,13 +86,13 @@ fn finding(
     }
 }
 
-fn schema(state: &State) -> Finding {
+fn schema(version: usize) -> Finding {
     let known = MIGRATIONS.len();
     finding(
         "schema",
-        state.version == known,
+        version == known,
         Level::Problem,
-        format!("version {} of {known}", state.version),
+        format!("version {version} of {known}"),
         "run `rigd-hub init`",
     )
 }
@@ -211,6 +224,37 @@ async fn unread(client: &Client) -> Result<Finding, tokio_postgres::Error> {
         count.to_string(),
         "a bench has a newer rigd: bring rigd-hub to its version, then `rigd-hub rebuild`",
     ))
+}
+
+async fn unjudged(client: &Client) -> Result<Finding, tokio_postgres::Error> {
+    let select = "SELECT count(*) FROM hub.run AS r
+                  WHERE r.kind = 'run' AND r.seal IS NOT NULL AND r.pruned_at IS NULL
+                    AND NOT EXISTS (SELECT FROM hub.result AS found WHERE found.run = r.id)";
+    let count: i64 = client.query_one(select, &[]).await?.get(0);
+    Ok(finding(
+        "sealed runs without results",
+        count <= UNJUDGED_MAX,
+        Level::Warning,
+        count.to_string(),
+        "call `rigd-hub judge` every hour, as by the timer of docs/hub.md: the search by verdict and the comparison of \
+         benches rest on it",
+    ))
+}
+
+fn pruning(state: &State) -> Finding {
+    let pruned: i64 = state.benches.iter().map(|bench| bench.pruned).sum();
+    let Some(last) = &state.pruning else {
+        let text = "never: all records are in PostgreSQL".to_owned();
+        return Finding { check: "pruning", level: Level::Ok, text, advice: None };
+    };
+    let is_well = last.stayed == 0 && last.s_ago < PRUNING_S;
+    let text = format!(
+        "{pruned} runs have their records in {} only; last pruning {}, {} runs older than {} days stayed",
+        last.objects, last.at, last.stayed, last.keep_days
+    );
+    let advice = "ship the runs of every bench by `rigd ship`, then `rigd-hub prune` names why a run stays; call both \
+                  every day (docs/hub.md)";
+    finding("pruning", is_well, Level::Warning, text, advice)
 }
 
 async fn setting(client: &Client, name: &str) -> Result<String, tokio_postgres::Error> {

@@ -15,13 +15,16 @@ pub struct Migration {
 }
 
 /// All steps, in order; the version of a database is the number of those that it has.
-pub const MIGRATIONS: [Migration; 6] = [
+pub const MIGRATIONS: [Migration; 9] = [
     Migration { name: "tables", sql: include_str!("../sql/01-tables.sql") },
     Migration { name: "digests", sql: include_str!("../sql/02-digests.sql") },
     Migration { name: "typed", sql: include_str!("../sql/03-typed.sql") },
     Migration { name: "ingest", sql: include_str!("../sql/04-ingest.sql") },
     Migration { name: "access", sql: include_str!("../sql/05-access.sql") },
     Migration { name: "live", sql: include_str!("../sql/06-live.sql") },
+    Migration { name: "results", sql: include_str!("../sql/07-results.sql") },
+    Migration { name: "pruning", sql: include_str!("../sql/08-pruning.sql") },
+    Migration { name: "links", sql: include_str!("../sql/09-links.sql") },
 ];
 
 /// Why the database cannot be brought to the version of this program.

@@ -1,23 +1,33 @@
 //! The page of the laboratory, as HTML of the server. It has no script, and asks no other host for anything.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+mod compare;
 
-use crate::catalogue::{FoundRun, Rig, Wanted};
+use maud::{Markup, html};
+use rig_report::document;
+
+use crate::{
+    catalogue::{FoundRun, Rig, Wanted},
+    compare::Reference,
+};
 
 /// A rig that has not called for longer is shown as gone, s: three greetings of its shipper.
 const GONE_S: i64 = 90;
 /// Ends of a run that can be asked for.
 const STATUSES: [&str; 6] =
     ["running", "completed", "completed_with_refusals", "aborted", "faulted", "interrupted"];
+/// The words of a judged model.
+const VERDICTS: [&str; 3] = ["holds", "strained", "rejected"];
+/// What changes by itself is loaded again after this time, s.
+const RELOAD_S: u32 = 10;
 const STYLE: &str = include_str!("page.css");
 
 /// The rigs and the latest runs. It is loaded again by itself.
 pub(crate) fn rigs(rigs: &[Rig], runs: &[FoundRun]) -> String {
-    document(
+    page(
         "Rigs",
-        true,
+        Some(RELOAD_S),
         &html! {
-            h1 { "Rigs" }
+            h1 { "Rigs" (links([("/runs", "runs"), ("/compare", "compare")])) }
             (rig_table(rigs))
             h2 { "Latest runs " a href="/runs" { "search" } }
             (run_table(runs))
@@ -27,22 +37,27 @@ pub(crate) fn rigs(rigs: &[Rig], runs: &[FoundRun]) -> String {
 
 /// The wanted runs, and what can be wanted.
 pub(crate) fn runs(rigs: &[Rig], runs: &[FoundRun], wanted: &Wanted) -> String {
-    document(
+    page(
         "Runs",
-        false,
+        None,
         &html! {
-            h1 { "Runs " a href="/" { "rigs" } }
+            h1 { "Runs" (links([("/", "rigs"), ("/compare", "compare")])) }
             (search(rigs, wanted))
             (run_table(runs))
         },
     )
 }
 
+/// The reference samples on the benches that have measured them.
+pub(crate) fn references(references: &[Reference]) -> String {
+    page("Compare", None, &compare::body(references))
+}
+
 /// What is shown when the hub cannot be read.
 pub(crate) fn trouble(error: &str) -> String {
-    document(
+    page(
         "The hub cannot be read",
-        true,
+        Some(RELOAD_S),
         &html! {
             h1 { "The hub cannot be read" }
             p { (error) }
@@ -51,21 +66,13 @@ pub(crate) fn trouble(error: &str) -> String {
     )
 }
 
-fn document(title: &str, is_reloaded: bool, body: &Markup) -> String {
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                @if is_reloaded { meta http-equiv="refresh" content="10"; }
-                title { (title) }
-                style { (PreEscaped(STYLE)) }
-            }
-            body { (body) }
-        }
-    };
-    page.into_string()
+fn page(title: &str, reload_s: Option<u32>, body: &Markup) -> String {
+    document(&html! { (title) }, &[STYLE, rig_chart::STYLE], reload_s, body).into_string()
+}
+
+/// Links to the pages of the laboratory, without the present one.
+fn links(to: [(&str, &str); 2]) -> Markup {
+    html! { @for (address, text) in to { " " a href=(address) { (text) } } }
 }
 
 fn rig_table(rigs: &[Rig]) -> Markup {
@@ -75,7 +82,7 @@ fn rig_table(rigs: &[Rig]) -> Markup {
             tbody {
                 @for rig in rigs {
                     tr {
-                        td { b { (rig.bench) } @if rig.alarms > 0 { " " span.alarm { (rig.alarms) " alarms" } } }
+                        td { (link(rig.page.as_deref(), &html! { b { (rig.bench) } })) @if rig.alarms > 0 { " " span.alarm { (rig.alarms) " alarms" } } }
                         td { (state(rig)) }
                         td {
                             @if let Some(run) = &rig.run {
@@ -144,6 +151,14 @@ fn search(rigs: &[Rig], wanted: &Wanted) -> Markup {
                     }
                 }
             }
+            label { "model"
+                select name="verdict" {
+                    option value="" { "any" }
+                    @for verdict in VERDICTS {
+                        option value=(verdict) selected[verdict == wanted.verdict] { (verdict) }
+                    }
+                }
+            }
             (field("from", "from", &wanted.from))
             (field("until", "until", &wanted.until))
             button { "search" }
@@ -157,12 +172,14 @@ fn run_table(runs: &[FoundRun]) -> Markup {
         table {
             thead { tr {
                 th { "begun (UTC)" } th { "bench" } th { "protocol" } th { "samples" } th { "operators" } th { "end" }
-                th.number { "measured" } th.number { "refused" } th { "seal" }
+                th.number { "measured" } th.number { "refused" } th { "model" } th { "seal" }
             } }
             tbody {
                 @for run in runs {
                     tr {
-                        td title=(run.run_id) { (minute(&run.started_at)) }
+                        td title=(run.run_id) {
+                            (link(run.report.as_deref(), &html! { (minute(&run.started_at)) }))
+                        }
                         td { (run.bench) }
                         td { (run.protocol) @if run.is_simulated == Some(true) { " " span.quiet { "simulated" } } }
                         td { (run.samples.join(", ")) }
@@ -171,15 +188,30 @@ fn run_table(runs: &[FoundRun]) -> Markup {
                         td.number { (run.measured) }
                         td.number { (run.refused) }
                         td {
+                            @match run.model_verdict.as_deref() {
+                                Some("holds") => "holds",
+                                Some(verdict) => span.alarm { (verdict) },
+                                None => span.quiet { "–" },
+                            }
+                        }
+                        td {
                             @if run.has_clash { span.alarm { "clash" } }
+                            @else if let Some(object) = &run.object { span title=(object) { "checked, archived" } }
                             @else if run.is_sealed { "checked" }
                             @else { span.quiet { "open" } }
                         }
                     }
                 }
-                @if runs.is_empty() { tr { td colspan="9" { "No run is as wanted." } } }
+                @if runs.is_empty() { tr { td colspan="10" { "No run is as wanted." } } }
             }
         }
+    }
+}
+
+/// A text that leads to an address, if there is one.
+fn link(address: Option<&str>, text: &Markup) -> Markup {
+    html! {
+        @if let Some(address) = address { a href=(address) { (text) } } @else { (text) }
     }
 }
 

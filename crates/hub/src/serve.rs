@@ -15,6 +15,7 @@ use tokio::net::TcpListener;
 
 use crate::{
     catalogue::{Catalogue, CatalogueError, FoundRun, Rig, Wanted},
+    compare::Reference,
     page,
 };
 
@@ -52,7 +53,9 @@ fn router(catalogue: Catalogue, hosts: Vec<String>) -> Router {
     Router::new()
         .route("/", get(show_rigs))
         .route("/runs", get(show_runs))
+        .route("/compare", get(show_references))
         .route("/api/v1/rigs", get(rigs))
+        .route("/api/v1/references", get(references))
         .route("/api/v1/runs", get(runs))
         .route("/healthz", get(|| async { "ok" }))
         .layer(from_fn_with_state(Arc::clone(&shared), guard))
@@ -103,6 +106,10 @@ async fn show_runs(State(shared): State<Arc<Shared>>, Query(wanted): Query<Wante
     answer(read.await)
 }
 
+async fn show_references(State(shared): State<Arc<Shared>>) -> Response {
+    answer(shared.catalogue.references().await.map(|references| page::references(&references)))
+}
+
 fn answer(read: Result<String, CatalogueError>) -> Response {
     match read {
         Ok(page) => Html(page).into_response(),
@@ -122,6 +129,10 @@ async fn runs(
     Query(wanted): Query<Wanted>,
 ) -> Result<Json<Vec<FoundRun>>, Trouble> {
     Ok(Json(shared.catalogue.runs(&wanted).await?))
+}
+
+async fn references(State(shared): State<Arc<Shared>>) -> Result<Json<Vec<Reference>>, Trouble> {
+    Ok(Json(shared.catalogue.references().await?))
 }
 
 /// The hub cannot be read.

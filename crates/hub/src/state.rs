@@ -12,6 +12,27 @@ pub struct State {
     pub benches: Vec<BenchState>,
     /// The alarms that nobody has acknowledged, oldest first.
     pub alarms: Vec<Alarm>,
+    /// The last call of `rigd-hub prune`.
+    pub pruning: Option<Pruning>,
+}
+
+/// A call of `rigd-hub prune`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Pruning {
+    /// When it was: UTC, RFC 3339.
+    pub at: String,
+    /// Seconds since then.
+    pub s_ago: i64,
+    /// Days for which records were kept.
+    pub keep_days: i32,
+    /// The object store.
+    pub objects: String,
+    /// Runs whose records were removed.
+    pub runs: i64,
+    /// Number of these records.
+    pub records: i64,
+    /// Runs that were old enough and stayed, as their object is missing or is not theirs.
+    pub stayed: i64,
 }
 
 /// What the hub has of a bench.
@@ -31,7 +52,9 @@ pub struct BenchState {
     pub runs: i64,
     /// Number of those that are sealed.
     pub sealed: i64,
-    /// Number of records.
+    /// Number of those whose records are in an object only.
+    pub pruned: i64,
+    /// Number of records, with those that were pruned.
     pub records: i64,
     /// Number of records that were put aside.
     pub clashes: i64,
@@ -73,6 +96,7 @@ pub async fn state(client: &Client) -> Result<State, tokio_postgres::Error> {
                         count(j), count(j.quarantined),
                         (SELECT count(*) FROM hub.run AS r WHERE r.bench = b.id),
                         (SELECT count(r.seal) FROM hub.run AS r WHERE r.bench = b.id),
+                        (SELECT count(r.pruned_at) FROM hub.run AS r WHERE r.bench = b.id),
                         (SELECT coalesce(sum(r.records), 0)::bigint FROM hub.run AS r WHERE r.bench = b.id),
                         (SELECT count(*) FROM hub.clash AS c WHERE c.bench = b.id)
                  FROM hub.bench AS b LEFT JOIN hub.journal AS j ON j.bench = b.id
@@ -89,8 +113,9 @@ pub async fn state(client: &Client) -> Result<State, tokio_postgres::Error> {
         quarantined: row.get(4),
         runs: row.get(5),
         sealed: row.get(6),
-        records: row.get(7),
-        clashes: row.get(8),
+        pruned: row.get(7),
+        records: row.get(8),
+        clashes: row.get(9),
     });
     let alarms = client
         .query(
@@ -112,5 +137,28 @@ pub async fn state(client: &Client) -> Result<State, tokio_postgres::Error> {
         times: row.get(5),
         last_at: row.get(6),
     });
-    Ok(State { version, benches: benches.collect(), alarms: alarms.collect() })
+    Ok(State {
+        version,
+        benches: benches.collect(),
+        alarms: alarms.collect(),
+        pruning: pruning(client).await?,
+    })
+}
+
+async fn pruning(client: &Client) -> Result<Option<Pruning>, tokio_postgres::Error> {
+    let select = format!(
+        "SELECT to_char(at AT TIME ZONE 'UTC', {TIME}), extract(epoch FROM now() - at)::bigint, keep_days, objects,
+                runs, records, stayed
+         FROM hub.pruning ORDER BY at DESC LIMIT 1"
+    );
+    let row = client.query_opt(&select, &[]).await?;
+    Ok(row.map(|row| Pruning {
+        at: row.get(0),
+        s_ago: row.get(1),
+        keep_days: row.get(2),
+        objects: row.get(3),
+        runs: row.get(4),
+        records: row.get(5),
+        stayed: row.get(6),
+    }))
 }

@@ -1,11 +1,10 @@
 //! TLS to PostgreSQL, with a certificate of the client.
 
 use std::{
-    fmt, fs,
+    fmt,
     future::Future,
     io,
-    os::unix::fs::PermissionsExt,
-    path::{Path, PathBuf},
+    path::Path,
     pin::Pin,
     sync::Arc,
     task::{Context, Poll},
@@ -16,48 +15,13 @@ use tokio_postgres::tls::{ChannelBinding, MakeTlsConnect, TlsConnect, TlsStream}
 use tokio_rustls::{
     TlsConnector, client,
     rustls::{
-        self, ClientConfig, RootCertStore,
+        ClientConfig, RootCertStore,
         crypto::ring,
-        pki_types::{
-            CertificateDer, InvalidDnsNameError, PrivateKeyDer, ServerName, pem, pem::PemObject,
-        },
+        pki_types::{InvalidDnsNameError, ServerName},
     },
 };
 
-/// Permissions that the file of a key must not have: writing by the group, and any access by others.
-const MODE_FORBIDDEN: u32 = 0o037;
-
-/// Why there is no TLS.
-#[derive(Debug, thiserror::Error)]
-pub enum TlsError {
-    /// A file cannot be read, is not PEM, or has no certificate or key.
-    #[error("{} has no certificate or no key in the form of PEM", path.display())]
-    Pem {
-        /// Path of the file.
-        path: PathBuf,
-        /// What is wrong with it.
-        source: pem::Error,
-    },
-    /// Other users could read or change the key.
-    #[error(
-        "{} has mode {mode:03o}: other users could read or change the key; run `chmod 600 {}`",
-        path.display(), path.display()
-    )]
-    Open {
-        /// Path of the file.
-        path: PathBuf,
-        /// Permission bits of the file.
-        mode: u32,
-    },
-    /// The certificate and the key cannot be used together.
-    #[error("{} and its key cannot be used together", path.display())]
-    Unusable {
-        /// Path of the certificate.
-        path: PathBuf,
-        /// The error of the library.
-        source: rustls::Error,
-    },
-}
+use crate::pem_files::{TlsError, read_certificates, read_key};
 
 /// Who a client is, and whom it trusts.
 #[derive(Clone)]
@@ -76,23 +40,9 @@ impl Identity {
     /// # Errors
     /// [`TlsError`] names the file and its fault.
     pub fn read(certificate: &Path, key: &Path, authority: &Path) -> Result<Self, TlsError> {
-        let failed = |path: &Path| {
-            let path = path.to_path_buf();
-            move |source| TlsError::Pem { path, source }
-        };
-        let all = |path: &Path| {
-            CertificateDer::pem_file_iter(path)
-                .and_then(Iterator::collect::<Result<Vec<_>, _>>)
-                .map_err(failed(path))
-        };
-        let chain = all(certificate)?;
-        let mode = fs::metadata(key).map_or(0, |metadata| metadata.permissions().mode() & 0o777);
-        if mode & MODE_FORBIDDEN != 0 {
-            return Err(TlsError::Open { path: key.to_path_buf(), mode });
-        }
-        let key = PrivateKeyDer::from_pem_file(key).map_err(failed(key))?;
+        let (chain, key) = (read_certificates(certificate)?, read_key(key)?);
         let mut roots = RootCertStore::empty();
-        roots.add_parsable_certificates(all(authority)?);
+        roots.add_parsable_certificates(read_certificates(authority)?);
         let unusable = |source| TlsError::Unusable { path: certificate.to_path_buf(), source };
         let config = ClientConfig::builder_with_provider(Arc::new(ring::default_provider()))
             .with_safe_default_protocol_versions()

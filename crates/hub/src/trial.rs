@@ -136,7 +136,7 @@ impl Trial {
         for part in ["benches"].into_iter().chain(role.split('/')) {
             out.push(part);
             fs::create_dir_all(&out).map_err(|source| system(&out, source))?;
-            // Whoever owns a directory may remove what is in it.
+            // The owner of a directory may remove what is in it.
             give(&out, self.user)?;
         }
         let authority = Authority::open(&self.directory.join("certificates"))?;

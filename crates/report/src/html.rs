@@ -2,6 +2,7 @@
 
 mod aim;
 mod budget;
+mod document;
 mod element;
 mod figures;
 mod model;
@@ -13,7 +14,7 @@ mod sweeps;
 mod tables;
 pub mod trend;
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
 use rig_analysis::sensitivity::Sensitivity;
 use rig_record::{ChainCheck, Ending, Phase, Run, RunStatus};
 
@@ -27,6 +28,7 @@ use crate::{
     },
     units::{duration, fixed, percent, percent_range, value_and_sigma, with_sigma},
 };
+pub use document::document;
 use element::note;
 use provenance::provenance;
 
@@ -63,47 +65,34 @@ fn page(results: &RunResults, check: &ChainCheck, verdict: &RunVerdict, began: &
     // A run that ended early tells its story; parts without content would only be in its way.
     let is_early = overview::ended_early(results);
     let has_blind = results.classification.is_some();
-    html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                meta name="color-scheme" content="light dark";
-                meta http-equiv="Content-Security-Policy"
-                    content="default-src 'none'; style-src 'unsafe-inline'";
-                title { (run.short_name()) (simulated) " – report" }
-                style {
-                    (PreEscaped(include_str!("html/style.css"))) (PreEscaped(rig_chart::STYLE))
-                    (PreEscaped(page_foot(run, simulated)))
-                }
+    let body = html! {
+        main {
+            (head(results, check, verdict, began))
+            @if is_early { (section("What happened", &overview::story(results))) }
+            @if has_stiffness || !is_early { (section("Stiffness", &stiffness(results))) }
+            @if !results.touches.is_empty() {
+                (section("Planned, measured and refused", &overview::matrix(results)))
             }
-            body {
-                main {
-                    (head(results, check, verdict, began))
-                    @if is_early { (section("What happened", &overview::story(results))) }
-                    @if has_stiffness || !is_early { (section("Stiffness", &stiffness(results))) }
-                    @if !results.touches.is_empty() {
-                        (section("Planned, measured and refused", &overview::matrix(results)))
-                    }
-                    @if let Some(aim) = &results.aim { (section("Aim", &aim::section(results, aim))) }
-                    @if has_shifts || !is_early { (section("Frequency shift", &shifts(results))) }
-                    @if has_blind || !is_early { (section("Recognition", &recognition(results))) }
-                    @if has_shifts || has_blind { (section("Beside the paper", &paper::beside(results))) }
-                    @if !results.references.is_empty() || !is_early {
-                        (section("The free sensor", &free_sensor(results)))
-                    }
-                    @if has_shifts || !is_early { (section("One touch in detail", &detail(results))) }
-                    @if !data.sweeps.is_empty() {
-                        (section("Every sweep", &every_sweep(data)))
-                    }
-                    (section("Touches", &touches(results)))
-                    (section("Log", &log(data)))
-                    (section("Provenance", &provenance(run, check, verdict, data)))
-                }
+            @if let Some(aim) = &results.aim { (section("Aim", &aim::section(results, aim))) }
+            @if has_shifts || !is_early { (section("Frequency shift", &shifts(results))) }
+            @if has_blind || !is_early { (section("Recognition", &recognition(results))) }
+            @if has_shifts || has_blind { (section("Beside the paper", &paper::beside(results))) }
+            @if !results.references.is_empty() || !is_early {
+                (section("The free sensor", &free_sensor(results)))
             }
+            @if has_shifts || !is_early { (section("One touch in detail", &detail(results))) }
+            @if !data.sweeps.is_empty() {
+                (section("Every sweep", &every_sweep(data)))
+            }
+            (section("Touches", &touches(results)))
+            (section("Log", &log(data)))
+            (section("Provenance", &provenance(run, check, verdict, data)))
         }
-    }
+    };
+    let title = html! { (run.short_name()) (simulated) " – report" };
+    let foot = page_foot(run, simulated);
+    let styles = [include_str!("html/style.css"), rig_chart::STYLE, &foot];
+    document(&title, &styles, None, &body)
 }
 
 /// The foot of each printed page: the run and the number of the page.

@@ -17,7 +17,7 @@ mod tests;
 mod text;
 mod units;
 
-pub use html::{RunVerdict, trend};
+pub use html::{RunVerdict, document, trend};
 pub use results::{
     RunResults,
     aim::{AimPartSummary, AimSummary},

@@ -92,6 +92,12 @@ pub(crate) fn receipt_of(object: &str) -> String {
     format!("{folder}{slash}_{}{RECEIPT}", file.strip_suffix(OBJECT).unwrap_or(file))
 }
 
+/// The id of a run in the name of its object.
+pub(crate) fn run_of(object: &str) -> &str {
+    let file = object.rsplit('/').next().unwrap_or(object);
+    file.split('.').next().unwrap_or(file)
+}
+
 /// Whether an object with this name is one of this run with this last digest.
 pub(crate) fn is_named(object: &str, run: &str, head: &str) -> bool {
     let file = object.rsplit('/').next().unwrap_or(object);
@@ -113,6 +119,7 @@ mod tests {
         assert_eq!(receipt_of(&names.object), names.receipt);
         assert!(names.object.starts_with(&names.run) && is_object(&names.object));
         assert!(is_named(&names.object, &run.to_string(), &Digest::START.to_string()));
+        assert_eq!(run_of(&names.object), run.to_string());
         assert!(!is_named(&names.object, &run.to_string(), "11111111"));
     }
 

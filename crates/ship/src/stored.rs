@@ -30,6 +30,11 @@ pub fn objects(store: &ObjectStore) -> Result<Vec<StoredObject>, StorageError> {
 }
 
 impl StoredObject {
+    /// The id of its run, as its name has it.
+    pub fn run(&self) -> &str {
+        names::run_of(&self.name)
+    }
+
     /// Reads and checks the object: what it has in itself, its name, and its receipt if it has one. With `key`, it
     /// must be signed by it.
     ///

@@ -129,7 +129,9 @@ fn a_key_that_others_can_read_is_refused() {
     assert!(matches!(refused, Err(TlsError::Open { mode: 0o644, .. })), "{refused:?}");
     fs::set_permissions(&key, fs::Permissions::from_mode(0o640)).unwrap();
     Identity::read(&certificate, &key, &authority).unwrap();
-    assert!(matches!(Identity::read(&key, &key, &authority), Err(TlsError::Unusable { .. })));
+    assert!(matches!(Identity::read(&key, &key, &authority), Err(TlsError::Pem { .. })));
+    let other = Identity::read(&authority, &key, &authority);
+    assert!(matches!(other, Err(TlsError::Unusable { .. })), "{other:?}");
 }
 
 #[tokio::test]

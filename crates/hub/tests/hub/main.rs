@@ -7,6 +7,7 @@ mod forks;
 mod ingest;
 mod migrations;
 mod page;
+mod prune;
 #[expect(dead_code, reason = "other tests use more of it")]
 mod support;
 mod typed;

@@ -5,7 +5,7 @@ use std::{
     net::SocketAddr,
 };
 
-use rig_hub::{Catalogue, FoundRun, Rig, Wanted, serve};
+use rig_hub::{Catalogue, FoundRun, Rig, Wanted, admin, serve};
 use rig_store::{Ending, Journal, Prompt, PromptAnswered, PromptAsked, Record, RunKind, Store};
 use tempfile::TempDir;
 use tokio::{net::TcpListener, task::spawn_blocking};
@@ -137,6 +137,65 @@ async fn the_page_and_its_json_are_served_to_clients_that_know_the_name() {
     hub.ship(&left, data.path()).await.unwrap();
     let json = get(address, "/api/v1/rigs", "127.0.0.1").await;
     assert!(!json.contains("place sample"), "{json}");
+}
+
+/// Gives each run of the laboratory a verdict and a stiffness of the reference sample.
+async fn judged(hub: &Hub, verdict: &str, stiffness_mpa: f64) {
+    let insert = "INSERT INTO hub.result (run, model_verdict) SELECT id, $1 FROM hub.run
+                  WHERE kind = 'run' AND seal IS NOT NULL ON CONFLICT DO NOTHING";
+    hub.admin.execute(insert, &[&verdict]).await.unwrap();
+    let insert = "INSERT INTO hub.stiffness SELECT run, 'agar', $1, 0.001, 0.104 FROM hub.result
+                  ON CONFLICT DO NOTHING";
+    hub.admin.execute(insert, &[&stiffness_mpa]).await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn runs_are_found_by_verdict_and_benches_compared_by_their_reference_samples() {
+    let Laboratory { hub, left, right, .. } = laboratory().await;
+    judged(&hub, "strained", 0.105).await;
+    admin::set_page(&hub.admin, &left.parse().unwrap(), "http://left.example:8137").await.unwrap();
+    let theirs = TempDir::new().unwrap();
+    let other = Store::open(theirs.path()).unwrap();
+    for _ in 0..2 {
+        let mut run = other.begin(RunKind::Run, "smoke").unwrap();
+        append(&mut run, &[started(), touched(), finished(Ending::Completed)]);
+    }
+    hub.ship(&right, theirs.path()).await.unwrap();
+    judged(&hub, "holds", 0.102).await;
+    let catalogue = Catalogue::new(server().admin(&hub.database));
+    let of = |verdict: &str| Wanted { verdict: verdict.to_owned(), ..Wanted::default() };
+    for (verdict, runs) in [("holds", 2), ("strained", 1), ("rejected", 0), ("", 4)] {
+        assert_eq!(catalogue.runs(&of(verdict)).await.unwrap().len(), runs, "{verdict}");
+    }
+    let strained = catalogue.runs(&of("strained")).await.unwrap().remove(0);
+    let report = format!("http://left.example:8137/api/v1/runs/{}/report", strained.run_id);
+    assert_eq!(strained.report.as_deref(), Some(&*report));
+    assert_eq!(strained.object, None);
+
+    let references = catalogue.references().await.unwrap();
+    let [agar] = &references[..] else { panic!("{references:?}") };
+    let found = agar.reproducibility.unwrap();
+    assert_eq!((found.benches, found.results, agar.charts.len()), (2, 3, 2));
+    assert!((found.mean - 0.103).abs() < 1e-12 && found.repeatability.value < 1e-12, "{found:?}");
+    let update =
+        "UPDATE hub.result SET model_verdict = 'rejected' WHERE model_verdict = 'strained'";
+    hub.admin.batch_execute(update).await.unwrap();
+    assert_eq!(catalogue.references().await.unwrap()[0].charts.len(), 1, "a rejected model");
+
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    tokio::spawn(serve(listener, catalogue, Vec::new()));
+    let page = get(address, "/", "localhost").await;
+    assert!(page.contains("<a href=\"http://left.example:8137\">"), "{page}");
+    let page = get(address, "/runs?verdict=rejected", "localhost").await;
+    assert!(page.contains(&report) && page.contains("value=\"rejected\" selected"), "{page}");
+    let page = get(address, "/compare", "localhost").await;
+    assert!(page.contains("needs two benches") && page.contains("<svg"), "{page}");
+    let json = get(address, "/api/v1/references", "localhost").await;
+    assert!(
+        json.contains("\"sample\":\"agar\"") && json.contains("\"stiffness_mpa\":0.102"),
+        "{json}"
+    );
 }
 
 #[tokio::test]

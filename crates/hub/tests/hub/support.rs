@@ -44,7 +44,12 @@ impl Hub {
 
     /// Connects again, after a crash of the server.
     pub(crate) async fn reconnect(&mut self) {
-        (self.admin, _) = connect(&server().admin(&self.database), None).await.unwrap();
+        self.admin = self.another().await;
+    }
+
+    /// Another connection of the administrator.
+    pub(crate) async fn another(&self) -> Client {
+        connect(&server().admin(&self.database), None).await.unwrap().0
     }
 
     /// Adds a bench of this hub; the name of its role is the answer.

@@ -78,7 +78,7 @@ pub(crate) fn refused() -> Record {
 }
 
 /// The rows of all typed tables, as text.
-async fn rows(hub: &Hub) -> Vec<String> {
+pub(crate) async fn rows(hub: &Hub) -> Vec<String> {
     let mut rows = Vec::new();
     for table in ["run_fact", "sample", "command", "touch", "fault", "amendment", "unread"] {
         let select = format!("SELECT t::text FROM hub.{table} AS t ORDER BY 1");

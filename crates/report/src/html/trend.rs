@@ -1,9 +1,12 @@
 //! The trend of the daily checks of a bench as one HTML file.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
 use rig_chart::{Axis, Band, BandEdge, Chart, Marker, Point, Series};
 
-use super::element::{drawn, figure_row, note, table, text};
+use super::{
+    document::document,
+    element::{drawn, figure_row, note, table, text},
+};
 
 /// The daily checks of a bench that can be compared with each other, the oldest first.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,6 +28,8 @@ pub struct TrendPanel {
     pub unit: String,
     /// A difference that matters to nobody, in its unit: a chart shows no smaller range than some of it.
     pub least: f64,
+    /// What gives a value each time, such as `check`.
+    pub each: &'static str,
     /// Its values.
     pub points: Vec<TrendPoint>,
 }
@@ -64,47 +69,34 @@ impl Trend {
     /// The page. It asks no host for anything.
     pub fn html(&self) -> String {
         let last = self.checks.last();
-        let page = html! {
-            (DOCTYPE)
-            html lang="en" {
-                head {
-                    meta charset="utf-8";
-                    meta name="viewport" content="width=device-width, initial-scale=1";
-                    meta name="color-scheme" content="light dark";
-                    meta http-equiv="Content-Security-Policy"
-                        content="default-src 'none'; style-src 'unsafe-inline'";
-                    title { (self.rig) " – daily checks" }
-                    style {
-                        (PreEscaped(include_str!("style.css"))) (PreEscaped(rig_chart::STYLE))
-                    }
+        let body = html! {
+            main {
+                header {
+                    p.eyebrow { "Daily checks" }
+                    h1 { (self.rig) }
+                    @if let Some(last) = last { (verdict(last)) }
                 }
-                body {
-                    main {
-                        header {
-                            p.eyebrow { "Daily checks" }
-                            h1 { (self.rig) }
-                            @if let Some(last) = last { (verdict(last)) }
-                        }
-                        section {
-                            h2 { "Trend" }
-                            @if self.panels.is_empty() { (note("No check was made yet.")) }
-                            @else { (self.charts()) }
-                        }
-                        section {
-                            h2 { "Checks" }
-                            (self.table())
-                        }
-                    }
+                section {
+                    h2 { "Trend" }
+                    @if self.panels.is_empty() { (note("No check was made yet.")) }
+                    @else { (self.charts()) }
+                }
+                section {
+                    h2 { "Checks" }
+                    (self.table())
                 }
             }
         };
+        let title = html! { (self.rig) " – daily checks" };
+        let styles = [include_str!("style.css"), rig_chart::STYLE];
+        let page = document(&title, &styles, None, &body);
         page.into_string()
     }
 
     fn charts(&self) -> Markup {
         let charts = html! {
             @for (index, panel) in self.panels.iter().enumerate() {
-                (drawn(&panel.chart(), &format!("fig-trend-{index}")))
+                (panel.drawn(&format!("fig-trend-{index}")))
             }
         };
         let caption = "Each quantity by number of the check. The band is where a check was expected by those before \
@@ -136,6 +128,11 @@ fn verdict(last: &TrendCheck) -> Markup {
 }
 
 impl TrendPanel {
+    /// The chart as a drawing whose parts have ids that begin with `id`.
+    pub fn drawn(&self, id: &str) -> Markup {
+        drawn(&self.chart(), id)
+    }
+
     /// The axis of the values. Values that are all alike do not fill it.
     fn values(&self, label: &str) -> Axis {
         let around = |axis: Axis, point: &TrendPoint| {
@@ -146,10 +143,11 @@ impl TrendPanel {
 
     fn chart(&self) -> Chart {
         let unit = if self.unit == "1" { String::new() } else { format!(" ({})", self.unit) };
+        let each = self.each;
         let mut chart = Chart::new(
             &self.title,
-            &format!("{} of each daily check, with the limits by the checks before.", self.title),
-            Axis::linear("check"),
+            &format!("{} of each {each}, with the limits by each {each} before.", self.title),
+            Axis::linear(each),
             self.values(&format!("value{unit}")),
         );
         chart.size_px = PANEL_PX;

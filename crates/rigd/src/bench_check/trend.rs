@@ -71,6 +71,7 @@ fn panels(judged: &Checked, found: &[&Calibration]) -> Vec<TrendPanel> {
             title: quantity.text().to_owned(),
             unit: quantity.unit().to_owned(),
             least: quantity.least_sigma(),
+            each: "check",
             points: charted.iter().zip(found).map(point).collect(),
         }
     };

@@ -4,7 +4,7 @@ use std::{
     fmt,
     fs::{self, File},
     io::{self, Write},
-    os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt},
+    os::unix::fs::{MetadataExt, OpenOptionsExt},
     path::{Path, PathBuf},
     sync::{Arc, Mutex, PoisonError},
     time::Duration,
@@ -12,13 +12,13 @@ use std::{
 
 use jiff::Timestamp;
 use rcgen::{CertificateParams, DnType, KeyPair};
+use rig_hub::{read_certificates, read_key};
 use tokio::{net::TcpStream, time::timeout};
 use tokio_rustls::{
     TlsAcceptor,
     rustls::{
-        self, ServerConfig,
+        ServerConfig,
         crypto::{CryptoProvider, ring},
-        pki_types::{CertificateDer, PrivateKeyDer, pem, pem::PemObject},
         server::{ClientHello, ResolvesServerCert},
         sign::CertifiedKey,
     },
@@ -30,46 +30,19 @@ use super::expiry;
 /// Files of the daemon's own certificate, in its data directory.
 const OWN_CERTIFICATE: &str = "tls-certificate.pem";
 const OWN_KEY: &str = "tls-key.pem";
-/// Permissions that the file of a key must not have: writing by the group, and any access by others.
-const MODE_FORBIDDEN: u32 = 0o037;
-
 /// Why there is no TLS.
 #[derive(Debug, thiserror::Error)]
 pub enum TlsError {
-    /// A file cannot be read or written.
+    /// A certificate or a key cannot be used.
+    #[error(transparent)]
+    Files(#[from] rig_hub::TlsError),
+    /// A file cannot be written.
     #[error("{}", path.display())]
     File {
         /// Path of the file.
         path: PathBuf,
         /// The error of the system.
         source: io::Error,
-    },
-    /// A file is not PEM, or has no certificate or key.
-    #[error("{} has no certificate or no key in the form of PEM", path.display())]
-    Pem {
-        /// Path of the file.
-        path: PathBuf,
-        /// What is wrong with it.
-        source: pem::Error,
-    },
-    /// Other users could read or change the key.
-    #[error(
-        "{} has mode {mode:03o}: other users could read or change the key; run `chmod 600 {}`",
-        path.display(), path.display()
-    )]
-    Open {
-        /// Path of the file.
-        path: PathBuf,
-        /// Permission bits of the file.
-        mode: u32,
-    },
-    /// The certificate and the key cannot be used together.
-    #[error("{} and its key cannot be used together", path.display())]
-    Unusable {
-        /// Path of the certificate.
-        path: PathBuf,
-        /// The error of the library.
-        source: rustls::Error,
     },
     /// No certificate could be made.
     #[error("a certificate of its own")]
@@ -99,7 +72,8 @@ impl Tls {
         let provider = Arc::new(ring::default_provider());
         let files = Files { certificate: certificate.to_path_buf(), key: key.to_path_buf() };
         let known = (files.stamp(), files.read(&provider)?);
-        let unusable = |source| TlsError::Unusable { path: certificate.to_path_buf(), source };
+        let unusable =
+            |source| rig_hub::TlsError::Unusable { path: certificate.to_path_buf(), source };
         let renewed = Renewed { files, provider: Arc::clone(&provider), known: Mutex::new(known) };
         let renewed = Arc::new(renewed);
         let mut config = ServerConfig::builder_with_provider(provider)
@@ -181,28 +155,10 @@ impl Files {
     }
 
     fn read(&self, provider: &CryptoProvider) -> Result<Arc<CertifiedKey>, TlsError> {
-        let of = |path: &Path| {
-            let path = path.to_path_buf();
-            move |source| match source {
-                pem::Error::Io(source) => TlsError::File { path, source },
-                source => TlsError::Pem { path, source },
-            }
-        };
-        let key_file = |source| TlsError::File { path: self.key.clone(), source };
-        let mode = fs::metadata(&self.key).map_err(key_file)?.permissions().mode() & 0o777;
-        if mode & MODE_FORBIDDEN != 0 {
-            return Err(TlsError::Open { path: self.key.clone(), mode });
-        }
-        let chain: Vec<_> = CertificateDer::pem_file_iter(&self.certificate)
-            .and_then(Iterator::collect)
-            .map_err(of(&self.certificate))?;
-        let key = PrivateKeyDer::from_pem_file(&self.key).map_err(of(&self.key))?;
-        let unusable = |source| TlsError::Unusable { path: self.certificate.clone(), source };
-        if chain.is_empty() {
-            let source = pem::Error::NoItemsFound;
-            return Err(TlsError::Pem { path: self.certificate.clone(), source });
-        }
-        CertifiedKey::from_der(chain, key, provider).map(Arc::new).map_err(unusable)
+        let (chain, key) = (read_certificates(&self.certificate)?, read_key(&self.key)?);
+        let unusable =
+            |source| rig_hub::TlsError::Unusable { path: self.certificate.clone(), source };
+        Ok(CertifiedKey::from_der(chain, key, provider).map(Arc::new).map_err(unusable)?)
     }
 }
 

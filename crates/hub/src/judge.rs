@@ -1,0 +1,106 @@
+//! The results of runs, as their report has them: stiffness, and whether the model behind it holds.
+
+use rig_report::RunResults;
+use rig_store::{Digest, Run, RunId, RunKind, RunStatus, StoredRecord};
+use tokio_postgres::{Client, Row};
+
+/// Makes the results of the sealed runs that have none yet, or were amended since, and returns how many.
+///
+/// # Errors
+/// The error of PostgreSQL; the runs before stay judged.
+pub async fn judge(client: &mut Client) -> Result<usize, tokio_postgres::Error> {
+    let select = "
+        SELECT r.id::text, r.name, r.started_at, r.finished_at, r.status, r.records, r.epoch
+        FROM hub.run AS r LEFT JOIN hub.result AS found ON found.run = r.id
+        WHERE r.kind = 'run' AND r.seal IS NOT NULL AND r.pruned_at IS NULL
+          AND (found.run IS NULL OR EXISTS (
+              SELECT FROM hub.run AS a
+              WHERE a.kind = 'amendment' AND a.name = r.id::text AND a.seal IS NOT NULL
+                AND hub.taken_at(a) > found.judged_at))
+        ORDER BY r.id";
+    let runs = client.query(select, &[]).await?;
+    for run in &runs {
+        judge_run(client, run).await?;
+    }
+    Ok(runs.len())
+}
+
+async fn judge_run(client: &mut Client, row: &Row) -> Result<(), tokio_postgres::Error> {
+    let id: &str = row.get(0);
+    let transaction = client.transaction().await?;
+    let rows = transaction.query(RECORDS, &[&id]).await?;
+    let results = results(row, &rows);
+    let (verdict, reason) = match &results {
+        Ok(results) => (results.model_verdict(), None),
+        Err(reason) => (None, Some(reason)),
+    };
+    let before = "DELETE FROM hub.stiffness WHERE run = $1::text::uuid";
+    transaction.execute(before, &[&id]).await?;
+    let judged = "INSERT INTO hub.result (run, model_verdict, reason) VALUES ($1::text::uuid, $2, $3)
+                  ON CONFLICT (run) DO UPDATE
+                  SET model_verdict = excluded.model_verdict, reason = excluded.reason, judged_at = now()";
+    transaction.execute(judged, &[&id, &verdict, &reason]).await?;
+    for found in results.iter().flat_map(|results| results.summary().stiffness) {
+        let Some(stiffness_mpa) = found.stiffness_mpa else { continue };
+        let insert = "INSERT INTO hub.stiffness VALUES ($1::text::uuid, $2, $3, $4, $5)";
+        let values: [&(dyn tokio_postgres::types::ToSql + Sync); 5] =
+            [&id, &found.sample, &stiffness_mpa, &found.sigma_mpa, &found.known_mpa];
+        transaction.execute(insert, &values).await?;
+    }
+    transaction.commit().await
+}
+
+/// The records of a run, and behind them those of its amendments.
+const RECORDS: &str = "
+    SELECT r.event, r.run::text, r.seq, r.rig_us, r.epoch,
+           (extract(epoch FROM s.started_at::timestamptz - whole.started_at::timestamptz) * 1e6)::bigint
+               + r.rig_us - s.rig_us,
+           r.kind, r.payload, r.digest
+    FROM hub.run AS whole
+    JOIN hub.record AS r ON r.run = whole.id
+    JOIN hub.stretch AS s ON s.run = r.run AND s.epoch = r.epoch
+    WHERE whole.id = $1::text::uuid OR whole.kind = 'amendment' AND whole.name = $1 AND whole.seal IS NOT NULL
+    ORDER BY whole.kind = 'amendment', whole.received_at, whole.id, r.seq";
+
+/// The results, or why there are none.
+fn results(run: &Row, records: &[Row]) -> Result<RunResults, String> {
+    let run = known_run(run)
+        .ok_or_else(|| format!("its status `{}` is not known", run.get::<_, &str>(4)))?;
+    let records: Option<Vec<_>> = records.iter().map(record).collect();
+    let records = records.ok_or("the id or the digest of a record is not as it must be")?;
+    RunResults::new(&run, &records).map_err(|error| error.to_string())
+}
+
+fn known_run(row: &Row) -> Option<Run> {
+    Some(Run {
+        id: row.get::<_, &str>(0).parse().ok()?,
+        kind: RunKind::Run,
+        name: row.get(1),
+        number: 1,
+        started_at: row.get(2),
+        finished_at: row.get(3),
+        wall_s: None,
+        status: RunStatus::from_name(row.get(4))?,
+        records: row.get::<_, i64>(5).cast_unsigned(),
+        epoch: row.get::<_, i64>(6).cast_unsigned(),
+        amendments: 0,
+        is_sealed: true,
+    })
+}
+
+fn record(row: &Row) -> Option<StoredRecord> {
+    let run: RunId = row.get::<_, &str>(1).parse().ok()?;
+    Some(StoredRecord {
+        event: row.get::<_, i64>(0).cast_unsigned(),
+        run,
+        seq: row.get::<_, i64>(2).cast_unsigned(),
+        rig_us: row.get::<_, i64>(3).cast_unsigned(),
+        epoch: row.get::<_, i64>(4).cast_unsigned(),
+        // A clock that was put back does not make it negative.
+        run_us: row.get::<_, i64>(5).max(0).cast_unsigned(),
+        at: None,
+        kind: row.get(6),
+        payload: row.get(7),
+        digest: Digest::from_bytes(row.get::<_, &[u8]>(8).try_into().ok()?),
+    })
+}
