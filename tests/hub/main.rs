@@ -1,0 +1,118 @@
+//! Simulated rigs that ship to a hub and to an object store through kills, cuts and copies, and every byte compared.
+//!
+//! `cargo run -p rig-tests --release --bin hub-campaign -- --seeds 1000` lets each seed be a bench: a rig measures runs in
+//! virtual time, and is killed in the middle of some; programs ship its journal and put its objects, and are killed at any
+//! moment; lines are slow or cut; PostgreSQL crashes, ends connections, or has no space; journals are put back to a copy,
+//! or two computers go on with one; clocks are a year off, and runs have a newer format. At the end the hub and the
+//! objects must have each sealed run byte for byte, and a prefix of every other one, and nothing was put aside. The first
+//! run of a seed is also measured without a hub, and must be the same to the microsecond of the rig's clock.
+//!
+//! `hub-campaign figures` prints how fast the hub takes records, and how long answers take, on the computer at hand.
+//!
+//! It prints each seed that fails. Its last line says how often each thing happened. The exit code is 0 only if no seed
+//! fails, and each thing has happened. It needs the Debian packages `postgresql` and `faketime`.
+
+#![expect(clippy::unwrap_used, reason = "a campaign may stop where it stands")]
+#![expect(clippy::print_stdout, reason = "what it prints is what it is for")]
+
+mod bench;
+mod copies;
+mod deed;
+mod figures;
+mod line;
+mod newer;
+mod objects;
+mod restored;
+mod seed;
+mod shipping;
+#[expect(dead_code, reason = "the tests of the hub use more of it")]
+#[path = "../../crates/hub/tests/hub/support.rs"]
+mod support;
+mod worker;
+
+use std::{
+    panic::{AssertUnwindSafe, catch_unwind},
+    path::Path,
+    process::ExitCode,
+    time::Instant,
+};
+
+use bench::{Counts, FAKETIME};
+use clap::{Parser, Subcommand};
+use deed::DEEDS;
+use figures::FiguresArgs;
+use support::Hub;
+use tokio::runtime::Runtime;
+use worker::Worker;
+
+/// Lets simulated rigs ship through faults, and compares the hub and the objects with their journals.
+#[derive(Debug, Parser)]
+struct Arguments {
+    /// Number of seeds
+    #[arg(long, default_value_t = 100)]
+    seeds: u64,
+    /// The first seed
+    #[arg(long, default_value_t = 1)]
+    first_seed: u64,
+    #[command(subcommand)]
+    task: Option<Task>,
+}
+
+#[derive(Debug, Subcommand)]
+enum Task {
+    /// Print how fast the hub takes records and answers questions
+    Figures(FiguresArgs),
+    #[command(flatten)]
+    Worker(Worker),
+}
+
+/// With as many seeds, everything has happened.
+const SEEDS_FOR_ALL: u64 = 30;
+
+fn runtime() -> Runtime {
+    tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap()
+}
+
+fn main() -> ExitCode {
+    let Arguments { seeds, first_seed, task } = Arguments::parse();
+    match task {
+        Some(Task::Worker(worker)) => return worker.work(),
+        Some(Task::Figures(args)) => {
+            runtime().block_on(args.print());
+            return ExitCode::SUCCESS;
+        }
+        None => {}
+    }
+    if !Path::new(FAKETIME).exists() {
+        println!("there is no {FAKETIME}: install the Debian package `faketime`");
+        return ExitCode::FAILURE;
+    }
+    let runtime = runtime();
+    let mut hub = runtime.block_on(Hub::new());
+    let (mut counts, mut failed, began) = (Counts::new(), 0, Instant::now());
+    for seed in first_seed..first_seed + seeds {
+        let played = catch_unwind(AssertUnwindSafe(|| {
+            runtime.block_on(seed::play(seed, &mut hub, &mut counts));
+        }));
+        if played.is_err() {
+            println!("seed {seed} failed; again with --first-seed {seed} --seeds 1");
+            failed += 1;
+        }
+    }
+    let restored = catch_unwind(AssertUnwindSafe(|| {
+        runtime.block_on(restored::play(&mut hub, &mut counts));
+    }));
+    if restored.is_err() {
+        println!("the hub that was put back to a backup failed");
+        failed += 1;
+    }
+    let missing: Vec<_> =
+        DEEDS.iter().filter(|(deed, _)| !counts.contains_key(&format!("{deed:?}"))).collect();
+    let seconds = began.elapsed().as_secs();
+    println!("{seeds} seeds from {first_seed}, {failed} failed, in {seconds} s: {counts:?}");
+    let is_missing = seeds >= SEEDS_FOR_ALL && !missing.is_empty();
+    if is_missing {
+        println!("never happened: {missing:?}");
+    }
+    if failed > 0 || is_missing { ExitCode::FAILURE } else { ExitCode::SUCCESS }
+}
