@@ -20,5 +20,6 @@ mod traces;
 pub use analyzer::Analyzer;
 pub use error::{AnalyzerError, EventStatus, UnexpectedTerminator};
 pub use instrument_port::TransportSettings;
+pub use point::integration_s;
 pub use rig_files::instrument::dialect::Dialect;
 pub use rig_scpi::Identity;

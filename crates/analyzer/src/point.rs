@@ -1,6 +1,6 @@
 //! The measurement of one frequency: number of triggers, and averages of each.
 
-use rig_files::instrument::dialect::{CyclesRule, IntegrationRule};
+use rig_files::instrument::dialect::{CommandSet, CyclesRule, Dialect, IntegrationRule};
 use rig_model::{Impedance, PointResult, ReadingFlag};
 use rig_scpi::{DataError, Datum};
 
@@ -44,6 +44,19 @@ impl Integration {
     pub(crate) fn cycles_per_trigger(self) -> f64 {
         f64::from(self.averages) * f64::from(self.cycles_per_average)
     }
+}
+
+/// How long an analyzer integrates for a reading of this many cycles at this frequency, s. It may be longer than these
+/// cycles, because an instrument measures no shorter than its fastest speed.
+pub fn integration_s(dialect: &Dialect, cycles: u32, frequency_hz: f64) -> f64 {
+    let cycles = match &dialect.commands {
+        CommandSet::TraceE4990a => f64::from(cycles.max(1)),
+        CommandSet::Points(commands) => {
+            let integration = Integration::by_rule(cycles, frequency_hz, &commands.integration);
+            f64::from(integration.triggers) * integration.cycles_per_trigger()
+        }
+    };
+    cycles / frequency_hz
 }
 
 /// The whole cycles that fit in the measurement time at this frequency; the manuals print it at

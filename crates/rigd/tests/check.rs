@@ -9,6 +9,7 @@ use std::{
     process::{Command, Output},
 };
 
+use rig_store::{Reader, Record, RunKind};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -224,4 +225,67 @@ fn what_is_predicted_is_measured_on_a_bench_as_described() {
         assert!(off.abs() < 0.5, "{}: {off} linewidths from {of_step}", row[step]);
     }
     assert_eq!(touches, 18);
+}
+
+/// Speeds of the descents that a run has recorded, mm/s.
+fn descents(data: &Path) -> Vec<f64> {
+    let reader = Reader::open(data).unwrap();
+    let run = reader.runs().unwrap().into_iter().find(|run| run.kind == RunKind::Run).unwrap();
+    let records = reader.records(run.id).unwrap().into_iter();
+    let speed = |record| match record {
+        Record::Descended(descended) => Some(descended.speed_mm_per_s),
+        _ => None,
+    };
+    records.filter_map(|stored| speed(stored.record().unwrap())).collect()
+}
+
+/// An analyzer that integrates a tenth of a second at least goes down more slowly than two cycles would allow.
+#[test]
+fn check_says_how_fast_the_descents_of_a_run_go_with_its_analyzer() {
+    let protocol_changes = [
+        ("cycles = 10\n\n[no_load", "cycles = 2\nmethod = \"descent\"\n\n[no_load"),
+        ("[\"front\", \"back\", \"left\"]", "[\"front\"]"),
+        ("level_v = 5", "level_v = 2"),
+    ];
+    for (dialect, said, speeds) in [
+        ("hioki-im3536", None, Some(0.9..=3.0)),
+        ("keysight-e4980a", Some("the descents go down at 0.4"), Some(0.4..=0.5)),
+        ("hp-4284a", Some("no descent is faster than the search in steps"), None),
+    ] {
+        let dir = TempDir::new().unwrap();
+        let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/scenes/paper.toml");
+        let named = format!("dialect = \"{dialect}\"");
+        let rig_changes = [
+            ("../scenes/paper.toml", scene),
+            ("dialect = \"hioki-im3536\"", &named),
+            ("max_level_v = 5", "max_level_v = 2"),
+        ];
+        let rig = changed(dir.path(), "config/rigs/simulated.toml", &rig_changes);
+        let protocol = changed(dir.path(), SMOKE, &protocol_changes);
+        let lines = in_a_line(text(&rigd(&["check", &protocol, "--rig", &rig])));
+        assert_eq!(lines.contains("method = \"descent\""), said.is_some(), "{dialect}: {lines}");
+        assert!(said.is_none_or(|said| lines.contains(said)), "{dialect}: {lines}");
+        let json = rigd(&["check", &protocol, "--rig", &rig, "--json"]);
+        let checked: Value = serde_json::from_str(text(&json)).unwrap();
+        let expected = checked["descents"]["mm_per_s"].as_f64();
+        assert_eq!(expected.is_none(), speeds.is_none(), "{dialect}: {}", checked["descents"]);
+
+        let data = dir.path().join("data");
+        let run = ["run", &protocol, "--rig", &rig, "--data", data.to_str().unwrap()];
+        assert!(rigd(&run).status.success(), "{dialect}");
+        let found = descents(&data);
+        assert_eq!(found.is_empty(), speeds.is_none(), "{dialect}: {found:?}");
+        for speed in found {
+            assert!(
+                speeds.as_ref().is_some_and(|speeds| speeds.contains(&speed)),
+                "{dialect}: {speed}"
+            );
+            // Check takes the slowest frequency of the window.
+            let ratio = expected.map(|expected| speed / expected);
+            assert!(
+                ratio.is_some_and(|ratio| (0.99..1.1).contains(&ratio)),
+                "{dialect}: {ratio:?}"
+            );
+        }
+    }
 }

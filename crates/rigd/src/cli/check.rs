@@ -16,7 +16,9 @@ use super::{
     table::{COLUMNS, duration, print, print_json},
 };
 use crate::{
-    aim, describe,
+    aim,
+    descents::Descents,
+    describe,
     files::{FileError, read},
     loaded_rig::LoadedRig,
     predict::{EDGE_LINEWIDTHS, NotPredicted, Predicted, Predictions, Warning, WindowEdge},
@@ -75,6 +77,9 @@ struct PlanView {
     duration_s: f64,
     /// Whether the surface is looked for again after each sweep.
     is_slip_checked: bool,
+    /// How the surfaces are found by descents.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    descents: Option<DescentsView>,
     /// Space that the journal and the files of the run may take, bytes.
     disk_bytes: u64,
     /// What the protocol wants of its touches, and what is expected of them.
@@ -86,6 +91,16 @@ struct PlanView {
     model: &'static str,
     warnings: Vec<WarningView>,
     steps: Vec<StepView>,
+}
+
+/// The descents of a plan on this rig.
+#[derive(Debug, Serialize)]
+struct DescentsView {
+    planned_mm_per_s: f64,
+    /// The speed of a run; `null` if it searches in steps.
+    mm_per_s: Option<f64>,
+    /// Longest time of a reading.
+    reading_s: f64,
 }
 
 #[derive(Debug, Serialize)]
@@ -200,6 +215,11 @@ impl CheckedProtocol<'_> {
             prompts: summary.prompts,
             duration_s: summary.duration_s,
             is_slip_checked: plan.touch.approach.has_slip_check(),
+            descents: Descents::of(plan, self.rig).map(|of| DescentsView {
+                planned_mm_per_s: of.planned_mm_per_s,
+                mm_per_s: of.mm_per_s,
+                reading_s: of.reading_s,
+            }),
             disk_bytes: summary.disk_bytes,
             aim: plan.aim.as_ref().map(aim::recorded),
             linear_mm: [summary.linear.min.value(), summary.linear.max.value()],
@@ -292,6 +312,9 @@ impl CheckedProtocol<'_> {
         if !self.protocol.plan.touch.approach.has_slip_check() {
             lines.push(NO_SLIP_CHECK.to_owned());
         }
+        let descents = Descents::of(&self.protocol.plan, self.rig);
+        let slower = descents.filter(|descents| !descents.are_as_planned());
+        lines.extend(slower.map(|descents| format!("warning: {descents}.")));
         lines.extend(self.by_mounting());
         lines.extend(self.not_predicted(&self.protocol.plan));
         for warning in self.predictions.warnings() {
