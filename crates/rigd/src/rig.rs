@@ -233,6 +233,11 @@ enum Request {
         asked: Asked,
         reply: oneshot::Sender<Option<Answer>>,
     },
+    Answered {
+        asked: Asked,
+        answer: Answer,
+        reply: oneshot::Sender<()>,
+    },
     ReadCalibrations {
         by: String,
         reply: oneshot::Sender<Option<Arc<str>>>,
@@ -485,6 +490,16 @@ impl RigHandle {
     pub async fn ask_simulated(&self, asked: Asked) -> Result<Option<Answer>, RequestRefusal> {
         let (reply, answer) = oneshot::channel();
         self.ask(Request::AskSimulated { asked, reply }, answer).await
+    }
+
+    /// A user has answered. What the user says is done with the hand, such as pressing the emergency stop, is then done on
+    /// a simulated bench.
+    ///
+    /// # Errors
+    /// [`RequestRefusal`].
+    pub async fn answered(&self, asked: Asked, answer: Answer) -> Result<(), RequestRefusal> {
+        let (reply, done) = oneshot::channel();
+        self.ask(Request::Answered { asked, answer, reply }, done).await
     }
 
     /// Has the rig read its calibrations again, and returns what is still missing. A rig that was opened for

@@ -125,6 +125,90 @@ fn a_bench_is_commissioned_over_http_and_goes_into_service_without_a_new_start()
     daemon.end();
 }
 
+/// What a person at the bench knows of it: where the axes are, and which way the last step went. A real bench shows it to
+/// the eye; this one says it in the words of its drives, which are right.
+#[derive(Debug, Default)]
+struct Eye {
+    /// The last question.
+    asked: String,
+    /// Place and last step of the linear and of the rotary stage.
+    axes: [(f64, f64); 2],
+}
+
+const AXES: [&str; 2] = ["linear stage", "rotary stage"];
+
+impl Eye {
+    /// Reads what was said since the last question, and then the question.
+    fn look(&mut self, view: &Value, question: &str) {
+        let said: Vec<&str> =
+            view["said"].as_array().unwrap().iter().map(|line| line.as_str().unwrap()).collect();
+        let is_last = |line: &&str| !self.asked.is_empty() && line.starts_with(&self.asked);
+        let begin = said.iter().rposition(is_last).map_or(0, |last| last + 1);
+        for (index, axis) in AXES.into_iter().enumerate() {
+            for line in &said[begin..] {
+                let Some(way) = line.strip_prefix(&format!("{axis}: ")) else { continue };
+                let Some((from, at)) = way.split_once(" → ") else { continue };
+                let place = |text: &str| text.split(' ').next().unwrap().parse::<f64>().unwrap();
+                self.axes[index] = (place(at), place(at) - place(from));
+            }
+            if question.starts_with(&format!("The {axis} moves by ")) {
+                self.axes[index].1 = 0.0;
+            }
+        }
+        question.clone_into(&mut self.asked);
+    }
+
+    /// What this person answers. The lengths are those of the scene.
+    fn answer(&self) -> String {
+        let text = self.asked.as_str();
+        let [(height, rose), (tilt, sank)] = self.axes;
+        let seen = |step: f64, [up, down, still]: [&str; 3]| {
+            let word = if step > 0.0 { up } else { down };
+            (if step.abs() < 0.01 { still } else { word }).to_owned()
+        };
+        match text {
+            _ if text.contains("Where did the probe go") => seen(rose, ["up", "down", "nowhere"]),
+            _ if text.contains("Which edge") => seen(sank, ["tip", "clamp", "neither"]),
+            _ if text.starts_with("Dial gauge") => format!("{rose:.2}"),
+            _ if text.starts_with("Angle gauge") => format!("{:.1}", tilt + 0.05),
+            _ if text.contains("the gap") => format!("{:.1}", height - 10.03),
+            _ if text.contains("the height of that surface") => "4.0".to_owned(),
+            _ if text.contains("the distance of the probe") => "0.3".to_owned(),
+            _ => "yes".to_owned(),
+        }
+    }
+}
+
+#[test]
+fn a_person_commissions_a_bench_over_http_to_the_end() {
+    let daemon = Daemon::start("waits");
+    let (status, view) = daemon.post("commission", r#"{"temperature_c": 21.5}"#);
+    assert_eq!(status, 202, "{view}");
+    let (mut eye, mut answered, mut still) = (Eye::default(), 0, 0);
+    loop {
+        let view = daemon.wait("a question, or the end", |view| {
+            let number = view["question"]["number"].as_u64();
+            view["under_way"].is_null() || number.is_some_and(|number| number > answered)
+        });
+        let Some(number) = view["question"]["number"].as_u64() else { break };
+        eye.look(&view, view["question"]["text"].as_str().unwrap());
+        let answer = eye.answer();
+        still += usize::from(["nowhere", "neither"].contains(&answer.as_str()));
+        let body = serde_json::json!({ "question": number, "answer": answer }).to_string();
+        let (status, view) = daemon.post("commission/answer", &body);
+        assert_eq!(status, 202, "{view}");
+        answered = number;
+    }
+    let view = daemon.show();
+    let last = view["said"].as_array().unwrap().last().unwrap();
+    assert_eq!(last, "The rig is commissioned, and goes into service.", "{view}");
+    for step in view["steps"].as_array().unwrap() {
+        assert_eq!((&step["is_held"], &step["person"]), (&true.into(), &"Ada".into()), "{step}");
+    }
+    assert_eq!(still, 4, "two looks at each axis while the stop was pressed: {view}");
+    daemon.end();
+}
+
 #[test]
 fn a_client_answers_by_number_and_an_abort_leaves_no_record() {
     let daemon = Daemon::start("waits");

@@ -92,7 +92,9 @@ impl Bench for Remote {
             self.say(format!("{} {SIMULATED_PERSON}: {answer}", asked.text()));
             return Ok(answer);
         }
-        self.answer(Question::Asked(asked)).await
+        let answer = self.answer(Question::Asked(asked)).await?;
+        self.commissioning.rig.answered(asked, answer).await?;
+        Ok(answer)
     }
 
     async fn jog(&mut self, jog: Jog) -> Result<Result<Jogged, String>, Ended> {

@@ -166,6 +166,18 @@ impl Simulation {
         self.is_answering.then(|| BenchPerson(self.rig.person(seed.wrapping_add(attempt))))
     }
 
+    /// Presses or releases the emergency stop after a user has said that it is so.
+    pub(crate) fn follow_hand(&self, asked: Asked, answer: Answer) {
+        let is_press = match asked {
+            Asked::PressStop => true,
+            Asked::ReleaseStop => false,
+            _ => return,
+        };
+        if answer == Answer::Choice(Choice::Yes) {
+            self.rig.person(0).press_stop(is_press);
+        }
+    }
+
     /// Whether the simulated person answers what an event asks.
     pub(crate) const fn answers(&self, event: &Event) -> bool {
         self.is_answering && matches!(event, Event::PromptAsked(_) | Event::RefusalAsked { .. })

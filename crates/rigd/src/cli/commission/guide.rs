@@ -104,12 +104,16 @@ impl Bench for Guide {
         if let Some(given) = self.given.pop_front() {
             let answer = asked.read(&given).map_err(CommissionFailure::from)?;
             say(&indented(&format!("{text} {answer}"), 0));
+            self.handle.answered(asked, answer).await?;
             return Ok(answer);
         }
         loop {
             let line = self.line(text, format!("{text} [{}]", asked.expected())).await?;
             match asked.read(&line) {
-                Ok(answer) => return Ok(answer),
+                Ok(answer) => {
+                    self.handle.answered(asked, answer).await?;
+                    return Ok(answer);
+                }
                 Err(error) => say_clearly(&error.to_string()),
             }
         }

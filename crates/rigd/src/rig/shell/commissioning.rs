@@ -63,6 +63,13 @@ impl Shell {
         self.person.as_mut().map(|person| person.answer(asked))
     }
 
+    /// Does on a simulated bench what a user says is done.
+    pub(super) fn answered(&self, asked: Asked, answer: Answer) {
+        if let Some(simulation) = self.simulation() {
+            simulation.follow_hand(asked, answer);
+        }
+    }
+
     /// Reads the calibrations again: the interlock opens as far as they show, and a rig that has all of them goes
     /// into service. Returns what is missing.
     pub(super) fn read_calibrations(&mut self, by: &str) -> Option<std::sync::Arc<str>> {

@@ -48,6 +48,10 @@ impl Shell {
             Request::Jog { jog, by, reply } => _ = reply.send(self.jog(jog, by)),
             Request::StepSeen { axis, by, reply } => _ = reply.send(self.step_seen(axis, by)),
             Request::AskSimulated { asked, reply } => _ = reply.send(self.ask_simulated(asked)),
+            Request::Answered { asked, answer, reply } => {
+                self.answered(asked, answer);
+                _ = reply.send(());
+            }
             Request::ReadCalibrations { by, reply } => {
                 _ = reply.send(self.read_calibrations(&by));
             }
