@@ -90,7 +90,7 @@ impl Budget {
     /// the depth as that of surface and indentation.
     pub(crate) fn of_touch(model: &Compensation, touch: &PosedTouch, one: &OneTouch) -> Self {
         let reference = share(touch.reference_sigma_hz, touch.sigma_hz);
-        let surface = share(model.surface_sigma_mm, model.depth_sigma_mm);
+        let surface = share(model.surface_sigma_mm, model.sigma_of_depth_mm(touch));
         let variance = |sigma_mpa: f64| (sigma_mpa / one.young_mpa).powi(2);
         let (shift, depth) = (variance(one.sigma_of_shift_mpa), variance(one.sigma_of_depth_mpa));
         let mut parts = Self::default();

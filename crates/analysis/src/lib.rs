@@ -15,6 +15,7 @@ pub mod no_load;
 pub mod recognition;
 pub mod run;
 pub mod score;
+pub mod screw;
 pub mod sensitivity;
 pub mod shift;
 pub mod stiffness;

@@ -132,6 +132,9 @@ pub struct MainTouches<'a> {
     pub known_mpa: &'a [Option<f64>],
     /// Standard deviation of the stiffness from one point of a sample to the next, relative.
     pub sample_rel: f64,
+    /// Correlation of the depths of the touches, where the error of the screw was measured; `None` where touches at one
+    /// place of the stages are taken to share a part of it.
+    pub depth_correlation: Option<&'a [Vec<f64>]>,
 }
 
 /// The model of a run.

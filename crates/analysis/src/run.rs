@@ -24,6 +24,8 @@ pub struct RunTouches<'a> {
     pub known_mpa: &'a [Option<f64>],
     /// Standard deviation of the stiffness from one point of a sample to the next, relative.
     pub sample_rel: f64,
+    /// Correlation of the depths of the main touches, where the error of the screw was measured.
+    pub depth_correlation: Option<&'a [Vec<f64>]>,
     /// Mean free resonance measured, over that of the sensor described.
     pub resonance_ratio: f64,
     /// Relative standard deviation of the common factor, without a known sample.
@@ -85,8 +87,8 @@ pub fn at_known_angles(
     touches: &RunTouches<'_>,
     source: ModelSource,
 ) -> (RunStiffness, RunModel) {
-    let RunTouches { main, blind, known_mpa, sample_rel, .. } = *touches;
-    let main_touches = MainTouches { touches: main, known_mpa, sample_rel };
+    let RunTouches { main, blind, known_mpa, sample_rel, depth_correlation, .. } = *touches;
+    let main_touches = MainTouches { touches: main, known_mpa, sample_rel, depth_correlation };
     let model = RunModel::of(described, &main_touches, source);
     let reading = |touch: &PosedTouch| {
         let found = model.of_touch(touch);

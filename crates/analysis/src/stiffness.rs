@@ -52,6 +52,9 @@ pub struct PosedTouch {
     pub reference_sigma_hz: f64,
     /// The measurement on the way to the depth, if there was one.
     pub halfway: Option<Halfway>,
+    /// Standard deviation of the depth by the linear stage, mm, where the error of its screw was measured and taken
+    /// out; `None` where it is that of the description.
+    pub stage_sigma_mm: Option<f64>,
 }
 
 /// The measurement of a touch at a smaller depth, at the same point and with the same reference.
@@ -213,6 +216,17 @@ impl Compensation {
         }
     }
 
+    /// The same for sites of touches with these depths: their standard deviation is the root mean square of those of
+    /// all touches.
+    #[must_use]
+    pub fn at_depths_of(self, touches: &[PosedTouch]) -> Self {
+        if touches.iter().all(|touch| touch.stage_sigma_mm.is_none()) {
+            return self;
+        }
+        let squares: f64 = touches.iter().map(|touch| self.sigma_of_depth_mm(touch).powi(2)).sum();
+        Self { depth_sigma_mm: (squares / touches.len() as f64).sqrt(), ..self }
+    }
+
     /// Resonance of the free sensor, Hz.
     pub fn no_load_hz(&self) -> f64 {
         self.models.no_load_hz(self.tier)
@@ -228,7 +242,7 @@ impl Compensation {
         let contact = Contact { pose, depth, law, friction };
         let spread = TouchSigmas {
             shift_hz: sigma_hz,
-            depth_mm: self.sigma_of_one_depth_mm(),
+            depth_mm: self.sigma_of_depth_mm(touch),
             angle_rad: self.angle_sigma_rad,
         };
         self.models.stiffness_of_touch(tier, shift_hz, spread, kind, &contact)
@@ -262,7 +276,13 @@ impl Compensation {
         })
     }
 
-    /// Standard deviation of the depth of one touch, mm.
+    /// Standard deviation of the depth of this touch, mm.
+    pub(crate) fn sigma_of_depth_mm(&self, touch: &PosedTouch) -> f64 {
+        let stage_mm = |stage_mm: f64| stage_mm.hypot(self.surface_sigma_mm);
+        touch.stage_sigma_mm.map_or_else(|| self.sigma_of_one_depth_mm(), stage_mm)
+    }
+
+    /// Standard deviation of the depth of one touch by the description, mm.
     fn sigma_of_one_depth_mm(&self) -> f64 {
         self.shared_depth_sigma_mm.hypot(self.depth_sigma_mm)
     }
@@ -391,6 +411,7 @@ mod tests {
                     sigma_hz: 0.3,
                     reference_sigma_hz: 0.0,
                     halfway: None,
+                    stage_sigma_mm: None,
                 });
             }
         }

@@ -1,6 +1,6 @@
 //! What a step has found.
 
-use crate::metrology::ScrewError;
+use crate::metrology::ScrewMap;
 
 /// A quantity that was found, with its standard uncertainty.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,7 +54,7 @@ pub struct Finding {
     /// Their covariance, in their order; empty if each has an error of its own.
     pub covariance: Vec<Vec<f64>>,
     /// The error of the linear screw.
-    pub screw: Vec<ScrewError>,
+    pub screw: ScrewMap,
 }
 
 impl Finding {
@@ -62,7 +62,7 @@ impl Finding {
     pub fn of(values: Vec<Value>, changes: Vec<Change>) -> Self {
         let verdict =
             if changes.is_empty() { Verdict::Accepted } else { Verdict::RigFile(changes) };
-        Self { verdict, values, covariance: Vec::new(), screw: Vec::new() }
+        Self { verdict, values, covariance: Vec::new(), screw: ScrewMap::default() }
     }
 
     /// The same with the covariance of its values.
@@ -71,7 +71,7 @@ impl Finding {
     }
 
     /// The same with the error of the linear screw.
-    pub fn with_screw(self, screw: Vec<ScrewError>) -> Self {
+    pub fn with_screw(self, screw: ScrewMap) -> Self {
         Self { screw, ..self }
     }
 

@@ -23,7 +23,7 @@ mod screw;
 mod tests;
 
 pub use fit::{BlockGeometry, TouchNoise, fit};
-pub use screw::ScrewError;
+pub use screw::{ScrewError, ScrewMap};
 
 /// A touch on a hard flat block.
 #[derive(Debug, Clone, Copy, PartialEq)]

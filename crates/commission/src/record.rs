@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use crate::{
     Basis, BenchChange, Change, Finding, Kind, Value, Verdict,
     check::{CheckValues, Checked},
-    metrology::ScrewError,
+    finding::rounded,
+    metrology::{ScrewError, ScrewMap},
 };
 
 /// The version of the file.
@@ -67,6 +68,9 @@ pub struct Calibration {
     /// The error of the linear screw: height, error and standard deviation, mm.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub screw_mm: Vec<[f64; 3]>,
+    /// Covariance of these errors, µm²: of each with those up to itself.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub screw_covariance_um2: Vec<Vec<f64>>,
     /// What was found.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub values: Vec<ValueFile>,
@@ -145,7 +149,8 @@ impl Calibration {
             keys_sha256: basis.sha256(kind),
             protocols_sha256: None,
             covariance,
-            screw_mm: screw.iter().map(screw_row).collect(),
+            screw_mm: screw.errors.iter().map(screw_row).collect(),
+            screw_covariance_um2: triangle_um2(&screw),
             values: values.into_iter().map(ValueFile::from).collect(),
             changes: changes.into_iter().map(ChangeFile::from).collect(),
         }
@@ -253,6 +258,14 @@ pub fn file_name(kind: Kind, compact_utc: &str) -> String {
 
 fn screw_row(error: &ScrewError) -> [f64; 3] {
     [error.height_mm, error.error_mm, error.sigma_mm]
+}
+
+/// The lower triangle of the covariance of a map, µm², to six digits.
+fn triangle_um2(screw: &ScrewMap) -> Vec<Vec<f64>> {
+    let row = |(index, row): (usize, &Vec<f64>)| {
+        row[..=index].iter().map(|entry_mm2| rounded(1e6 * entry_mm2, 6)).collect()
+    };
+    screw.covariance_mm2.iter().enumerate().map(row).collect()
 }
 
 impl From<Value> for ValueFile {

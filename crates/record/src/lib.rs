@@ -21,7 +21,7 @@ pub use record::{
     Halfway, Intent, LostSurface, Move, MoveReason, NearCircuit, Operator, Phase, PlanSize, Pose,
     Prompt, PromptAnswered, PromptAsked, ReadingFlag, ReadingRecord, Record, ReferenceJumped,
     RefusalAnswered, RefusalAsked, RefusedTouch, Resumed, RetractTried, RunFinished, RunStarted,
-    Sample, Source, Stalled, StateChanged, StepStarted, Surface, SurfaceReading, Sweep,
+    Sample, ScrewMap, Source, Stalled, StateChanged, StepStarted, Surface, SurfaceReading, Sweep,
     SweepOutcome, SweepPurpose, Touch, TouchPosition, TouchSettings, WayPoint,
 };
 pub use run::{NotARunId, Run, RunId, RunKind, RunStatus};

@@ -23,7 +23,8 @@ pub use motion::{
 pub use person::{Operator, Prompt, PromptAnswered, PromptAsked, RefusalAnswered, RefusalAsked};
 pub use resume::{Amended, Amendment, Archived, Change, GivenUp, Resumed};
 pub use start::{
-    Action, CitedCalibration, Device, Expected, PlanSize, RunStarted, Sample, Source, StepStarted,
+    Action, CitedCalibration, Device, Expected, PlanSize, RunStarted, Sample, ScrewMap, Source,
+    StepStarted,
 };
 pub use sweep::{
     BenchSettings, Circuit, Extra, FitNoise, FitSettings, FitTiming, NearCircuit, ReadingFlag,

@@ -158,6 +158,11 @@ impl RunResults {
         (jumped > 0).then_some(of)
     }
 
+    /// What the map of the screw does to the depths, if the run cites one.
+    pub(crate) fn screw_note(&self) -> Option<String> {
+        Some(self.stiffness.as_ref().ok()?.depths.as_ref()?.sentence())
+    }
+
     /// What to know of the values if touches were not checked for slip.
     pub(crate) fn slip_note(&self) -> Option<String> {
         let measured = self.touches.iter().filter(|row| row.status == TouchStatus::Measured);

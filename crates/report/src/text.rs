@@ -73,6 +73,9 @@ fn facts(results: &RunResults) -> Vec<(String, String)> {
     if let Some(note) = results.slip_note() {
         fact("check of slip", note);
     }
+    if let Some(note) = results.screw_note() {
+        fact("depths", note);
+    }
     if let Some(note) = results.jump_note() {
         fact("resonance jumps", note);
     }

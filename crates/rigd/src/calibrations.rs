@@ -11,7 +11,7 @@ use rig_commission::{
     checks, file_name, holding,
 };
 use rig_files::rig_file::RigFile;
-use rig_store::{CitedCalibration, Digest, RunStarted, Source, make_directory};
+use rig_store::{CitedCalibration, Digest, RunStarted, ScrewMap, Source, make_directory};
 use sha2::{Digest as _, Sha256};
 
 use crate::{
@@ -117,9 +117,22 @@ pub(crate) fn cited(
             file: path.file_name()?.to_string_lossy().into_owned(),
             sha256: Digest::from_bytes(Sha256::digest(text.as_bytes()).into()).to_string(),
             verdict: (kind == Kind::Check).then(|| found.verdict.clone()),
+            screw: screw(found),
+            cable: None,
         })
     };
     Ok(Kind::ALL.into_iter().filter_map(cite).collect())
+}
+
+/// The map of the screw in a calibration; those of earlier versions have no covariance, and are not used.
+fn screw(found: &Calibration) -> Option<ScrewMap> {
+    let covariance_um2 = found.screw_covariance_um2.clone();
+    let part = |part: usize| found.screw_mm.iter().map(|row| row[part]).collect();
+    (!covariance_um2.is_empty()).then(|| ScrewMap {
+        heights_mm: part(0),
+        errors_mm: part(1),
+        covariance_um2,
+    })
 }
 
 /// Whether a run was made with the scales and zeros of the axes that the rig file has now: heights and tilts of other ones

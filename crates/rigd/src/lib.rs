@@ -7,6 +7,7 @@ mod bench_check;
 pub mod calibrations;
 pub mod cli;
 mod commissioning;
+mod corrections;
 mod descents;
 mod describe;
 mod doctor;

@@ -49,9 +49,9 @@ pub use rig_record::{
     MoveReason, NearCircuit, Operator, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked,
     ReadingFlag, ReadingRecord, Record, ReferenceJumped, RefusalAnswered, RefusalAsked,
     RefusedTouch, Resumed, RetractTried, Run, RunFinished, RunId, RunKind, RunStarted, RunStatus,
-    Sample, SealedRun, Source, Stalled, StateChanged, StepStarted, StoredRecord, Stretch, Surface,
-    SurfaceReading, Sweep, SweepOutcome, SweepPurpose, Touch, TouchPosition, TouchSettings,
-    WayPoint,
+    Sample, ScrewMap, SealedRun, Source, Stalled, StateChanged, StepStarted, StoredRecord, Stretch,
+    Surface, SurfaceReading, Sweep, SweepOutcome, SweepPurpose, Touch, TouchPosition,
+    TouchSettings, WayPoint,
 };
 pub use salvage::{SalvagedRun, salvage};
 pub use schema::FORMAT;

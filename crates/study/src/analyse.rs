@@ -126,6 +126,7 @@ fn analysed(described: &Compensation, run: &Run, source: ModelSource) -> Result<
         blind: &blind,
         known_mpa: &run.known_mpa,
         sample_rel: uncertainty.sample_rel,
+        depth_correlation: None,
         resonance_ratio: 1.0,
         scale_rel: uncertainty.scale_rel,
     };
@@ -176,6 +177,7 @@ impl Touch {
             sigma_hz,
             reference_sigma_hz: self.reference_sigma_hz,
             halfway,
+            stage_sigma_mm: None,
         })
     }
 }

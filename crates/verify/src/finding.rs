@@ -76,11 +76,13 @@ pub enum Check {
     Sigma,
     /// An accepted sweep keeps the window and the precision that the protocol asks for.
     Request,
+    /// The cited calibrations are the files that are there, and the map of the screw is that of its file.
+    Calibration,
 }
 
 impl Check {
     /// All checks.
-    pub const ALL: [Self; 34] = [
+    pub const ALL: [Self; 35] = [
         Self::Readable,
         Self::Complete,
         Self::Digest,
@@ -115,6 +117,7 @@ impl Check {
         Self::Resonance,
         Self::Sigma,
         Self::Request,
+        Self::Calibration,
     ];
 
     /// The word in results and messages.
@@ -154,6 +157,7 @@ impl Check {
             Self::Resonance => "resonance",
             Self::Sigma => "sigma",
             Self::Request => "request",
+            Self::Calibration => "calibration",
         }
     }
 }

@@ -17,7 +17,7 @@ use rusqlite::{
 };
 use sha2::{Digest, Sha256};
 
-use crate::record::{Record, RunStarted};
+use crate::record::{Cited, Record, RunStarted};
 
 pub(crate) use before::before;
 
@@ -96,6 +96,15 @@ pub(crate) struct Journal {
 }
 
 impl Journal {
+    /// The calibrations that the run cites.
+    pub(crate) fn cited(&self) -> Vec<Cited> {
+        let first = self.entries.iter().find(|entry| entry.is_own);
+        match first.map(|entry| serde_json::from_str(&entry.payload)) {
+            Some(Ok(Record::RunStarted(started))) => started.calibrations,
+            _ => Vec::new(),
+        }
+    }
+
     /// A sealed run without the journal that it was in.
     pub(crate) fn alone(
         run: Listed,

@@ -34,6 +34,7 @@ mod plan;
 mod record;
 mod refused;
 mod results;
+mod screw;
 mod settings;
 mod surface;
 mod survey;
@@ -55,7 +56,15 @@ pub use object::{ObjectError, ObjectVerdict, verify_object};
 /// [`JournalError`] if the journal cannot be opened, has another format, or has no such run. Damage
 /// inside the run is a finding.
 pub fn verify(data: &Path, run: &str) -> Result<Verdict, JournalError> {
-    check(&journal::open(&data.join("rigd.db"))?, run)
+    let connection = journal::open(&data.join("rigd.db"))?;
+    let journal = journal::read(&connection, run)?;
+    let mut verdict = walk::check(&connection, &journal);
+    let mut findings = finding::Findings::default();
+    let read = |file: &str| std::fs::read_to_string(data.join("calibrations").join(file)).ok();
+    screw::check_files(&journal.cited(), read, &mut findings);
+    verdict.is_sound &= findings.0.is_empty();
+    verdict.findings.extend(findings.0);
+    Ok(verdict)
 }
 
 /// A journal of this program in memory, which is checked with one connection.

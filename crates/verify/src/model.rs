@@ -192,15 +192,19 @@ fn chi2_of(journal: &Journal, stated: &StatedModel) -> Result<(f64, usize), &'st
     let uncertainty = rig.sensor.uncertainty;
     let squares: f64 = touches.iter().map(|touch| touch.surface_sigma_mm.powi(2)).sum();
     let surface_mm = (squares / touches.len().max(1) as f64).sqrt();
-    let depth_sigma_mm = uncertainty.depth_mm.hypot(surface_mm);
+    let screw = started.calibrations.iter().find_map(|cited| cited.screw.as_ref());
     let free_hz = beam.free_hz();
     // By sample, the weight and the logarithm of the stiffness of each touch.
     let mut samples: BTreeMap<String, Vec<(f64, f64)>> = BTreeMap::new();
     for touch in touches.iter().filter(|touch| touch.touch.phase == "main") {
+        let by_map =
+            screw.and_then(|screw| screw.error_of_depth_mm(touch.surface_mm, touch.linear_mm));
+        let (error_mm, stage_mm) = by_map.unwrap_or((0.0, uncertainty.depth_mm));
+        let depth_sigma_mm = stage_mm.hypot(surface_mm);
         let contact = Contact {
             direction: touch.touch.pose.direction.as_str().try_into()?,
             angle_rad: touch.touch.pose.angle_deg.to_radians(),
-            depth_mm: touch.indentation_mm,
+            depth_mm: touch.indentation_mm - error_mm,
             is_held_by_stage: stated.is_held_by_stage,
             tangential_ratio: stated.tangential_ratio,
         };

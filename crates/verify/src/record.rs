@@ -56,6 +56,25 @@ pub(crate) struct RunStarted {
     pub(crate) plan: PlanSize,
     pub(crate) touches: Vec<Touch>,
     pub(crate) aim: Option<Aim>,
+    #[serde(default)]
+    pub(crate) calibrations: Vec<Cited>,
+}
+
+/// A calibration that the run cites.
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Cited {
+    pub(crate) kind: String,
+    pub(crate) file: String,
+    pub(crate) sha256: String,
+    pub(crate) screw: Option<Screw>,
+}
+
+/// The error of the linear screw at heights.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub(crate) struct Screw {
+    pub(crate) heights_mm: Vec<f64>,
+    pub(crate) errors_mm: Vec<f64>,
+    pub(crate) covariance_um2: Vec<Vec<f64>>,
 }
 
 /// What the protocol wants of its touches, and the settings that were chosen for it.

@@ -19,6 +19,7 @@ use crate::{
     },
     refused::{self, Refused},
     results::{self, Accepted},
+    screw,
     settings::Settings,
 };
 
@@ -355,6 +356,7 @@ impl Walk {
                 plan::check(&started, &settings.protocol, seq, findings);
                 aim::check(&settings.protocol, started.aim.as_ref(), seq, findings);
                 plan::check_files(&started, &settings.rig, seq, findings);
+                screw::check(&started.calibrations, seq, findings);
                 self.settings = Some(settings);
             }
             Err(error) => {

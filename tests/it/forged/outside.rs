@@ -193,6 +193,14 @@ pub(super) const CASES: &[Case] = &[
     ("another stiffness of a sample", Check::Sample, |forged| {
         change(&mut forged.records[0].payload, "/samples/0/stiffness_mpa", |mpa| 2.0 * mpa);
     }),
+    ("a map of the screw that is none", Check::Calibration, |forged| {
+        let screw =
+            json!({"heights_mm": [9.0, 8.0], "errors_mm": [0, 0], "covariance_um2": [[1], [0, 1]]});
+        let cited = json!({
+            "kind": "blocks", "made": "", "person": "ada", "file": "blocks-1.toml", "sha256": "", "screw": screw,
+        });
+        forged.records[0].payload["calibrations"] = json!([cited]);
+    }),
     ("a simulated run that is said to be real", Check::Plan, |forged| {
         forged.records[0].payload["is_simulated"] = false.into();
     }),

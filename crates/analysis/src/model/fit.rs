@@ -28,7 +28,7 @@ const RATIO_SIGMA_MAX: f64 = 0.2;
 const ARM_SIGMA_MAX_REL: f64 = 0.35;
 /// The share of the variance of the depth that touches at one place of the stages may have in common:
 /// a screw repeats its error.
-pub(super) const SHARED_DEPTH: f64 = 0.5;
+const SHARED_DEPTH: f64 = 0.5;
 
 /// The touches that give a stiffness by the described model.
 pub(super) struct Usable<'a> {
@@ -294,16 +294,16 @@ impl<'a> Usable<'a> {
         Some(Fit { terms, learnt: learnt.to_vec(), covariance, gains, state, slopes })
     }
 
-    /// The covariance of the rows. Touches at one place of the stages have `SHARED_DEPTH` of the variance of
-    /// their depth in common.
+    /// The covariance of the rows, with what the depths of touches have in common.
     pub(super) fn covariance(&self, state: &State) -> Matrix {
         let touch: Vec<usize> = self.rows().collect();
         let is_pair = |row: usize| row >= self.touches.len();
         let entry = |i: usize, j: usize| {
             if i == j {
                 1.0 / state.weights[i]
-            } else if is_pair(i) == is_pair(j) && self.is_one_place(touch[i], touch[j]) {
-                SHARED_DEPTH * (state.depth_variances[i] * state.depth_variances[j]).sqrt()
+            } else if is_pair(i) == is_pair(j) {
+                let variance = (state.depth_variances[i] * state.depth_variances[j]).sqrt();
+                self.shared_depth(touch[i], touch[j]) * variance
             } else {
                 0.0
             }
@@ -317,8 +317,18 @@ impl<'a> Usable<'a> {
         of_touch.chain(self.pairs.iter().map(|_| 0.0)).collect()
     }
 
+    /// The correlation of the depths of two touches: by the map of the screw, or that of one place of the stages.
+    pub(super) fn shared_depth(&self, i: usize, j: usize) -> f64 {
+        let is_on_map = |touch: usize| self.touches[touch].stage_sigma_mm.is_some();
+        match self.main.depth_correlation.filter(|_| is_on_map(i) && is_on_map(j)) {
+            Some(correlation) => correlation[self.indices[i]][self.indices[j]],
+            None if self.is_one_place(i, j) => SHARED_DEPTH,
+            None => 0.0,
+        }
+    }
+
     /// Whether the stages are at one place for both touches.
-    pub(super) fn is_one_place(&self, i: usize, j: usize) -> bool {
+    fn is_one_place(&self, i: usize, j: usize) -> bool {
         let tilt = |touch: &PosedTouch| {
             let is_back = (touch.pose.azimuth_rad().abs() - PI).abs() < 1e-6;
             let angle_rad = touch.pose.angle_rad();

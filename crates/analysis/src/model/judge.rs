@@ -5,7 +5,7 @@
 
 use super::{
     evidence::{DEPTH_TERMS, Rows, samples},
-    fit::{Fit, SHARED_DEPTH, State, Usable, weighted},
+    fit::{Fit, State, Usable, weighted},
     known::Known,
 };
 use crate::stiffness::Young;
@@ -259,10 +259,10 @@ impl Usable<'_> {
         let n = self.touches.len();
         let shared = |i: usize, j: usize| {
             let variances = state.depth_variances[i] * state.depth_variances[j];
-            SHARED_DEPTH.powi(2) * state.weights[i] * state.weights[j] * variances
+            self.shared_depth(i, j).powi(2) * state.weights[i] * state.weights[j] * variances
         };
         let pairs = |i: usize| {
-            let others = (0..n).filter(move |&j| j != i && self.is_one_place(i, j));
+            let others = (0..n).filter(move |&j| j != i && self.shared_depth(i, j) != 0.0);
             others.map(|j| shared(i, j)).sum::<f64>()
         };
         1.0 + (0..n).map(pairs).sum::<f64>() / n as f64

@@ -31,7 +31,7 @@ impl Difference {
         };
         let ([shift, depth, angle], reference) = own(deep, touch);
         let ([shift_0, depth_0, angle_0], reference_0) = own(&before, halfway);
-        let surface = share(model.surface_sigma_mm, model.depth_sigma_mm);
+        let surface = share(model.surface_sigma_mm, model.sigma_of_depth_mm(touch));
         let squares = |a: f64, b: f64, common: f64| {
             (a * a + b * b) * (1.0 - common * common) + (common * (a - b)).powi(2)
         };

@@ -58,6 +58,7 @@ impl Truth {
                         sigma_hz: 0.05,
                         reference_sigma_hz: 0.0,
                         halfway: None,
+                        stage_sigma_mm: None,
                     });
                 }
             }
@@ -72,7 +73,8 @@ impl Truth {
 
 fn model(touches: &[PosedTouch], source: ModelSource) -> RunModel {
     let known_mpa = SAMPLES_MPA.map(Some);
-    let main = MainTouches { touches, known_mpa: &known_mpa, sample_rel: 0.03 };
+    let main =
+        MainTouches { touches, known_mpa: &known_mpa, sample_rel: 0.03, depth_correlation: None };
     let described = Compensation::new(&SensorDescription::reference(), 0.002);
     RunModel::of(&described, &main, source)
 }
@@ -224,7 +226,12 @@ fn the_way_to_hold_the_depth_that_was_not_taken_stays_as_probable_as_the_touches
         assert!(found < 0.02, "{found}");
     }
     let upright = MATCHED.touches(&[0.0]);
-    let main = MainTouches { touches: &upright, known_mpa: &[None; 5], sample_rel: 0.03 };
+    let main = MainTouches {
+        touches: &upright,
+        known_mpa: &[None; 5],
+        sample_rel: 0.03,
+        depth_correlation: None,
+    };
     let described = Compensation::new(&SensorDescription::reference(), 0.002);
     let model = RunModel::of(&described, &main, ModelSource::Learnt);
     let found = probability(&model);
@@ -242,7 +249,12 @@ fn samples_of_known_stiffness_that_disagree_are_noticed_and_widen_the_intervals(
     let touches = MATCHED.touches(&ANGLES_DEG);
     let described = Compensation::new(&SensorDescription::reference(), 0.002);
     let check = |known_mpa: [Option<f64>; 5]| {
-        let main = MainTouches { touches: &touches, known_mpa: &known_mpa, sample_rel: 0.03 };
+        let main = MainTouches {
+            touches: &touches,
+            known_mpa: &known_mpa,
+            sample_rel: 0.03,
+            depth_correlation: None,
+        };
         RunModel::of(&described, &main, ModelSource::Learnt).check().unwrap().clone()
     };
     let mut known_mpa = SAMPLES_MPA.map(Some);

@@ -309,6 +309,7 @@ mod tests {
             blind: &[],
             known_mpa: &known_mpa,
             sample_rel: 0.0,
+            depth_correlation: None,
             resonance_ratio: 1.0,
             scale_rel: 0.1,
         };

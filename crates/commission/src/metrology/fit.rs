@@ -1,6 +1,10 @@
 //! Least squares with the covariance of the screw.
 
-use super::{BlockTouch, NoGeometry, ScrewError, cholesky::Cholesky, screw::Screw};
+use super::{
+    BlockTouch, NoGeometry, ScrewMap,
+    cholesky::Cholesky,
+    screw::{Assumed, Screw},
+};
 
 /// Unknowns: s, D, p in mm, t₀ in rad.
 const UNKNOWNS: usize = 4;
@@ -45,7 +49,7 @@ pub struct BlockGeometry {
     /// Their covariance, in this order and these units.
     pub covariance: [[f64; 4]; 4],
     /// Error of the screw at the heights that were asked for.
-    pub screw: Vec<ScrewError>,
+    pub screw: ScrewMap,
 }
 
 impl BlockGeometry {
@@ -72,8 +76,8 @@ pub fn fit(
         // Touches that are far off lead nowhere with a screw of micrometres.
         let Some(fitted) = with_screw(touches, noise, screw, start) else { continue };
         start = fitted.unknowns;
-        let map = heights_mm.iter().map(|height| fitted.screw_error(touches, *height));
-        all.push((fitted.log_weight, fitted.unknowns, fitted.covariance, map.collect::<Vec<_>>()));
+        let map = fitted.screw_errors(touches, heights_mm);
+        all.push((fitted.log_weight, fitted.unknowns, fitted.covariance, map));
         if likeliest.as_ref().is_none_or(|other| other.log_weight < fitted.log_weight) {
             likeliest = Some(fitted);
         }
@@ -90,15 +94,12 @@ pub fn fit(
             all.iter().map(|(w, x, c, _)| share(*w) * (c[i][j] + spread(x))).sum()
         })
     });
-    let screw = heights_mm.iter().enumerate().map(|(index, height)| {
-        let error_mm: f64 = all.iter().map(|(w, .., map)| share(*w) * map[index].0).sum();
-        let variance: f64 = all
-            .iter()
-            .map(|(w, .., map)| share(*w) * (map[index].1 + (map[index].0 - error_mm).powi(2)))
-            .sum();
-        ScrewError { height_mm: *height, error_mm, sigma_mm: variance.sqrt() }
+    let assumed = all.into_iter().map(|(weight, _, _, (errors_mm, covariance_mm2))| Assumed {
+        share: share(weight),
+        errors_mm,
+        covariance_mm2,
     });
-    let screw = screw.collect();
+    let screw = ScrewMap::mean(heights_mm, &assumed.collect::<Vec<_>>());
     let unit = |i: usize| if i == 3 { 1.0_f64.to_degrees() } else { 1.0 };
     Ok(BlockGeometry {
         surface_mm: mean[0],
@@ -249,15 +250,38 @@ impl Fitted {
         self.covariance.iter().zip(x).map(|(row, x_i)| x_i * dot(row, x)).sum()
     }
 
-    /// The error of the screw at a height, mm, and its variance, mm².
-    fn screw_error(&self, touches: &[BlockTouch], height_mm: f64) -> (f64, f64) {
-        let shared: Vec<f64> =
-            touches.iter().map(|touch| self.screw.covariance(touch.height_mm, height_mm)).collect();
-        let shared = self.factor.whiten(&shared);
-        let lost = self.columns.each_ref().map(|column| dot(column, &shared));
-        let from_geometry = self.quadratic(&lost);
-        let prior = self.screw.covariance(height_mm, height_mm);
-        (dot(&shared, &self.residuals), prior - dot(&shared, &shared) + from_geometry)
+    /// The error of the screw at heights, mm, and its covariance, mm².
+    fn screw_errors(
+        &self,
+        touches: &[BlockTouch],
+        heights_mm: &[f64],
+    ) -> (Vec<f64>, Vec<Vec<f64>>) {
+        // What the error at a height has in common with those of the touches, and what of it the geometry takes.
+        let seen = |height_mm: &f64| {
+            let shared: Vec<f64> = touches
+                .iter()
+                .map(|touch| self.screw.covariance(touch.height_mm, *height_mm))
+                .collect();
+            let shared = self.factor.whiten(&shared);
+            let lost: Vector = self.columns.each_ref().map(|column| dot(column, &shared));
+            (shared, lost)
+        };
+        let seen: Vec<(Vec<f64>, Vector)> = heights_mm.iter().map(seen).collect();
+        let entry = |i: usize, j: usize| {
+            let ((shared, lost), (other, other_lost)) = (&seen[i], &seen[j]);
+            let from_geometry: f64 = self
+                .covariance
+                .iter()
+                .zip(lost)
+                .map(|(row, lost)| lost * dot(row, other_lost))
+                .sum();
+            let prior = self.screw.covariance(heights_mm[i], heights_mm[j]);
+            prior - dot(shared, other) + from_geometry
+        };
+        let rows = 0..heights_mm.len();
+        let covariance =
+            rows.clone().map(|i| rows.clone().map(|j| entry(i, j)).collect()).collect();
+        (seen.iter().map(|(shared, _)| dot(shared, &self.residuals)).collect(), covariance)
     }
 }
 

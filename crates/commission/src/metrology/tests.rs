@@ -41,23 +41,31 @@ impl Screw {
     }
 }
 
-/// Touches of a bench: the height at which the ball meets the plane, found without the formula of the fit.
+/// Touches of a bench, three at each tilt.
 fn touches(truth: &Truth, blocks_mm: &[f64], chance: &mut Stream) -> Vec<BlockTouch> {
+    touches_at(truth, &TILTS.map(|tilt| [tilt; 3]).concat(), blocks_mm, chance)
+}
+
+/// Touches of a bench: the height at which the ball meets the plane, found without the formula of the fit.
+fn touches_at(
+    truth: &Truth,
+    tilts_deg: &[f64],
+    blocks_mm: &[f64],
+    chance: &mut Stream,
+) -> Vec<BlockTouch> {
     let [surface, from_axis, beside, zero] = truth.geometry;
     let mut all = Vec::new();
     for raised_mm in blocks_mm {
-        for tilt_deg in TILTS {
-            for _ in 0..3 {
-                let at_deg = tilt_deg + NOISE.tilt_deg * chance.normal() + zero;
-                let (sin, cos) = at_deg.to_radians().sin_cos();
-                // The centre of the ball has the distance D + b from the axis along the normal (sin, cos).
-                let centre = (from_axis + raised_mm - beside * sin) / cos;
-                let true_mm = surface + centre - from_axis;
-                // The drive counts the true height plus the error of its screw.
-                let height_mm =
-                    true_mm + truth.screw.error(true_mm) + NOISE.height_mm * chance.normal();
-                all.push(BlockTouch { tilt_deg, height_mm, raised_mm: *raised_mm });
-            }
+        for &tilt_deg in tilts_deg {
+            let at_deg = tilt_deg + NOISE.tilt_deg * chance.normal() + zero;
+            let (sin, cos) = at_deg.to_radians().sin_cos();
+            // The centre of the ball has the distance D + b from the axis along the normal (sin, cos).
+            let centre = (from_axis + raised_mm - beside * sin) / cos;
+            let true_mm = surface + centre - from_axis;
+            // The drive counts the true height plus the error of its screw.
+            let height_mm =
+                true_mm + truth.screw.error(true_mm) + NOISE.height_mm * chance.normal();
+            all.push(BlockTouch { tilt_deg, height_mm, raised_mm: *raised_mm });
         }
     }
     all
@@ -140,11 +148,65 @@ fn the_map_of_the_screw_makes_a_depth_less_wrong() {
         let fitted = fit(&touches(&truth, &[0.0], chance), &NOISE, &ends).unwrap();
         let way = |error: [f64; 2]| error[1] - error[0];
         let is = way(ends.map(|end| screw.error(end)));
-        let map = way([fitted.screw[0].error_mm, fitted.screw[1].error_mm]);
+        let map = way([fitted.screw.errors[0].error_mm, fitted.screw.errors[1].error_mm]);
         raw += is.powi(2);
         mapped += (is - map).powi(2);
     }
     assert!(mapped < 0.5 * raw, "{mapped} of {raw} mm²");
+}
+
+/// Tilts whose heights are a tenth of a millimetre apart, as in `config/protocols/screw.toml`.
+fn even_tilts() -> Vec<f64> {
+    let tilt = |index: i32| {
+        let secant = 1.0 + 0.023 * f64::from(index.abs());
+        f64::from(index.signum()) * secant.recip().acos().to_degrees()
+    };
+    (-18..=18).map(tilt).collect()
+}
+
+/// Draws the screw of a bench.
+type Draw = fn(u64, &mut Stream) -> Screw;
+
+#[test]
+fn depths_by_the_map_of_two_blocks_are_as_wrong_as_stated() {
+    let tilts = even_tilts();
+    let screws: [(&str, Draw); 2] = [
+        ("periodic", |_, chance| {
+            Screw::Periodic(0.01, 2.0, std::f64::consts::TAU * chance.uniform())
+        }),
+        ("broken", |seed, _| Screw::Broken(0.014, 0.3, seed)),
+    ];
+    for (name, screw) in screws {
+        let (mut raw, mut mapped, mut stated, mut inside, mut count) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for seed in 0..20 {
+            let chance = &mut Stream::new(seed, 11);
+            let truth = Truth { geometry: [10.0, 4.5, 0.3, 0.1], screw: screw(seed, chance) };
+            let all = touches_at(&truth, &tilts, &[0.0, -0.7], chance);
+            // Half a millimetre below surfaces that lie 0.1 mm apart.
+            let ends: Vec<f64> = (0..22).map(|k| 9.5 + 0.1 * f64::from(k)).collect();
+            let map = fit(&all, &NOISE, &ends).unwrap().screw;
+            for low in 0..ends.len() - 5 {
+                let high = low + 5;
+                let is = truth.screw.error(ends[high]) - truth.screw.error(ends[low]);
+                let found = map.errors[high].error_mm - map.errors[low].error_mm;
+                let covariance = |a: usize, b: usize| map.covariance_mm2[a][b];
+                let variance =
+                    covariance(high, high) + covariance(low, low) - 2.0 * covariance(high, low);
+                raw += is.powi(2);
+                mapped += (found - is).powi(2);
+                stated += variance;
+                inside += f64::from(u8::from((found - is).abs() < 1.96 * variance.sqrt()));
+                count += 1.0;
+            }
+        }
+        let [raw, mapped, stated] = [raw, mapped, stated].map(|sum| (sum / count).sqrt());
+        let inside = inside / count;
+        println!(
+            "{name}: {raw:.4} mm, by the map {mapped:.4}, stated {stated:.4}, within {inside:.3}"
+        );
+        assert!(mapped < 0.5 * raw, "{name}: {mapped} of {raw} mm");
+        assert!(inside > 0.85 && mapped < 1.3 * stated, "{name}: {inside}, {mapped} {stated}");
+    }
 }
 
 #[test]

@@ -22,7 +22,8 @@ pub struct RunStarted {
     pub scene: Option<Source>,
     /// Devices on the ports.
     pub devices: Vec<Device>,
-    /// The calibrations of the bench that held when the run began, and its last daily check. A simulated bench that is as
+    /// The calibrations of the bench that held when the run began, its last daily check, and the last corrections of the
+    /// analyzer. A simulated bench that is as
     /// described needs none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub calibrations: Vec<CitedCalibration>,
@@ -76,7 +77,7 @@ pub struct Device {
 }
 
 /// A calibration of the bench that a run cites.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CitedCalibration {
     /// What it shows, such as `scale`.
     pub kind: String,
@@ -91,6 +92,24 @@ pub struct CitedCalibration {
     /// Verdict of a daily check: `accepted`, `look` or `not to be trusted`. The others are accepted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub verdict: Option<String>,
+    /// The error of the linear screw by touches on blocks, which the results take out of the depths.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub screw: Option<ScrewMap>,
+    /// The cable and fixture of a correction of the analyzer, which is `open`, `short` or `load`. Its SHA-256 is that of
+    /// its entry in the file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cable: Option<String>,
+}
+
+/// The error of the linear screw at heights: the position that the drive says, less the true one.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ScrewMap {
+    /// Positions of the linear axis, growing, mm.
+    pub heights_mm: Vec<f64>,
+    /// The error at each, mm.
+    pub errors_mm: Vec<f64>,
+    /// Covariance of each error with those up to itself, µm².
+    pub covariance_um2: Vec<Vec<f64>>,
 }
 
 /// A sample of the protocol, with its known stiffness.

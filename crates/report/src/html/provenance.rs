@@ -74,14 +74,15 @@ fn keys_of<'a>(toml: &'a str, table: &str) -> impl Iterator<Item = &'a str> {
     lines.filter(|line| line.contains('=') && !line.starts_with('#'))
 }
 
-/// A calibration of the bench, or its last daily check with the verdict. Its file is found by the beginning of its digest.
+/// A calibration of the bench, its last daily check with the verdict, or a correction of the analyzer. Its file is found by the beginning of its digest.
 fn cited(calibration: &CitedCalibration) -> Markup {
-    let CitedCalibration { kind, made, person, sha256, verdict, .. } = calibration;
+    let CitedCalibration { kind, made, person, sha256, verdict, cable, .. } = calibration;
     let digest = sha256.get(..12).unwrap_or(sha256);
     let told = format!("{made}, {person}, SHA-256 {digest}…");
-    match verdict {
-        Some(verdict) => fact("daily check", format!("{verdict}, {told}")),
-        None => fact(&format!("calibration: {kind}"), told),
+    match (verdict, cable) {
+        (Some(verdict), _) => fact("daily check", format!("{verdict}, {told}")),
+        (None, Some(cable)) => fact(&format!("correction: {kind}"), format!("{cable}, {told}")),
+        (None, None) => fact(&format!("calibration: {kind}"), told),
     }
 }
 

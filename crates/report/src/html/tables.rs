@@ -49,7 +49,8 @@ pub(super) fn shifts(results: &RunResults) -> Markup {
 pub(super) fn with_notes(caption: &str, results: &RunResults) -> String {
     let slip = results.slip_note().map(|note| format!(" Check of slip: {note}."));
     let jump = results.jump_note().map(|note| format!(" No-load resonance: {note}."));
-    format!("{caption}{}{}", slip.unwrap_or_default(), jump.unwrap_or_default())
+    let screw = results.screw_note().map(|note| format!(" Depths: {note}."));
+    [slip, jump, screw].into_iter().flatten().fold(caption.to_owned(), |text, note| text + &note)
 }
 
 /// A value, with the count of its touches when some are missing, or the status of the touches.

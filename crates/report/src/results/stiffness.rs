@@ -5,6 +5,7 @@
 //! stiffness at the smallest angle. The main touches judge the model and may change it. The labels of the
 //! blind touches take no part in any of this.
 
+mod depth;
 mod site;
 mod values;
 
@@ -15,6 +16,7 @@ use rig_analysis::{
     run::{
         self, ComparedAt, Reading, RunCalibration, RunSample, RunStiffness, RunTouches, RunYoung,
     },
+    screw::NoScrewMap,
     stiffness::{Compensation, Halfway, PosedTouch, Young},
 };
 use rig_contact::{
@@ -25,10 +27,12 @@ use rig_files::{Faults, rig_file::RigFile};
 use rig_protocol::{AngleKnowledge, ModelOrigin, Protocol};
 use rig_record::{Direction, Phase, Touch};
 
+pub(crate) use depth::MappedDepths;
 pub(crate) use site::Site;
 pub(crate) use values::TouchStiffness;
 
 use crate::data::{PlannedTouch, RunData};
+use depth::Depths;
 use site::{RepeatedTouch, UnknownAngle};
 
 /// The stiffness of the samples and of the blind touches.
@@ -47,6 +51,8 @@ pub(crate) struct Stiffness {
     pub(crate) blind: Vec<TouchStiffness>,
     /// The sites of the main phase, when the angle is unknown.
     pub(crate) sites: Option<Vec<Site>>,
+    /// What the map of the screw does to the depths, if the run cites one.
+    pub(crate) depths: Option<MappedDepths>,
     /// By the address of its step, the stiffness of each touch or of its site, with the uncertainty
     /// of calibration and model.
     by_step: BTreeMap<String, Result<RunYoung, InverseError>>,
@@ -78,6 +84,8 @@ pub(crate) enum NoStiffness {
     NoRigFile,
     #[error("the rig file in the journal, which describes the sensor, cannot be read: {0}")]
     RigFile(Faults),
+    #[error(transparent)]
+    Screw(#[from] NoScrewMap),
     #[error("no touch of the main phase gave a stiffness")]
     NoTouches,
 }
@@ -87,18 +95,23 @@ impl Stiffness {
         let started = data.started.as_ref().ok_or(NoStiffness::NoRigFile)?;
         let rig = RigFile::read(&started.rig.name, &started.rig.toml);
         let sensor = rig.map_err(NoStiffness::RigFile)?.sensor;
-        let compensation = Compensation::new(&sensor, surface_sigma_mm(data));
+        let surface_mm = surface_sigma_mm(data);
+        let compensation = Compensation::new(&sensor, surface_mm);
+        let depths = Depths::of(started)?;
         let free_hz = compensation.no_load_hz();
-        let (main, blind) = touched(data, &sensor, free_hz);
+        let (main, blind) = touched(data, &sensor, &depths, free_hz);
         let known_mpa: Vec<Option<f64>> =
             data.samples().iter().map(|sample| sample.stiffness_mpa).collect();
         let mean_hz = main.iter().map(|(touch, _)| touch.no_load_hz).sum::<f64>();
         let (main_touches, blind_touches) = (posed_of(&main), posed_of(&blind));
+        let of_main: Vec<&Touch> = main.iter().map(|(touch, _)| *touch).collect();
+        let correlation = depths.correlation(&of_main, surface_mm);
         let touches = RunTouches {
             main: &main_touches,
             blind: &blind_touches,
             known_mpa: &known_mpa,
             sample_rel: sensor.uncertainty.sample_rel,
+            depth_correlation: correlation.as_deref(),
             resonance_ratio: mean_hz / main.len() as f64 / free_hz,
             scale_rel: sensor.uncertainty.scale_rel,
         };
@@ -110,6 +123,7 @@ impl Stiffness {
                 (found, model, None)
             }
             AngleKnowledge::Unknown => {
+                let compensation = compensation.at_depths_of(&main_touches);
                 let reader = Reader { compensation, sensor, data };
                 let (found, model, sites) = reader.unknown(&main, &blind, &touches);
                 (found, model, Some(sites))
@@ -119,21 +133,8 @@ impl Stiffness {
         if samples.is_empty() {
             return Err(NoStiffness::NoTouches);
         }
-        let mut by_step = BTreeMap::new();
-        let mut note = |touch: &Touch, found: Option<&Result<RunYoung, InverseError>>| {
-            let Some(found) = found else { return };
-            by_step.insert(touch.touch.step.clone(), *found);
-        };
-        let mut residual_of = BTreeMap::new();
-        for (index, (touch, posed)) in main.iter().enumerate() {
-            let index = match &sites {
-                Some(sites) => sites.iter().position(|site| site.holds(touch, posed.sample)),
-                None => Some(index),
-            };
-            residual_of.extend(index.map(|index| (touch.touch.step.clone(), index)));
-            note(touch, index.and_then(|index| main_found.get(index)));
-        }
-        blind.iter().zip(&blind_found).for_each(|((touch, _), found)| note(touch, Some(found)));
+        let (by_step, residual_of) =
+            by_address([&main, &blind], sites.as_deref(), [&main_found, &blind_found]);
         let stiffness = |sample: usize, number: u32, found: &Result<RunYoung, InverseError>| {
             TouchStiffness { sample, number, young: found.map(|found| found.own) }
         };
@@ -150,6 +151,7 @@ impl Stiffness {
                 Some(sites) => sites.iter().zip(&main_found).map(of_site).collect(),
             },
             blind: blind.iter().zip(&blind_found).map(of_touch).collect(),
+            depths: depths.summary(&data.touches),
             model,
             sites,
             by_step,
@@ -212,13 +214,43 @@ struct Reader<'a> {
 
 type Touched<'a> = (&'a Touch, PosedTouch);
 
+/// By the address of its step, the stiffness of each touch, and the index of a main touch or of its site.
+type ByAddress = (BTreeMap<String, Result<RunYoung, InverseError>>, BTreeMap<String, usize>);
+
+fn by_address(
+    [main, blind]: [&[Touched<'_>]; 2],
+    sites: Option<&[Site]>,
+    [main_found, blind_found]: [&[Result<RunYoung, InverseError>]; 2],
+) -> ByAddress {
+    let mut by_step = BTreeMap::new();
+    let mut note = |touch: &Touch, found: Option<&Result<RunYoung, InverseError>>| {
+        let Some(found) = found else { return };
+        by_step.insert(touch.touch.step.clone(), *found);
+    };
+    let mut residual_of = BTreeMap::new();
+    for (index, (touch, posed)) in main.iter().enumerate() {
+        let index = match sites {
+            Some(sites) => sites.iter().position(|site| site.holds(touch, posed.sample)),
+            None => Some(index),
+        };
+        residual_of.extend(index.map(|index| (touch.touch.step.clone(), index)));
+        note(touch, index.and_then(|index| main_found.get(index)));
+    }
+    blind.iter().zip(blind_found).for_each(|((touch, _), found)| note(touch, Some(found)));
+    (by_step, residual_of)
+}
+
 /// The touches with a known sample, of the main and of the blind phase.
 fn touched<'a>(
     data: &'a RunData,
     sensor: &SensorDescription,
+    depths: &Depths<'_>,
     free_hz: f64,
 ) -> (Vec<Touched<'a>>, Vec<Touched<'a>>) {
-    let touched = |touch: &'a Touch| Some((touch, posed(touch, sensor, data, free_hz)?));
+    let touched = |touch: &'a Touch| {
+        let posed = posed(touch, sensor, data, free_hz)?;
+        Some((touch, depths.correct(touch, posed)))
+    };
     let is_main = |(touch, _): &Touched<'_>| touch.touch.phase == Phase::Main;
     data.touches.iter().filter_map(touched).partition(is_main)
 }
@@ -307,5 +339,6 @@ fn posed(
             shift_hz: scale * (halfway.resonance_hz - touch.no_load_hz),
             sigma_hz: scale * halfway.sigma_hz,
         }),
+        stage_sigma_mm: None,
     })
 }

@@ -1,13 +1,11 @@
 //! `rigd compensate`: the corrections of the analyzer for cable and fixture, with their date and cable.
 
-use std::path::{Path, PathBuf};
-
-use clap::{Args, ValueEnum};
+use clap::Args;
 use jiff::Timestamp;
 use rig_analyzer::Analyzer;
-use rig_files::instrument::dialect::{Compensation, Correction};
+use rig_files::instrument::dialect::{Compensation, Correction as Messages};
 use rig_store::make_directory;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::{
     Failure,
@@ -15,6 +13,7 @@ use super::{
     table::{print, print_json},
 };
 use crate::{
+    corrections::{self, Correction, CorrectionKind, FILE, last_of},
     durable::{self, FOR_ALL},
     local_time::local,
     rig::{DeviceError, analyzer_alone},
@@ -24,7 +23,7 @@ use crate::{
 pub(super) struct CompensateArgs {
     /// What is between the terminals now; without it, the corrections are listed
     #[arg(value_enum, requires = "cable")]
-    what: Option<Kind>,
+    what: Option<CorrectionKind>,
     /// The cable and the fixture, as written on them; kept with the date
     #[arg(long, value_name = "TEXT", requires = "what")]
     cable: Option<String>,
@@ -41,64 +40,24 @@ pub(super) struct CompensateArgs {
     output: OutputArgs,
 }
 
-/// A correction, by what is between the terminals.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum Kind {
-    /// Nothing, with the terminals as far apart as in the measurement
-    Open,
-    /// A wire that joins them
-    Short,
-    /// A known impedance
-    Load,
-}
-
-impl Kind {
-    const ALL: [Self; 3] = [Self::Open, Self::Short, Self::Load];
-
-    const fn name(self) -> &'static str {
-        match self {
-            Self::Open => "open",
-            Self::Short => "short",
-            Self::Load => "load",
-        }
+/// The messages of a correction, if the analyzer has it.
+const fn of(kind: CorrectionKind, compensation: &Compensation) -> Option<&Messages> {
+    match kind {
+        CorrectionKind::Open => Some(&compensation.open),
+        CorrectionKind::Short => Some(&compensation.short),
+        CorrectionKind::Load => compensation.load.as_ref(),
     }
-
-    const fn of(self, compensation: &Compensation) -> Option<&Correction> {
-        match self {
-            Self::Open => Some(&compensation.open),
-            Self::Short => Some(&compensation.short),
-            Self::Load => compensation.load.as_ref(),
-        }
-    }
-}
-
-/// A correction that was made.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct Made {
-    what: Kind,
-    /// When, UTC.
-    at: String,
-    cable: String,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    length_m: Option<f64>,
-    /// The identity of the analyzer.
-    analyzer: String,
-    operator: String,
 }
 
 /// A correction of the analyzer, for a program.
 #[derive(Debug, Serialize)]
 struct StateView {
-    what: Kind,
+    what: CorrectionKind,
     is_on: bool,
     /// When it was made last, by the records of this data directory for this analyzer.
     #[serde(skip_serializing_if = "Option::is_none")]
-    last: Option<Made>,
+    last: Option<Correction>,
 }
-
-/// The corrections that were made, the latest last.
-pub(super) const FILE: &str = "corrections.json";
 
 pub(super) fn compensate(args: &CompensateArgs) -> Result<(), Failure> {
     let rig = args.rig.load()?;
@@ -107,11 +66,11 @@ pub(super) fn compensate(args: &CompensateArgs) -> Result<(), Failure> {
     let Some(compensation) = &dialect.compensation else {
         return Err(Failure::NoCorrection { analyzer: &dialect.name, what: "corrections" });
     };
-    let mut made = read(&path)?;
+    let failed = |source| Failure::File { path: path.clone(), source };
+    let mut made = corrections::read(&args.data.dir()).map_err(failed)?;
     if let (Some(what), Some(cable)) = (args.what, &args.cable) {
         let name = &dialect.name;
-        let correction = what
-            .of(compensation)
+        let correction = of(what, compensation)
             .ok_or(Failure::NoCorrection { analyzer: name, what: what.name() })?;
         let length = check_length(args.length_m, compensation, name)?;
         let identity = analyzer_alone(rig, async |analyzer: &mut Analyzer| {
@@ -123,7 +82,7 @@ pub(super) fn compensate(args: &CompensateArgs) -> Result<(), Failure> {
             Ok::<_, DeviceError>(identity.to_string())
         })?;
         let now = Timestamp::now().strftime("%Y-%m-%dT%H:%M:%SZ").to_string();
-        let done = Made {
+        let done = Correction {
             what,
             at: now,
             cable: cable.clone(),
@@ -132,7 +91,6 @@ pub(super) fn compensate(args: &CompensateArgs) -> Result<(), Failure> {
             operator: args.operator.name().to_string(),
         };
         made.push(done);
-        let failed = |source| Failure::File { path: path.clone(), source };
         make_directory(&args.data.dir()).map_err(failed)?;
         durable::replace(&path, &made, FOR_ALL).map_err(failed)?;
         return print(&format!("{}: measured, and on, for {cable}", what.name()));
@@ -145,23 +103,19 @@ fn list(
     args: &CompensateArgs,
     rig: crate::loaded_rig::LoadedRig,
     compensation: &'static Compensation,
-    made: &[Made],
+    made: &[Correction],
 ) -> Result<(), Failure> {
     let (identity, states) = analyzer_alone(rig, async |analyzer: &mut Analyzer| {
         let identity = analyzer.identify().await?.to_string();
         let mut states = Vec::new();
-        for what in Kind::ALL {
-            if let Some(correction) = what.of(compensation) {
+        for what in CorrectionKind::ALL {
+            if let Some(correction) = of(what, compensation) {
                 states.push((what, analyzer.has_correction(correction).await?));
             }
         }
         Ok::<_, DeviceError>((identity, states))
     })?;
-    let view = |(what, is_on)| {
-        let is_it = |made: &&Made| made.what == what && made.analyzer == identity;
-        let last = made.iter().rfind(is_it).cloned();
-        StateView { what, is_on, last }
-    };
+    let view = |(what, is_on)| StateView { what, is_on, last: last_of(made, what, &identity) };
     let states: Vec<_> = states.into_iter().map(view).collect();
     if args.output.json {
         return print_json(&states);
@@ -192,13 +146,4 @@ fn check_length(
     }
     let known: Vec<_> = cable.lengths_m.iter().map(f64::to_string).collect();
     Err(Failure::CableLength { wanted, known: known.join(", ") })
-}
-
-fn read(path: &Path) -> Result<Vec<Made>, Failure> {
-    let failed = |source| Failure::File { path: PathBuf::from(path), source };
-    match std::fs::read(path) {
-        Ok(bytes) => serde_json::from_slice(&bytes).map_err(|error| failed(error.into())),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Vec::new()),
-        Err(error) => Err(failed(error)),
-    }
 }

@@ -14,12 +14,12 @@ use serde::Serialize;
 use super::{
     Failure,
     args::{DataArgs, OperatorArgs, OutputArgs, RunArg, TouchArgs},
-    compensate::FILE as CORRECTIONS,
     table::{columns, duration, note, print, print_json},
 };
 use crate::{
     archive,
     calibrations::FOLDER as CALIBRATIONS,
+    corrections::FILE as CORRECTIONS,
     interruption::{ADVICE, InterruptionView},
     local_time,
     rig::{self, RequestRefusal},

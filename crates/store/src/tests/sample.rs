@@ -176,6 +176,8 @@ pub(super) fn run_started() -> Record {
             file: "scale-20261125T153000.000000Z.toml".to_owned(),
             sha256: "00".repeat(32),
             verdict: None,
+            screw: None,
+            cable: None,
         }],
         samples: vec![Sample { name: "agar, \"soft\"".to_owned(), stiffness_mpa: Some(0.104) }],
         plan: PlanSize { steps: 2, touches: 1, prompts: 1 },

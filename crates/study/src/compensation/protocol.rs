@@ -170,6 +170,7 @@ impl Site<'_> {
             sigma_hz,
             reference_sigma_hz: 0.0,
             halfway: None,
+            stage_sigma_mm: None,
         };
         let Ok(one) = analysis.compensation.of_touch(&touch) else { return Outcome::default() };
         let stiffness = StiffnessError {

@@ -352,6 +352,7 @@ fn posed(touch: &BenchTouch) -> PosedTouch {
         sigma_hz: touch.shift_sigma_hz,
         reference_sigma_hz: 0.0,
         halfway: None,
+        stage_sigma_mm: None,
     }
 }
 

@@ -112,8 +112,12 @@ fn of_cause(
     let RunOfTruth { main, blind, .. } = bench.run(seed, 0, run).at_one_depth();
     let undisturbed = quiet.run(seed, 0, run).blind;
     let known_mpa = [None; SAMPLES_MPA.len()];
-    let main =
-        MainTouches { touches: &main, known_mpa: &known_mpa, sample_rel: NUISANCES.young_rel };
+    let main = MainTouches {
+        touches: &main,
+        known_mpa: &known_mpa,
+        sample_rel: NUISANCES.young_rel,
+        depth_correlation: None,
+    };
     let model = RunModel::of(analysis.described(), &main, ModelSource::Described);
     let mut sums = Sums::default();
     for (touch, undisturbed) in blind.iter().zip(&undisturbed) {
@@ -139,6 +143,7 @@ fn results(
         blind,
         known_mpa: &known_mpa,
         sample_rel: NUISANCES.young_rel,
+        depth_correlation: None,
         resonance_ratio: 1.0,
         scale_rel: 0.0,
     };

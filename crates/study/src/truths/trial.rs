@@ -66,6 +66,7 @@ impl Analysis {
             blind: &run.blind,
             known_mpa: &known_mpa,
             sample_rel: self.sample_rel,
+            depth_correlation: None,
             resonance_ratio: 1.0,
             scale_rel: self.scale_rel,
         };

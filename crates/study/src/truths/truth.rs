@@ -280,6 +280,7 @@ impl Bench {
                 shift_hz: before_hz,
                 sigma_hz: NUISANCES.shift_hz * std::f64::consts::FRAC_1_SQRT_2,
             }),
+            stage_sigma_mm: None,
         };
         (touch, young_mpa)
     }

@@ -131,16 +131,23 @@ fn of_run(
     Ok(touches)
 }
 
-/// Heights for the map of the screw, mm: every quarter millimetre between the lowest and the highest touch.
+/// Distance between the heights of the map of the screw, and how far it goes beyond the touches, mm. Between two heights the
+/// error is a straight line, which is half of the shortest length over which the fit lets it change.
+const MAP_STEP_MM: f64 = 0.1;
+const MAP_BEYOND_MM: f64 = 0.1;
+
+/// Most heights of a map: a bench with a longer way of touches has a wrong touch.
+const MAP_HEIGHTS: u32 = 200;
+
+/// Heights for the map of the screw, mm: from below the lowest touch to above the highest one.
 fn heights(touches: &[BlockTouch]) -> Vec<f64> {
     let ends = touches.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), touch| {
         (low.min(touch.height_mm), high.max(touch.height_mm))
     });
-    let steps = 4.0 * (ends.1 - ends.0);
-    (0..400)
-        .map(f64::from)
-        .take_while(|step| *step <= steps)
-        .map(|step| ends.0 + 0.25 * step)
+    let (low, high) = (ends.0 - MAP_BEYOND_MM, ends.1 + MAP_BEYOND_MM);
+    (0..MAP_HEIGHTS)
+        .map(|step| low + MAP_STEP_MM * f64::from(step))
+        .take_while(|height| *height < high + MAP_STEP_MM)
         .collect()
 }
 

@@ -9,10 +9,10 @@ use rig_store::{CitedCalibration, Expected, Journal, Record, RunId, RunKind, Run
 
 use super::Shell;
 use crate::{
-    calibrations,
+    calibrations, corrections,
     protocol_file::LoadedProtocol,
     rig::{
-        History, Pace, RequestRefusal, ResumeRefusal, RunView, TouchOrder, amend,
+        DeviceIdentity, History, Pace, RequestRefusal, ResumeRefusal, RunView, TouchOrder, amend,
         record::Recorder,
         resume::{Known, resumable},
         space,
@@ -70,14 +70,25 @@ impl Shell {
         }
     }
 
-    /// The calibrations that hold now, and the last daily check. Those that cannot be read are not cited.
+    /// The calibrations that hold now, the last daily check, and the corrections that were made last for this analyzer.
+    /// Those that cannot be read are not cited.
     fn cited(&self) -> Vec<CitedCalibration> {
         let Some(data) = self.log.store().directory() else { return Vec::new() };
-        calibrations::cited(&self.rests_on, data).unwrap_or_else(|error| {
+        let mut cited = calibrations::cited(&self.rests_on, data).unwrap_or_else(|error| {
             let error = with_causes(&error);
             tracing::warn!(error, "the calibrations cannot be read, and the run cites none");
             Vec::new()
-        })
+        });
+        let is_analyzer = |device: &&DeviceIdentity| device.role == "analyzer";
+        if let Some(analyzer) = self.setting.devices.iter().find(is_analyzer) {
+            match corrections::cited(data, &analyzer.identity) {
+                Ok(corrections) => cited.extend(corrections),
+                Err(error) => {
+                    tracing::warn!(%error, "the corrections cannot be read, and the run cites none");
+                }
+            }
+        }
+        cited
     }
 
     /// What earlier runs took, read before a journal is begun: a journal in memory cannot be read while
