@@ -5,6 +5,7 @@
 use std::{fs, os::unix::fs::PermissionsExt, path::Path, sync::Arc};
 
 use axum::{Router, routing::get};
+use rig_hub::TlsError as Cause;
 use rigd::http::{
     serve,
     tls::{Tls, TlsError},
@@ -95,10 +96,10 @@ fn a_key_that_others_can_read_and_files_without_one_are_refused() {
     Tls::own(data.path(), Vec::new()).unwrap();
     assert_eq!(fs::read(&certificate).unwrap(), made);
     fs::set_permissions(&key, fs::Permissions::from_mode(0o644)).unwrap();
-    assert!(matches!(Tls::open(&certificate, &key), Err(TlsError::Open { .. })));
+    assert!(matches!(Tls::open(&certificate, &key), Err(TlsError::Files(Cause::Open { .. }))));
     fs::set_permissions(&key, fs::Permissions::from_mode(0o600)).unwrap();
     let missing = Path::new("/nowhere/certificate.pem");
-    assert!(matches!(Tls::open(missing, &key), Err(TlsError::File { .. })));
+    assert!(matches!(Tls::open(missing, &key), Err(TlsError::Files(Cause::File { .. }))));
     fs::write(&certificate, "").unwrap();
-    assert!(matches!(Tls::open(&certificate, &key), Err(TlsError::Pem { .. })));
+    assert!(matches!(Tls::open(&certificate, &key), Err(TlsError::Files(Cause::Pem { .. }))));
 }

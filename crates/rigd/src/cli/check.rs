@@ -95,6 +95,7 @@ struct PlanView {
 
 /// The descents of a plan on this rig.
 #[derive(Debug, Serialize)]
+#[expect(clippy::struct_field_names, reason = "each field ends with its unit")]
 struct DescentsView {
     planned_mm_per_s: f64,
     /// The speed of a run; `null` if it searches in steps.

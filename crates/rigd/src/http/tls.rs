@@ -30,6 +30,7 @@ use super::expiry;
 /// Files of the daemon's own certificate, in its data directory.
 const OWN_CERTIFICATE: &str = "tls-certificate.pem";
 const OWN_KEY: &str = "tls-key.pem";
+
 /// Why there is no TLS.
 #[derive(Debug, thiserror::Error)]
 pub enum TlsError {
