@@ -153,7 +153,7 @@ fn errors(found: &[(f64, f64)], perfect: &[(f64, f64)]) -> [f64; 2] {
     ]
 }
 
-/// `RIGD_SCREW_BENCHES=8 cargo test -p rigd --test screw_map -- --nocapture` prints more benches.
+/// `RIGD_SCREW_BENCHES=6 cargo test -p rigd --test screw_map -- --nocapture` prints more benches.
 #[test]
 fn the_map_of_the_screw_makes_stiffness_less_wrong_and_says_by_how_much() {
     let benches = std::env::var("RIGD_SCREW_BENCHES").map_or(1, |count| count.parse().unwrap());
