@@ -1,4 +1,4 @@
-//! Whether the contact sense can be believed: the impedance of the clear probe against the last no-load
+//! Whether the contact sense can be trusted: the impedance of the clear probe against the last no-load
 //! resonance, the surface against its neighbours, and the shift against nothing.
 //!
 //! A stuck sense feels a contact that is not there, a blind one feels none, and a stage that has lost
