@@ -86,12 +86,13 @@ impl<'a> Depths<'a> {
     pub(super) fn summary(&self, touches: &[Touch]) -> Option<MappedDepths> {
         let (cited, map) = self.cited.as_ref()?;
         let ways: Vec<Way> = touches.iter().filter_map(|touch| Some(self.way(touch)?.1)).collect();
-        let errors = ways.iter().map(|way| way.error_mm);
+        let errors = ways.iter().map(|way| [way.error_mm; 2]);
+        let range = errors.reduce(|[least, most], [error, _]| [least.min(error), most.max(error)]);
         let squares: f64 = ways.iter().map(|way| map.sigma_mm(way).powi(2)).sum();
         Some(MappedDepths {
             file: cited.file.clone(),
             touches: [ways.len(), touches.len()],
-            errors_mm: [errors.clone().fold(0.0, f64::min), errors.fold(0.0, f64::max)],
+            errors_mm: range.unwrap_or_default(),
             sigma_mm: (squares / ways.len().max(1) as f64).sqrt(),
         })
     }
