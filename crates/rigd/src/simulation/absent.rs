@@ -94,6 +94,10 @@ impl Simulation {
         match *self {}
     }
 
+    pub(crate) const fn follow_hand(&self, _: Asked, _: Answer) {
+        match *self {}
+    }
+
     pub(crate) const fn answers(&self, _: &Event) -> bool {
         match *self {}
     }
