@@ -179,14 +179,12 @@ impl Reader {
         let mut runs = if wanted == "latest" {
             self.latest_runs(Some(1), None)?
         } else {
-            let is_meant = |run: &Run| {
-                let id = run.id.to_string();
-                let is_named = run.name == wanted || run.short_name() == wanted;
-                id.starts_with(wanted)
-                    || id.ends_with(wanted)
-                    || run.kind == RunKind::Run && is_named
-            };
-            self.runs()?.into_iter().filter(is_meant).collect()
+            self.select_runs(
+                "WHERE substr(id, 1, length(?1)) = ?1 OR substr(id, -length(?1)) = ?1
+                     OR kind = 'run' AND (name = ?1 OR name || '-' || number = ?1)
+                 ORDER BY key DESC",
+                [wanted],
+            )?
         };
         match runs.len() {
             0 => Err(StoreError::NoSuchRun { wanted: wanted.to_owned() }),
@@ -311,9 +309,12 @@ const KEYED: &str = "WHERE records.id = (
         AND json_extract(first.payload, '$.idempotency_key') = ?1
     ORDER BY runs.key DESC LIMIT 1)";
 
-/// All runs, each with its number among those of its kind and name.
-const RUNS: &str =
-    "SELECT *, row_number() OVER (PARTITION BY kind, name ORDER BY key) AS number FROM runs";
+/// All runs, each with its number among those of its kind and name. The runs are counted apart, so that SQLite does not
+/// sort all that is known of each of them.
+const RUNS: &str = "
+    SELECT * FROM runs JOIN (
+        SELECT key, row_number() OVER (PARTITION BY kind, name ORDER BY key) AS number FROM runs
+    ) USING (key)";
 
 fn select_runs(runs: &str, tail: &str) -> String {
     format!(

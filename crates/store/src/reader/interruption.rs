@@ -41,8 +41,8 @@ impl Reader {
     /// # Errors
     /// [`StoreError`] of the system or of SQLite.
     pub fn latest_session(&self, rig: &str) -> Result<Option<Run>, StoreError> {
-        let sessions = self.runs()?.into_iter();
-        Ok(sessions.into_iter().find(|run| run.kind == RunKind::Session && run.name == rig))
+        let latest = "WHERE kind = 'session' AND name = ?1 ORDER BY key DESC LIMIT 1";
+        Ok(self.select_runs(latest, [rig])?.pop())
     }
 
     /// The state of an interrupted run or session; `None` for any other.
