@@ -4,7 +4,8 @@
 //! virtual time, and is killed in the middle of some; programs ship its journal and put its objects, and are killed at any
 //! moment; lines are slow or cut; PostgreSQL crashes, ends connections, or has no space; journals are put back to a copy,
 //! or two computers go on with one; clocks are a year off, and runs have a newer format. At the end the hub and the
-//! objects must have each sealed run byte for byte, and a prefix of every other one, and nothing was put aside. The first
+//! objects must have each sealed run byte for byte, and a prefix of every other one, nothing was put aside, and the results
+//! that the hub makes of its records are those of the reports. The first
 //! run of a seed is also measured without a hub, and must be the same to the microsecond of the rig's clock.
 //!
 //! `hub-campaign figures` prints how fast the hub takes records, and how long answers take, on the computer at hand.
@@ -23,6 +24,7 @@ mod line;
 mod newer;
 mod objects;
 mod restored;
+mod results;
 mod seed;
 mod shipping;
 #[expect(dead_code, reason = "the tests of the hub use more of it")]

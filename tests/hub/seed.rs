@@ -8,7 +8,7 @@ use rig_store::Reader;
 use crate::{
     bench::{self, Bench, Contents, Counts, is_sealed},
     deed::{DEEDS, Deed},
-    objects, shipping,
+    objects, results, shipping,
     support::{Hub, assert_same, contents_of},
     worker,
 };
@@ -141,6 +141,8 @@ async fn judge(bench: &Bench, hub: &Hub, counts: &mut Counts) {
     wanted.extend(journal.clone());
     assert_same(&hub.contents_of(&bench.role).await, &wanted);
     *counts.entry("runs in the hub".to_owned()).or_default() += wanted.len() as u64;
+    *counts.entry("stiffnesses in reports".to_owned()).or_default() +=
+        results::compare(hub, data).await;
     for (run, put) in worker::objects(data, bench.objects.path()).unwrap() {
         if let Err(error) = put {
             panic!("{run}: {}", rig_model::with_causes(&error));

@@ -7,9 +7,9 @@ use tokio::sync::Mutex;
 use tokio_postgres::{Client, Config};
 
 use crate::{
-    ConnectError,
+    ConnectError, VersionError,
     compare::{self, Reference},
-    connect,
+    connect, migrations,
 };
 
 /// Most runs of an answer.
@@ -29,6 +29,9 @@ pub enum CatalogueError {
     /// No connection.
     #[error(transparent)]
     Connect(#[from] ConnectError),
+    /// The database has another version.
+    #[error(transparent)]
+    Version(#[from] VersionError),
     /// PostgreSQL refuses.
     #[error("PostgreSQL refuses")]
     Refused(#[from] tokio_postgres::Error),
@@ -143,6 +146,7 @@ impl Catalogue {
         let restrict = "SET ROLE rigd_hub_reader; SET default_transaction_read_only = on;
                         SET statement_timeout = '30s'";
         client.batch_execute(restrict).await?;
+        migrations::check(&client).await?;
         let client = Arc::new(client);
         *held = Some(Arc::clone(&client));
         Ok(client)

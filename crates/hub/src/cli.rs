@@ -1,6 +1,7 @@
 //! The command line. Data goes to stdout, messages go to stderr.
 
 mod prune;
+mod text;
 mod trial;
 
 use std::{
@@ -20,15 +21,17 @@ use tokio::{
         ctrl_c,
         unix::{SignalKind, signal},
     },
+    task::JoinHandle,
 };
-use tokio_postgres::Config;
+use tokio_postgres::{Client, Config};
 
 use crate::{
-    Authority, BenchName, Catalogue, CertificateError, ConnectError, PruneError, State, TrialError,
+    Authority, BenchName, Catalogue, CertificateError, ConnectError, PruneError, TrialError,
+    VersionError,
     admin::{self, AdminError, DATABASE},
     connect,
-    doctor::{self, Finding, Level},
-    is_local, judge, state,
+    doctor::{self, Level},
+    is_local, judge, migrations, state,
 };
 
 /// Keeps the records of many rigs in one PostgreSQL.
@@ -181,6 +184,8 @@ enum Failure {
     #[error(transparent)]
     Connect(#[from] ConnectError),
     #[error(transparent)]
+    Version(#[from] VersionError),
+    #[error(transparent)]
     Certificate(#[from] CertificateError),
     #[error(transparent)]
     Trial(#[from] TrialError),
@@ -283,10 +288,11 @@ impl DatabaseArgs {
             .map_err(|source| Failure::Words { words: self.database.clone(), source })
     }
 
-    async fn connect(
-        &self,
-    ) -> Result<(tokio_postgres::Client, tokio::task::JoinHandle<()>), Failure> {
-        Ok(connect(&self.config()?, None).await?)
+    /// Connects to a database with the version of this program.
+    async fn connect(&self) -> Result<(Client, JoinHandle<()>), Failure> {
+        let (client, task) = connect(&self.config()?, None).await?;
+        migrations::check(&client).await?;
+        Ok((client, task))
     }
 }
 
@@ -352,72 +358,23 @@ async fn add(args: AddArgs) -> Result<(), Failure> {
 async fn status(args: &OutputArgs) -> Result<(), Failure> {
     let (client, _task) = args.database.connect().await?;
     let state = state(&client).await?;
-    if args.json { print_json(&state) } else { say(&status_text(&state)) }
-}
-
-fn status_text(state: &State) -> String {
-    let mut lines = vec![format!(
-        "{:<24} {:>20} {:>7} {:>7} {:>7} {:>10} {:>7}",
-        "bench", "last seen", "runs", "sealed", "pruned", "records", "aside"
-    )];
-    lines.extend(state.benches.iter().map(|bench| {
-        format!(
-            "{:<24} {:>20} {:>7} {:>7} {:>7} {:>10} {:>7}",
-            bench.bench,
-            bench.last_seen.as_deref().unwrap_or("never"),
-            bench.runs,
-            bench.sealed,
-            bench.pruned,
-            bench.records,
-            bench.clashes
-        )
-    }));
-    lines.push(match &state.pruning {
-        None => "records were never pruned".to_owned(),
-        Some(last) => format!(
-            "last pruning {}: {} records of {} runs removed, older than {} days and in {}; {} runs stayed",
-            last.at, last.records, last.runs, last.keep_days, last.objects, last.stayed
-        ),
-    });
-    for alarm in &state.alarms {
-        lines.push(format!(
-            "alarm {}: {} of {}, {} ({} times, last {}): {}",
-            alarm.id,
-            alarm.kind,
-            alarm.bench.as_deref().unwrap_or("nobody"),
-            alarm.subject,
-            alarm.times,
-            alarm.last_at,
-            alarm.detail
-        ));
-    }
-    lines.join("\n")
+    if args.json { print_json(&state) } else { say(&text::status(&state)) }
 }
 
 async fn doctor(args: &OutputArgs) -> Result<(), Failure> {
-    let (client, _task) = args.database.connect().await?;
+    // Doctor tells of another version by itself.
+    let (client, _task) = connect(&args.database.config()?, None).await?;
     let findings = doctor::findings(&client).await?;
     if args.json {
         print_json(&findings)?;
     } else {
-        let lines: Vec<_> = findings.iter().map(finding_text).collect();
+        let lines: Vec<_> = findings.iter().map(text::finding).collect();
         say(&lines.join("\n"))?;
     }
     if findings.iter().any(|finding| finding.level == Level::Problem) {
         return Err(Failure::Found);
     }
     Ok(())
-}
-
-fn finding_text(finding: &Finding) -> String {
-    let advice = finding.advice.map(|advice| format!("\n         → {advice}"));
-    format!(
-        "{:<8} {}: {}{}",
-        finding.level.name(),
-        finding.check,
-        finding.text,
-        advice.unwrap_or_default()
-    )
 }
 
 fn print_json(value: &impl Serialize) -> Result<(), Failure> {

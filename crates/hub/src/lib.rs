@@ -41,7 +41,7 @@ pub use compare::{BenchChart, ChartPoint, Reference};
 pub use connect::{ConnectError, connect};
 pub use inlet::{Cursor, Inlet, InletError};
 pub use judge::judge;
-pub use migrations::{MIGRATIONS, MigrationError, migrate};
+pub use migrations::{MIGRATIONS, MigrationError, VersionError, migrate};
 pub use name::{BenchName, NameError};
 pub use pem_files::{TlsError, read_certificates, read_key};
 pub use prune::{PruneError, Pruned, prune};

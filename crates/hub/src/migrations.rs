@@ -1,5 +1,7 @@
 //! The tables and functions of the hub, in versions.
 
+use std::cmp::Ordering;
+
 use sha2::{Digest as _, Sha256};
 use tokio_postgres::Client;
 
@@ -66,6 +68,38 @@ pub enum MigrationError {
     Version(#[from] tokio_postgres::Error),
 }
 
+/// Why this program cannot read a database.
+#[derive(Debug, thiserror::Error)]
+pub enum VersionError {
+    /// The database has fewer steps than this program knows, or more.
+    #[error("the database has version {found}, and this rigd-hub reads version {known}: {advice}")]
+    Other {
+        /// Version of the database; 0 without a hub.
+        found: usize,
+        /// Version of this program.
+        known: usize,
+        /// What to do.
+        advice: &'static str,
+    },
+    /// The version cannot be read.
+    #[error("version of the database")]
+    Refused(#[from] tokio_postgres::Error),
+}
+
+/// Checks that the database has the version of this program.
+///
+/// # Errors
+/// [`VersionError`].
+pub(crate) async fn check(client: &Client) -> Result<(), VersionError> {
+    let (found, known) = (version(client).await?, MIGRATIONS.len());
+    let advice = match found.cmp(&known) {
+        Ordering::Equal => return Ok(()),
+        Ordering::Less => "bring it up to date by `rigd-hub init`",
+        Ordering::Greater => "use the rigd-hub that made it, or a newer one",
+    };
+    Err(VersionError::Other { found, known, advice })
+}
+
 /// Brings the database to the version of this program, each step in a transaction, and returns how many were made.
 ///
 /// # Errors
@@ -111,11 +145,15 @@ pub async fn migrate(client: &mut Client) -> Result<usize, MigrationError> {
     Ok(made)
 }
 
-/// The version of a database: how many steps it has.
+/// The version of a database: how many steps it has; 0 without a hub.
 ///
 /// # Errors
 /// The error of PostgreSQL.
 pub(crate) async fn version(client: &Client) -> Result<usize, tokio_postgres::Error> {
+    let is_there = "SELECT to_regclass('hub.migration') IS NOT NULL";
+    if !client.query_one(is_there, &[]).await?.get::<_, bool>(0) {
+        return Ok(0);
+    }
     let row = client.query_one("SELECT count(*) FROM hub.migration", &[]).await?;
     Ok(usize::try_from(row.get::<_, i64>(0)).unwrap_or(0))
 }

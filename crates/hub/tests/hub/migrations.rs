@@ -1,6 +1,9 @@
 //! The versions of the schema.
 
-use rig_hub::{MIGRATIONS, MigrationError, admin, connect, doctor, migrate};
+use rig_hub::{
+    Catalogue, CatalogueError, MIGRATIONS, MigrationError, VersionError, admin, connect, doctor,
+    migrate,
+};
 
 use crate::support::{Hub, server};
 
@@ -51,4 +54,28 @@ async fn a_database_that_was_left_half_way_is_completed() {
     hub.admin.batch_execute(half).await.unwrap();
     let made = admin::init(&server().admin(&hub.database)).await.unwrap();
     assert_eq!(made, MIGRATIONS.len());
+}
+
+#[tokio::test]
+async fn a_database_of_another_version_is_told_and_not_read() {
+    let hub = Hub::new().await;
+    let read = async || match Catalogue::new(server().admin(&hub.database)).rigs().await {
+        Ok(_) => None,
+        Err(CatalogueError::Version(VersionError::Other { found, advice, .. })) => {
+            Some((found, advice))
+        }
+        Err(error) => panic!("{error:?}"),
+    };
+    assert_eq!(read().await, None);
+    let known = MIGRATIONS.len();
+    let (older, newer) =
+        ("bring it up to date by `rigd-hub init`", "use the rigd-hub that made it, or a newer one");
+    let add = format!("INSERT INTO hub.migration VALUES ({}, 'of the future', '')", known + 1);
+    hub.admin.batch_execute(&add).await.unwrap();
+    assert_eq!(read().await, Some((known + 1, newer)));
+    let remove = format!("DELETE FROM hub.migration WHERE version >= {known}");
+    hub.admin.batch_execute(&remove).await.unwrap();
+    assert_eq!(read().await, Some((known - 1, older)));
+    hub.admin.batch_execute("DROP TABLE hub.migration").await.unwrap();
+    assert_eq!(read().await, Some((0, older)));
 }
