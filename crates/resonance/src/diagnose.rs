@@ -11,3 +11,4 @@ pub(crate) mod screen;
 pub(crate) mod tangents;
 pub(crate) mod two_sweeps;
 pub(crate) mod unknown_dwell;
+pub(crate) mod unsettled_outliers;

@@ -106,7 +106,7 @@ fn outliers_are_left_out_and_too_many_refuse() {
     let found = verdict.accepted().unwrap();
     assert_eq!(found.points, 98);
     assert!((found.resonance_hz - 140.0).abs() < 4.0 * found.sigma_hz, "{found:?}");
-    for reading in readings.iter_mut().step_by(6) {
+    for reading in readings.iter_mut().step_by(5) {
         let z = impedance(reading);
         reading.measured = measured(Complex64::new(1.5 * z.re, 0.7 * z.im));
     }

@@ -227,7 +227,7 @@ impl Trace {
     /// Weights every reading by how far it has settled for this circuit; otherwise like
     /// [`Self::weigh`].
     pub(crate) fn weigh_settling(&mut self, at: &ModelEstimate, variance: f64) -> f64 {
-        let transients = self.transients(at);
+        let transients = self.transients(at, |sample| sample.visit);
         for (sample, unsettled) in self.samples.iter_mut().zip(transients) {
             sample.unsettled = unsettled;
         }
@@ -236,13 +236,17 @@ impl Trace {
     }
 
     /// The variance that the residual transient of a drive of any phase adds to each part of the
-    /// relative error of each reading of this circuit.
-    pub(crate) fn transients(&self, at: &ModelEstimate) -> Vec<f64> {
+    /// relative error of each reading of this circuit, for these visits.
+    pub(crate) fn transients(
+        &self,
+        at: &ModelEstimate,
+        visit: impl Fn(&Sample) -> Visit,
+    ) -> Vec<f64> {
         let mut residual = ResidualTransient::new(at.resonance_hz, at.q);
         let circuit = at.circuit(1.0);
         let of_sample = |sample: &Sample| {
             let admittance = circuit.admittance_siemens(sample.visit.frequency_hz).norm_sqr();
-            at.c1 * at.c1 * residual.visit(&sample.visit) / admittance
+            at.c1 * at.c1 * residual.visit(&visit(sample)) / admittance
         };
         self.samples.iter().map(of_sample).collect()
     }

@@ -13,7 +13,7 @@ use crate::{
     circuit::ringup::{Motion, Visit, plain},
     circuit::trace::{ExtraTerm, Minimum, ModelEstimate, Row, Sample, Timing, Trace},
     diagnose::tangents::{MOST, Products, Tangents, mode_unit},
-    diagnose::unknown_dwell::DWELLS,
+    diagnose::unknown_dwell::{self, DWELLS},
 };
 
 /// A possible fault of a sweep.
@@ -253,7 +253,7 @@ impl<'a> Fitted<'a> {
             || shortest_s < SETTLED_TIME_CONSTANTS * self.time_constant_s()
     }
 
-    fn time_constant_s(&self) -> f64 {
+    pub(super) fn time_constant_s(&self) -> f64 {
         self.at.q / (PI * self.at.resonance_hz)
     }
 
@@ -277,30 +277,29 @@ impl<'a> Fitted<'a> {
     /// The residual transient of a motion of size 1 after each possible dwell.
     pub(crate) fn dwells(&self) -> impl Iterator<Item = Alternative> + '_ {
         let time_constant_s = self.time_constant_s();
-        DWELLS.into_iter().filter_map(move |(dwell, cycles)| {
-            self.after(|sample| Visit {
-                settle_s: dwell * time_constant_s,
-                integration_s: cycles / sample.visit.frequency_hz,
-                rest_s: 0.0,
-                ..sample.visit
-            })
-        })
+        let visit =
+            move |dwell, sample: &Sample| unknown_dwell::visit(dwell, time_constant_s, sample);
+        DWELLS.into_iter().filter_map(move |dwell| self.after(|sample| visit(dwell, sample)))
     }
 
     /// The pattern of a drive that continues from visit to visit.
     fn after(&self, visit: impl Fn(&Sample) -> Visit) -> Option<Alternative> {
+        let left = self.left_after(visit);
+        self.alternative(Cause::NotSettled, 1, |i, _| [left[i], NOTHING, NOTHING])
+    }
+
+    /// The residual transient of each reading, relative to the reading, if the drive continues from
+    /// visit to visit.
+    pub(super) fn left_after(&self, visit: impl Fn(&Sample) -> Visit) -> Vec<Complex64> {
         let mut motion = Motion::at_rest(plain(self.at.resonance_hz, self.at.q));
         let mut past = NOTHING;
-        let response: Vec<_> = self
-            .trace
-            .samples
-            .iter()
-            .map(|sample| self.at.c1 * motion.visit(&visit(sample), &mut past).motional)
-            .collect();
-        let pattern = |i: usize, _: &Row| {
-            [(response[i] - self.motional[i]) / self.admittance[i], NOTHING, NOTHING]
+        let mut left = |sample: &Sample, motional: &Complex64, admittance: &Complex64| {
+            let response = self.at.c1 * motion.visit(&visit(sample), &mut past).motional;
+            (response - motional) / admittance
         };
-        self.alternative(Cause::NotSettled, 1, pattern)
+        let steady = self.motional.iter().zip(&self.admittance);
+        let samples = self.trace.samples.iter().zip(steady);
+        samples.map(|(sample, (motional, admittance))| left(sample, motional, admittance)).collect()
     }
 
     fn sample(&self, index: usize) -> &Sample {

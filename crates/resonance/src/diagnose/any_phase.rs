@@ -38,7 +38,7 @@ impl AnyPhase {
     pub(crate) fn of(trace: &Trace, found: &Minimum, noise: f64) -> Option<Self> {
         let inverse =
             Cholesky::new(&found.normal.matrix, found.free, 0.0)?.inverse_leading(found.free);
-        let transients = trace.transients(&found.at);
+        let transients = trace.transients(&found.at, |sample| sample.visit);
         let mut parts: Vec<Part> = Vec::with_capacity(transients.len());
         let (mut variance, mut index) = (0.0, 0);
         trace.rows(&found.at, |sample, row| {

@@ -5,25 +5,27 @@
 //! the rest is nearly as informative, and if no other cause explains them.
 
 use crate::{
-    circuit::trace::{Minimum, ModelEstimate, Trace, UNKNOWNS},
+    circuit::trace::{Minimum, ModelEstimate, Row, Sample, Trace, UNKNOWNS},
     noise::VARIANCE_MIN,
     numeric::dense::Cholesky,
     numeric::descent::Normal,
 };
 
-/// One reading in six may be an outlier. With more, the rest is unreliable too.
-pub(crate) const READINGS_PER_OUTLIER: usize = 6;
+/// One reading in five may be an outlier. With more, the rest is unreliable too.
+pub(crate) const READINGS_PER_OUTLIER: usize = 5;
 /// Twice the log-likelihood that each excluded reading must gain over every other cause.
 pub(crate) const GAIN_PER_OUTLIER: f64 = 28.0;
 /// Rounds of reweighting; each brings the scale nearer to that of the good readings.
 const ROUNDS: usize = 12;
 /// The point of half Cauchy weight, in means of |r|².
-const CAUCHY_MEANS: f64 = 3.0;
+pub(crate) const CAUCHY_MEANS: f64 = 3.0;
 /// Largest factor by which excluding outliers may raise the variance.
-const LOST: f64 = 2.0;
-/// Fraction of best-fitting readings that define the usual |r|². It tolerates twice as many outliers as
-/// are accepted.
-pub(crate) const TRIMMED: f64 = 0.8;
+const LOST: f64 = 3.0;
+/// Largest number of neighbours that pass for one burst of outliers.
+const BURST_MAX: usize = 5;
+/// Fraction of best-fitting readings that define the usual |r|². It tolerates as many outliers as are
+/// accepted.
+const TRIMMED: f64 = 0.8;
 /// The mean of an exponential distribution of mean 1 up to its 80 % point.
 const TRIMMED_MEAN: f64 = 0.5977;
 
@@ -31,9 +33,7 @@ const TRIMMED_MEAN: f64 = 0.5977;
 pub(crate) fn count(trace: &Trace, found: &Minimum) -> usize {
     let far = far(trace, found);
     let (sizes, usual) = sizes(trace, found);
-    let is_far = |(sample, size): &(&crate::circuit::trace::Sample, &f64)| {
-        sample.weight > 0.0 && **size > far * usual
-    };
+    let is_far = |(sample, size): &(&Sample, &f64)| sample.weight > 0.0 && **size > far * usual;
     trace.samples.iter().zip(&sizes).filter(is_far).count()
 }
 
@@ -73,6 +73,18 @@ pub(crate) fn without(
     }
     let is_enough = tells_as_much(trace, &rest, &best);
     (left_out > 0).then_some((rest, best, is_enough))
+}
+
+/// Whether most of the readings that `rest` leaves out are neighbours in frequency. Outliers come alone or
+/// in short bursts; a peak that no circuit describes deviates over its whole width.
+pub(crate) fn are_together(all: &Trace, rest: &Trace) -> bool {
+    let used = all.samples.iter().zip(&rest.samples).filter(|(sample, _)| sample.weight > 0.0);
+    let mut used: Vec<(f64, bool)> =
+        used.map(|(one, left)| (one.visit.frequency_hz, left.weight == 0.0)).collect();
+    used.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let longest = used.chunk_by(|a, b| a.1 == b.1).filter(|run| run[0].1).map(<[_]>::len).max();
+    let left_out = used.iter().filter(|(_, is_left_out)| *is_left_out).count();
+    longest.is_some_and(|longest| longest > BURST_MAX && 2 * longest > left_out)
 }
 
 /// The model with Cauchy weights, which reduce the scale despite outliers.
@@ -115,6 +127,23 @@ fn tells_as_much(all: &Trace, rest: &Trace, found: &Minimum) -> bool {
     variance(rest) < LOST * variance(all)
 }
 
+/// The part of the deviation of a reading that a fit with this inverse of its normal matrix leaves.
+pub(crate) fn left(
+    sample: &Sample,
+    row: &Row,
+    inverse: &[[f64; UNKNOWNS]; UNKNOWNS],
+    free: usize,
+) -> f64 {
+    let mut taken = 0.0;
+    for (left, line) in row.slopes.iter().zip(inverse).take(free) {
+        for (right, element) in row.slopes.iter().zip(line) {
+            taken += element * (left.conj() * right).re;
+        }
+    }
+    // Each of the two parts of a reading has half of it.
+    (1.0 - 0.5 * sample.weight * taken).clamp(0.05, 1.0)
+}
+
 /// The weighted |r|² of every sample, corrected for the reduction by the fit, and the usual value among
 /// those in use.
 pub(crate) fn sizes(trace: &Trace, found: &Minimum) -> (Vec<f64>, f64) {
@@ -123,15 +152,8 @@ pub(crate) fn sizes(trace: &Trace, found: &Minimum) -> (Vec<f64>, f64) {
     let mut sizes = Vec::with_capacity(trace.samples.len());
     let mut used = Vec::with_capacity(trace.samples.len());
     trace.rows(&found.at, |sample, row| {
-        let mut taken = 0.0;
-        for (left, line) in row.slopes.iter().zip(&inverse).take(found.free) {
-            for (right, element) in row.slopes.iter().zip(line) {
-                taken += element * (left.conj() * right).re;
-            }
-        }
-        // Each of the two parts of a reading has half of it.
-        let left = (1.0 - 0.5 * sample.weight * taken).clamp(0.05, 1.0);
-        let size = sample.weight * row.residual.norm_sqr() / left;
+        let size =
+            sample.weight * row.residual.norm_sqr() / left(sample, &row, &inverse, found.free);
         sizes.push(size);
         if sample.weight > 0.0 {
             used.push(size);

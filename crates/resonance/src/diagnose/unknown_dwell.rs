@@ -9,13 +9,26 @@
 //! one have equal prior probability. Each adds the square of the error of ignoring it, weighted by its
 //! posterior probability.
 
-use crate::diagnose::alternatives::Alternative;
+use crate::{
+    circuit::{ringup::Visit, trace::Sample},
+    diagnose::alternatives::Alternative,
+};
 
 /// Trial settling times, in time constants, and integrations, in cycles.
 pub(super) const DWELLS: [(f64, f64); 7] =
     [(0.0, 4.0), (0.0, 10.0), (0.5, 4.0), (0.5, 10.0), (1.0, 4.0), (2.0, 4.0), (3.0, 4.0)];
 /// Largest twice the log-likelihood; above it other dwells are impossible and numbers overflow.
 const CERTAIN: f64 = 500.0;
+
+/// The visit of a sample with this dwell, for this time constant, s.
+pub(super) fn visit((dwell, cycles): (f64, f64), time_constant_s: f64, sample: &Sample) -> Visit {
+    Visit {
+        settle_s: dwell * time_constant_s,
+        integration_s: cycles / sample.visit.frequency_hz,
+        rest_s: 0.0,
+        ..sample.visit
+    }
+}
 
 /// Addition to the relative variance of the resonance for these trial dwells, for this noise variance of
 /// readings of ten cycles.

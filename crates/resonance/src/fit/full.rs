@@ -16,6 +16,7 @@ use crate::{
     diagnose::doubts::GAIN_MIN,
     diagnose::outliers::{self, GAIN_PER_OUTLIER, READINGS_PER_OUTLIER},
     diagnose::unknown_dwell,
+    diagnose::unsettled_outliers::is_unsettled,
     fit::grid::{CircuitPrior, Grid, Q_TYPICAL, are_apart},
     fit::robust,
     noise::{self, PooledVariance},
@@ -37,11 +38,14 @@ pub(crate) struct Model {
     known: f64,
     /// The multiple of the mains frequency near which readings were disturbed.
     mains_hz: Option<f64>,
-    /// Number of outliers if there are too many to be excluded.
-    too_many: Option<usize>,
+    /// The refusal if readings deviate too far or too often to be excluded, although the others show a
+    /// resonance.
+    too_many: Option<Reason>,
     /// Addition to the relative variance of the resonance for causes that would shift it and are not
     /// excluded.
     widened: f64,
+    /// Whether readings that look like outliers are residual transients.
+    is_unsettled: bool,
     /// The reason to refuse this model, if there is one.
     pub(crate) reason: Option<Reason>,
 }
@@ -138,7 +142,7 @@ impl Model {
         if options.timing.is_steady() && !options.always_loss {
             model.try_without_loss();
         }
-        let settling = model.settling(options);
+        let settling = model.settling(options).filter(|_| !model.is_unsettled);
         model.climb(options);
         let is_circuit = model.reason.is_none() && model.order <= ModelOrder::Loss;
         match settling {
@@ -179,6 +183,7 @@ impl Model {
             mains_hz: None,
             too_many: None,
             widened: 0.0,
+            is_unsettled: false,
             reason: None,
         }
     }
@@ -190,6 +195,7 @@ impl Model {
 
     /// The model without outliers, if they are the only fault.
     fn without_outliers(mut self, robust: Option<ModelEstimate>, options: &FitOptions) -> Self {
+        (self.is_unsettled, self.too_many) = (false, None);
         if robust.is_none() && outliers::count(&self.trace, &self.found) == 0 {
             return self;
         }
@@ -200,27 +206,40 @@ impl Model {
         if !is_enough {
             // Excluding readings can make pure noise fit any model.
             let is_resonance = rest.gain_over_capacitor() > GAIN_MIN;
-            self.too_many = is_resonance.then_some(left_out);
+            let are_together = outliers::are_together(&self.trace, &rest.trace);
+            let many = if are_together { Reason::Distorted } else { self.outliers(left_out) };
+            self.too_many = is_resonance.then_some(many);
             return self;
         }
         let gain = rest.degrees() * (self.found.normal.cost / rest.found.normal.cost).ln();
         // All readings together may follow another model.
         let is_best = self.rival(options) < gain - GAIN_PER_OUTLIER * left_out as f64;
-        if is_best { rest } else { self }
+        if !is_best {
+            return self;
+        }
+        let noise = rest.noise(options).variance();
+        if !is_unsettled(&self.trace, &rest.trace, &rest.found, noise) {
+            return rest;
+        }
+        // A second mode beside the first looks like transients too.
+        self.is_unsettled = self.gain_of_second_mode(options) < gain - GAIN_PER_OUTLIER;
+        self
     }
 
-    /// The refusal if outliers prevent a valid model.
-    pub(crate) fn outliers_in_the_way(&self) -> Option<Reason> {
-        let readings = self.trace.samples.len();
-        let allowed = readings / READINGS_PER_OUTLIER;
-        self.too_many.map(|found| Reason::Outliers { found, readings, allowed })
+    /// The refusal if readings that no circuit describes prevent a valid model.
+    pub(crate) const fn outliers_in_the_way(&self) -> Option<Reason> {
+        self.too_many
     }
 
     fn too_many_outliers(&self) -> Option<Reason> {
-        let readings = self.trace.samples.len();
         let found = outliers::count(&self.trace, &self.found);
-        let allowed = readings / READINGS_PER_OUTLIER;
-        (found > 0).then_some(Reason::Outliers { found, readings, allowed })
+        (found > 0).then(|| self.outliers(found))
+    }
+
+    /// The refusal for this number of outliers.
+    fn outliers(&self, found: usize) -> Reason {
+        let readings = self.trace.samples.len();
+        Reason::Outliers { found, readings, allowed: readings / READINGS_PER_OUTLIER }
     }
 
     /// Omits dielectric loss if that causes less error than fitting it.
@@ -335,6 +354,17 @@ impl Model {
             .fold(0.0, f64::max)
     }
 
+    /// Gain of the best second mode.
+    fn gain_of_second_mode(&self, options: &FitOptions) -> f64 {
+        Fitted::new(&self.trace, &self.found)
+            .alternatives()
+            .into_iter()
+            .filter(|found| matches!(found.cause, Cause::SecondMode { .. }))
+            .filter_map(|found| self.higher(&found.cause))
+            .map(|model| self.gain(self.found.normal.cost - model.found.normal.cost, options))
+            .fold(0.0, f64::max)
+    }
+
     /// The model extended by this cause, if there is one.
     fn higher(&self, cause: &Cause) -> Option<Self> {
         if !self.trace.timing.is_steady() {
@@ -354,8 +384,9 @@ impl Model {
         let trace = self.trace.clone();
         let start = ModelEstimate { extra_term, extra, ..self.found.at };
         let found = trace.minimum(start, CIRCUIT + extra_term.count());
-        let Self { known, mains_hz, too_many, .. } = *self;
-        Some(Self { trace, found, order, known, mains_hz, too_many, widened: 0.0, reason: None })
+        let Self { known, mains_hz, too_many, is_unsettled, .. } = *self;
+        let (widened, reason) = (0.0, None);
+        Some(Self { trace, found, order, known, mains_hz, too_many, widened, is_unsettled, reason })
     }
 
     /// The effect of residual motion, which the settling times make negligible or the readings do not

@@ -12,7 +12,7 @@ use crate::{
 /// measurement in one message, and the time within it is an estimate.
 pub(crate) const CLOCK_SLACK_S: f64 = 0.05;
 /// At most one reading in this number is left out of a fit.
-pub(crate) const READINGS_PER_OUTLIER: usize = 6;
+pub(crate) const READINGS_PER_OUTLIER: usize = 5;
 
 /// An analyzer may round a frequency that is set again a little otherwise, by this part of it.
 const SAME_FREQUENCY: f64 = 1e-6;
@@ -155,7 +155,7 @@ impl Labels {
         }
     }
 
-    /// Every reading counts, except flagged ones that were measured again, and one in six that was left
+    /// Every reading counts, except flagged ones that were measured again, and one in five that was left
     /// out.
     fn check_readings(seq: u64, sweep: &Sweep, findings: &mut Findings) {
         let Sweep { readings, probe_readings, outcome, .. } = sweep;
