@@ -98,6 +98,8 @@ pub struct ExpectedTouch<'a> {
     pub assumed_mpa: Option<f64>,
     /// Pose of the surface.
     pub pose: Pose,
+    /// Position of the linear stage at which the tip is expected to touch, mm.
+    pub surface_mm: f64,
     /// Depth below the surface, along the probe, mm.
     pub indentation_mm: f64,
 }

@@ -56,8 +56,9 @@ pub(crate) fn chosen(settings: &store::AimSettings) -> Option<AimSettings> {
     })
 }
 
-/// The plan of the aim, for a person: a line for each part with its setting, time and contribution.
-pub(crate) fn lines(aim: &AimPlan) -> Vec<String> {
+/// The plan of the aim, for a person: a line for each part with its setting, time and contribution. `screw_file` is the
+/// calibration with the error of the screw, if the plan has used one.
+pub(crate) fn lines(aim: &AimPlan, screw_file: Option<&str>) -> Vec<String> {
     let AimPlan { wanted, settings, stated, times, parts, together, worst } = aim;
     let values = [
         settings.contact_sigma_hz.to_string(),
@@ -80,6 +81,7 @@ pub(crate) fn lines(aim: &AimPlan) -> Vec<String> {
         let percents = parts[part as usize];
         row(part.name(), seconds, Some(percents.all), Some(percents.worst), setting)
     };
+    let depth = screw_file.unwrap_or("rig: sensor.uncertainty.depth_mm");
     vec![
         format!("aim: {wanted}. Expected of a touch:"),
         format!("  {:<9} {:>6} {:>6} {:>6}  setting", "part", "s", "% rms", "% max"),
@@ -87,7 +89,7 @@ pub(crate) fn lines(aim: &AimPlan) -> Vec<String> {
         error(ErrorPart::Reference, Some(times.reference_s), &setting(1)),
         row("", None, None, None, &setting(3)),
         error(ErrorPart::Surface, Some(times.surface_s), &setting(2)),
-        error(ErrorPart::Depth, None, "rig: sensor.uncertainty.depth_mm"),
+        error(ErrorPart::Depth, None, depth),
         error(ErrorPart::Angle, None, "rig: sensor.uncertainty.angle_deg"),
         row("rest", Some(times.rest_s), None, None, "rotation, indentation, dwell, way up"),
         row(

@@ -42,6 +42,10 @@ pub struct RigFacts {
     pub stiffness_mpa: Vec<(String, f64)>,
     /// The sensor of the rig file.
     pub sensor: SensorDescription,
+    /// What calibrations of this rig rest on.
+    pub basis: Basis,
+    /// The data directory whose calibrations a run would cite; `None` where nothing is known of it.
+    pub data: Option<PathBuf>,
     /// Whether the rig is simulated.
     pub is_simulated: bool,
     /// Whether time passes as fast as the simulation computes.
@@ -87,6 +91,8 @@ impl LoadedRig {
             known_samples: self.scene.as_ref().map(names),
             stiffness_mpa: self.known_samples(),
             sensor: self.file.sensor.clone(),
+            basis: self.basis(),
+            data: None,
             is_simulated: self.is_simulated(),
             is_virtual_time: self.is_virtual_time(),
         }
@@ -121,6 +127,14 @@ impl LoadedRig {
     /// Whether time passes as fast as the simulation computes.
     pub const fn is_virtual_time(&self) -> bool {
         matches!(&self.file.connection, Connection::Simulated(Simulation { pace, .. }) if matches!(pace, Pace::Virtual))
+    }
+}
+
+impl RigFacts {
+    /// The same for runs in a data directory, whose calibrations they cite.
+    #[must_use]
+    pub fn with_data(self, data: &Path) -> Self {
+        Self { data: Some(data.to_owned()), ..self }
     }
 }
 

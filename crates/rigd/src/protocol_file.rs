@@ -25,6 +25,8 @@ pub struct LoadedProtocol {
     pub summary: Summary,
     /// The text, for the journal.
     pub source: Source,
+    /// File of the calibration by which the aim expects the error of depths; `None` without one, or without an aim.
+    pub(crate) screw_file: Option<String>,
 }
 
 impl LoadedProtocol {
@@ -44,8 +46,9 @@ impl LoadedProtocol {
     pub fn check(file: &str, text: &str, rig: &RigFacts) -> Result<Self, Faults> {
         FileKind::Protocol.expect(file, text)?;
         let protocol = Protocol::read(file, text);
-        let model = RigModel::new(&rig.sensor, &rig.stiffness_mpa);
-        Self::new(&protocol, text, &rig.limits, rig.known_samples.as_deref(), &model)
+        let model = RigModel::new(rig);
+        let loaded = Self::new(&protocol, text, &rig.limits, rig.known_samples.as_deref(), &model)?;
+        Ok(Self { screw_file: model.screw_file(), ..loaded })
     }
 
     /// The protocol of a run on a rig with these limits, with the settings that the run had chosen for its aim.
@@ -78,7 +81,7 @@ impl LoadedProtocol {
         let plan = Plan::new(protocol, limits, known_samples, model)?;
         let summary = plan.summary(limits);
         let source = Source { name: plan.name.clone(), toml: text.to_owned() };
-        Ok(Self { plan, summary, source })
+        Ok(Self { plan, summary, source, screw_file: None })
     }
 }
 

@@ -42,7 +42,7 @@ pub(crate) fn choose(
     let candidates = Candidates::of(protocol, limits);
     let plans = candidates.plans(protocol, limits);
     let assumed_mpa = aim.softest_mpa.as_ref().map(|mpa| mpa.value);
-    let sensitivities = match sensitivities(&plans[0].0, model, assumed_mpa) {
+    let sensitivities = match sensitivities(&plans[0].0, &limits.geometry, model, assumed_mpa) {
         Ok(sensitivities) => sensitivities,
         Err(unexpected) => {
             faults.refuse(wanted.location, &no_expectation(&plans[0].0, &unexpected));

@@ -1,5 +1,7 @@
 //! The expected error of the touches of a plan, as a function of the settings.
 
+use rig_model::Geometry;
+
 use super::{
     AimSettings, ErrorPart, ExpectedTouch, NoSensitivity, Percents, Sensitivity, TouchModel,
 };
@@ -19,6 +21,7 @@ pub(super) struct Unexpected {
 /// How the stiffness of each touch of a plan depends on what is measured, in order.
 pub(super) fn sensitivities(
     plan: &Plan,
+    geometry: &Geometry,
     model: &dyn TouchModel,
     assumed_mpa: Option<f64>,
 ) -> Result<Vec<Sensitivity>, Unexpected> {
@@ -28,6 +31,7 @@ pub(super) fn sensitivities(
             sample: &plan.samples[touch.sample],
             assumed_mpa,
             pose: touch.pose,
+            surface_mm: geometry.surface_at(touch.pose.direction, touch.pose.angle).value(),
             indentation_mm: plan.touch.indentation_mm,
         };
         Some(model.sensitivity(&expected).map_err(|why| Unexpected { step, why }))

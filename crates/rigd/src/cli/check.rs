@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use super::{
     Failure,
-    args::{OutputArgs, RigArgs},
+    args::{DataArgs, OutputArgs, RigArgs},
     screen::words_in_lines,
     table::{COLUMNS, duration, print, print_json},
 };
@@ -34,6 +34,8 @@ pub(super) struct CheckArgs {
     steps: bool,
     #[command(flatten)]
     rig: RigArgs,
+    #[command(flatten)]
+    data: DataArgs,
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -172,7 +174,8 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
 fn load(args: &CheckArgs, rig: &Path) -> Result<(LoadedRig, LoadedProtocol), FileError> {
     match LoadedRig::load(rig) {
         Ok(rig) => {
-            let protocol = LoadedProtocol::load(&args.protocol, &rig.facts())?;
+            let facts = rig.facts().with_data(&args.data.dir());
+            let protocol = LoadedProtocol::load(&args.protocol, &facts)?;
             Ok((rig, protocol))
         }
         Err(FileError::Faults(mut faults)) => {
@@ -322,7 +325,9 @@ impl CheckedProtocol<'_> {
             lines.push(format!("warning: {}", self.message(&warning)));
             lines.extend(self.worst(&warning));
         }
-        let aim = self.protocol.plan.aim.as_ref().map(aim::lines).unwrap_or_default();
+        let screw_file = self.protocol.screw_file.as_deref();
+        let aim = self.protocol.plan.aim.as_ref().map(|aim| aim::lines(aim, screw_file));
+        let aim = aim.unwrap_or_default();
         let wrapped = lines.iter().map(|line| {
             let indent = line.len() - line.trim_start().len();
             let lines = words_in_lines(line, COLUMNS - indent);

@@ -109,7 +109,7 @@ const BLOCK_PART: &str = "Touches on the block: only the surfaces that they find
 fn measure(args: &CheckBenchArgs, rig: LoadedRig) -> Result<[String; 2], Failure> {
     let data = args.bench.data.dir();
     let files = [args.block.as_deref(), args.references.as_deref()];
-    let protocols = bench_check::protocols(files, &rig.facts())?;
+    let protocols = bench_check::protocols(files, &rig.facts().with_data(&data))?;
     let (kind, operator) = (BenchKind::of(&rig), args.bench.operator.name());
     let touches = args.output.touches(&data);
     with_rig(rig, &data, &operator, LeftInContact::Refuse, async |session| {

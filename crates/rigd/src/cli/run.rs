@@ -102,7 +102,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
         }
         (None, Some(path)) => {
             let rig = args.bench.rig.load()?;
-            let protocol = Box::new(LoadedProtocol::load(path, &rig.facts())?);
+            let protocol = Box::new(LoadedProtocol::load(path, &rig.facts().with_data(data))?);
             (Order::Protocol(protocol), rig, LeftInContact::Refuse)
         }
         // The command line asks for one of them.

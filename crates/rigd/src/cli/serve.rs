@@ -36,7 +36,7 @@ use crate::{
         room::take_handles,
         tls::Tls,
     },
-    loaded_rig::LoadedRig,
+    loaded_rig::{LoadedRig, RigFacts},
     notify::Targets,
     operator::Operator,
     protocol_file::LoadedProtocol,
@@ -129,7 +129,7 @@ impl Daemon {
         let rig = LoadedRig::load(&settings.rig.value)?;
         let flags = Flags { bench: args.bench.clone(), service: args.service.clone() };
         let in_force = InForce::new(&flags, &settings, &rig)?;
-        let (protocol, facts) = (args.protocol.as_ref(), rig.facts());
+        let (protocol, facts) = (args.protocol.as_ref(), facts(&rig, &settings));
         let loaded = protocol.map(|path| LoadedProtocol::load(path, &facts)).transpose()?;
         let port = (listening, tls);
         Ok(Self { settings, flags, in_force, port, rig, loaded, access, secret, targets, hub })
@@ -139,7 +139,7 @@ impl Daemon {
         let Self { settings, flags, in_force, port, rig, loaded, access, secret, targets, hub } =
             self;
         let (listening, tls) = port;
-        let (data, facts) = (settings.data.value.clone(), rig.facts());
+        let (data, facts) = (settings.data.value.clone(), facts(&rig, &settings));
         let (mut signals, hangups) = Signals::of_daemon()?;
         // The address is bound first: a daemon that cannot be reached must not move anything.
         let door = Door::open(listening, tls)?;
@@ -267,6 +267,11 @@ async fn watch_certificate(tls: Tls) {
             _ => {}
         }
     }
+}
+
+/// What protocols are checked against: the rig, and the calibrations that its runs cite.
+fn facts(rig: &LoadedRig, settings: &Settings) -> RigFacts {
+    rig.facts().with_data(&settings.data.value)
 }
 
 /// The last event of the journal; 0 before the first one.
