@@ -73,10 +73,10 @@ impl BenchChange {
             Self::Drive => &Kind::ALL,
             Self::Stop => &[Kind::Stop],
             Self::Sensor | Self::Probe | Self::Holder => {
-                &[Kind::Geometry, Kind::Blocks, Kind::Check]
+                &[Kind::Geometry, Kind::Blocks, Kind::Touches, Kind::Check]
             }
             // The daily check goes on, and shows what they have changed.
-            Self::Collision => &[Kind::Geometry, Kind::Blocks],
+            Self::Collision => &[Kind::Geometry, Kind::Blocks, Kind::Touches],
             Self::Place => &[Kind::Blocks],
             Self::References => &[Kind::Check],
         }

@@ -19,14 +19,23 @@ pub enum Kind {
     /// Surface, rotary axis, probe and the zero of the rotary stage by touches on hard blocks, and the error of the
     /// linear screw.
     Blocks,
+    /// Touches at one place of a hard block repeat.
+    Touches,
     /// The bench is as it was at the checks before: the daily check.
     Check,
 }
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Self; 6] =
-        [Self::Stop, Self::Signs, Self::Geometry, Self::Scale, Self::Blocks, Self::Check];
+    pub const ALL: [Self; 7] = [
+        Self::Stop,
+        Self::Signs,
+        Self::Geometry,
+        Self::Scale,
+        Self::Blocks,
+        Self::Touches,
+        Self::Check,
+    ];
 
     /// Its name in commands and files.
     pub const fn name(self) -> &'static str {
@@ -36,6 +45,7 @@ impl Kind {
             Self::Geometry => "geometry",
             Self::Scale => "scale",
             Self::Blocks => "blocks",
+            Self::Touches => "touches",
             Self::Check => "check",
         }
     }
@@ -61,6 +71,10 @@ impl Kind {
                 "see that the gauge stands still and square, that nothing slips, and begin the step again"
             }
             Self::Blocks => "see that the block is clean and lies flat, and run its protocol again",
+            Self::Touches => {
+                "clean the block and the ball, see that the clamps of sensor and block are fast and the bench is warm, and run \
+                 the protocol again"
+            }
             Self::Check => "do what is said of each quantity, and check again",
         }
     }

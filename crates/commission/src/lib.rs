@@ -26,6 +26,7 @@ pub mod metrology;
 pub mod procedure;
 mod question;
 mod record;
+pub mod repeatability;
 mod standing;
 mod step;
 

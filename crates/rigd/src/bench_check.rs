@@ -1,6 +1,6 @@
 //! The daily check of a bench: from two runs in the journal to a judged record beside the calibrations.
 
-mod trend;
+pub(crate) mod trend;
 
 use std::path::{Path, PathBuf};
 

@@ -8,7 +8,9 @@
 //! for a handler.
 
 pub mod access;
+mod block_runs;
 mod changes;
+mod checks;
 mod commission;
 mod events;
 mod expiry;

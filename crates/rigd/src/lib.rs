@@ -4,6 +4,7 @@
 mod aim;
 mod archive;
 mod bench_check;
+mod block_runs;
 pub mod calibrations;
 pub mod cli;
 mod commissioning;

@@ -48,9 +48,16 @@ impl Daemon {
         let rig = rig.replacen("../scenes/paper.toml", "scene.toml", 1);
         let rig = rig.replacen("person = \"answers\"", &format!("person = \"{person}\""), 1);
         fs::write(path("rig.toml"), rig).unwrap();
+        Self::serve(folder, "smoke.toml")
+    }
+
+    /// A daemon with the bench of a folder, and a shipped protocol.
+    fn serve(folder: TempDir, protocol: &str) -> Self {
+        let path = |name: &str| folder.path().join(name);
+        let protocol = config("protocols").join(protocol);
         let mut command = Command::new(env!("CARGO_BIN_EXE_rigd"));
         command
-            .args(["serve", config("protocols/smoke.toml").to_str().unwrap()])
+            .args(["serve", protocol.to_str().unwrap()])
             .args(["--listen", "127.0.0.1:0", "--operator", "Ada"])
             .args(["--rig", path("rig.toml").to_str().unwrap()])
             .args(["--data", path("data").to_str().unwrap()]);
@@ -76,6 +83,27 @@ impl Daemon {
             view = self.show();
         }
         view
+    }
+
+    /// Runs its protocol to the end. What sweeps on a block find may be refused.
+    fn run(&self) {
+        let began = Instant::now();
+        let begun = loop {
+            let (status, begun) = self.post("runs", "");
+            if status == 202 {
+                break begun;
+            }
+            // The rig is still brought into service, or ends the run before.
+            assert!(status == 409 && began.elapsed() < PATIENCE, "{status}: {begun}");
+        };
+        let path = format!("GET /api/v1/runs/{}", begun["id"].as_str().unwrap());
+        loop {
+            let run = parts(&request(&self.address, &path, "")).1;
+            match run["status"].as_str().unwrap() {
+                "running" => assert!(began.elapsed() < PATIENCE, "gave up waiting: {run}"),
+                status => return assert!(status.starts_with("completed"), "{run}"),
+            }
+        }
     }
 
     fn end(self) {
@@ -122,6 +150,43 @@ fn a_bench_is_commissioned_over_http_and_goes_into_service_without_a_new_start()
     }
     let again = daemon.post("commission", "{}");
     assert_eq!(again.0, 409, "{}", again.1);
+    daemon.end();
+}
+
+/// A daemon on the bench of the daily check, which its rig file describes.
+fn daily() -> Daemon {
+    let folder = TempDir::new().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let scene = fs::read_to_string(config("scenes/daily.toml")).unwrap();
+    fs::write(path("scene.toml"), scene).unwrap();
+    let rig = fs::read_to_string(config("rigs/simulated.toml")).unwrap();
+    fs::write(path("rig.toml"), rig.replacen("../scenes/paper.toml", "scene.toml", 1)).unwrap();
+    Daemon::serve(folder, "touches.toml")
+}
+
+#[test]
+fn touches_on_a_block_are_judged_over_http_and_the_next_run_cites_them() {
+    let daemon = daily();
+    let early = daemon.post("commission/touches", r#"{"run": "touches-1"}"#);
+    assert_eq!(early.0, 404, "{}", early.1);
+    daemon.run();
+    let (status, made) = daemon.post("commission/touches", r#"{"run": "latest"}"#);
+    assert_eq!((status, &made["verdict"]), (201, &Value::from("accepted")), "{made}");
+    let value = |index: usize| made["values"][index]["value"].as_f64().unwrap();
+    let sigma = |index: usize| made["values"][index]["standard_uncertainty"].as_f64().unwrap();
+    // The scene puts the surface there, its screw errs by 2 µm, and no touch finds it better than its fine step of 4 µm.
+    assert!((value(0) - 10.03).abs() < 0.01, "{made}");
+    assert!(value(1).abs() < 4.0 * sigma(1), "{made}");
+    assert!((0.000_2..0.002).contains(&value(2)), "{made}");
+    let file = made["file"].as_str().unwrap();
+    assert!(daemon.folder.path().join("data/calibrations").join(file).exists());
+    daemon.run();
+    let records = request(&daemon.address, "GET /api/v1/runs/latest/export?format=jsonl", "");
+    assert!(records.contains(file), "the run does not cite {file}");
+    let checks = parts(&request(&daemon.address, "GET /api/v1/checks", "")).1;
+    assert_eq!(checks, serde_json::json!({"checks": [], "quantities": []}));
+    let trend = request(&daemon.address, "GET /api/v1/checks/trend", "");
+    assert!(trend.contains("text/html") && trend.contains("simulated bench"), "{trend}");
     daemon.end();
 }
 

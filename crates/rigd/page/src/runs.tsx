@@ -68,6 +68,7 @@ export function Runs({ view }: { view: View }) {
           </table></div>
         )}
         {shown.length > count && <button type="button" onClick={() => setCount(count + PAGE)}>Show {Math.min(PAGE, shown.length - count)} more</button>}
+        <p class="soft"><a href="/api/v1/checks/trend" target="_blank" rel="noopener">Trend of the daily check</a></p>
       </section>
     </main>
   );

@@ -2,6 +2,7 @@
 
 mod blocks;
 mod guide;
+mod touches;
 
 use std::path::{Path, PathBuf};
 
@@ -24,6 +25,7 @@ use super::{
 };
 use crate::{
     bench_check::CheckError,
+    block_runs::BlockRunError,
     calibrations::{self, CalibrationsError, Witness},
     endpoint::{Endpoint, EndpointError},
     loaded_rig::LoadedRig,
@@ -54,6 +56,8 @@ enum CommissionCommand {
     Show(ShowArgs),
     /// Find the geometry by the touches of runs on hard blocks
     Blocks(blocks::BlocksArgs),
+    /// Judge how well the touches of a run on a hard block repeat
+    Touches(touches::TouchesArgs),
     /// Say that the bench was changed: what rests on it is asked for again
     Changed(ChangedArgs),
     /// List the changes of a bench, and what each one voids
@@ -152,8 +156,8 @@ pub(super) enum CommissionFailure {
     Check(#[from] CheckError),
     #[error("the bench is not as the rig file says: {changes}")]
     RigFile { changes: String },
-    #[error("{run} was made with other values of [linear] or [rotary] than the rig file has now")]
-    OtherAxes { run: String },
+    #[error(transparent)]
+    Block(#[from] BlockRunError),
     #[error("{axis}: {trouble}")]
     NoStep { axis: &'static str, trouble: String },
 }
@@ -163,7 +167,7 @@ impl CommissionFailure {
         match self {
             Self::RigFile { .. }
             | Self::NotAnAnswer(_)
-            | Self::OtherAxes { .. }
+            | Self::Block(BlockRunError::OtherAxes { .. })
             | Self::Check(CheckError::OtherAxes { .. } | CheckError::Samples { .. }) => 2,
             _ => 1,
         }
@@ -176,7 +180,7 @@ impl CommissionFailure {
             Self::Check(CheckError::Unmeasured(_)) => {
                 Some("`rigd show RUN` says why the touches were refused; make the check again")
             }
-            Self::OtherAxes { .. } => {
+            Self::Block(BlockRunError::OtherAxes { .. }) => {
                 Some("run the protocol of the block again, and evaluate that run")
             }
             Self::RigFile { .. } => Some(
@@ -194,6 +198,7 @@ pub(super) fn commission(args: &CommissionArgs) -> Result<(), Failure> {
         Some(CommissionCommand::Jog(args)) => jog(args),
         Some(CommissionCommand::Show(args)) => show(args),
         Some(CommissionCommand::Blocks(args)) => blocks::blocks(args),
+        Some(CommissionCommand::Touches(args)) => touches::touches(args),
         Some(CommissionCommand::Changed(args)) => changed(args),
         Some(CommissionCommand::Changes) => print(&changes()),
     }

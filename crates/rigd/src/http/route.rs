@@ -9,9 +9,9 @@ use rig_store::Sweep;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 
 use super::{
-    Shared, changes,
+    Shared, block_runs, changes,
     changes::ChangesView,
-    commission, events, export,
+    checks, commission, events, export,
     export::ExportOptions,
     frames,
     frames::FramesView,
@@ -147,7 +147,7 @@ const LAST: Header = Header {
 };
 const EVENTS: &[&str] = &["text/event-stream"];
 const TOML: &[&str] = &["application/toml"];
-const HTML: &[&str] = &["text/html"];
+pub(super) const HTML: &[&str] = &["text/html"];
 const TABLES: &[&str] =
     &["text/csv", "application/vnd.apache.parquet", "application/x-hdf5", "application/jsonl"];
 
@@ -572,6 +572,8 @@ pub(super) fn all() -> impl Iterator<Item = Route> {
     of_rig()
         .into_iter()
         .chain(commission::routes())
+        .chain(block_runs::routes())
+        .chain(checks::routes())
         .chain(of_measurements())
         .chain(of_runs())
         .chain(to_runs())

@@ -4,15 +4,15 @@ use std::str::FromStr;
 
 use clap::Args;
 use rig_commission::{
-    Basis, Change, Finding, Kind, Value,
+    Change, Finding, Kind, Value,
     metrology::{BlockGeometry, BlockTouch, TouchNoise, fit},
 };
 use rig_files::rig_file::RigFile;
-use rig_store::{Reader, Record, Run, StoreError};
+use rig_store::Reader;
 
 use super::{CommissionFailure, judged};
 use crate::{
-    bench_check::tilt_deg,
+    block_runs::of_run,
     calibrations::{self, Witness},
     cli::{
         Failure,
@@ -75,7 +75,8 @@ pub(super) fn blocks(args: &BlocksArgs) -> Result<(), Failure> {
     let (mut touches, mut ids, mut variance) = (Vec::new(), Vec::new(), 0.0_f64);
     for (run, raised_mm) in runs {
         let run = reader.find(&run)?;
-        for (touch, sigma_mm) in of_run(&reader, &run, raised_mm, &rig.basis())? {
+        let found = of_run(&reader, &run, raised_mm, &rig.basis());
+        for (touch, sigma_mm) in found.map_err(CommissionFailure::from)? {
             touches.push(touch);
             variance += sigma_mm * sigma_mm;
         }
@@ -99,36 +100,6 @@ pub(super) fn blocks(args: &BlocksArgs) -> Result<(), Failure> {
         .map_err(CommissionFailure::from)?;
     say(&format!("Record: {}", path.display()));
     judged(Kind::Blocks, verdict)
-}
-
-/// The surfaces that a run has found, each with its standard deviation, mm. The other mounting of the sensor has the ball
-/// elsewhere. Heights and tilts of another scale or zero are not those of the present rig file.
-fn of_run(
-    reader: &Reader,
-    run: &Run,
-    raised_mm: f64,
-    basis: &Basis,
-) -> Result<Vec<(BlockTouch, f64)>, Failure> {
-    let mut touches = Vec::new();
-    for stored in reader.records(run.id)? {
-        if !["run_started", "surface_found"].contains(&stored.kind.as_str()) {
-            continue;
-        }
-        let surface = match stored.record().map_err(StoreError::from)? {
-            Record::SurfaceFound(surface) => surface,
-            Record::RunStarted(started) => {
-                if !calibrations::has_axes_of(&started, basis)? {
-                    return Err(CommissionFailure::OtherAxes { run: run.short_name() }.into());
-                }
-                continue;
-            }
-            _ => continue,
-        };
-        let Some(tilt_deg) = tilt_deg(surface.pose) else { continue };
-        let touch = BlockTouch { tilt_deg, height_mm: surface.position_mm, raised_mm };
-        touches.push((touch, surface.sigma_mm));
-    }
-    Ok(touches)
 }
 
 /// Distance between the heights of the map of the screw, and how far it goes beyond the touches, mm. Between two heights the
@@ -185,7 +156,8 @@ fn finding(rig: &RigFile, found: &BlockGeometry) -> Finding {
         .with_screw(found.screw.clone())
 }
 
-fn rows(finding: &Finding) -> Vec<(&'static str, String)> {
+/// The values of a finding, for a person.
+pub(super) fn rows(finding: &Finding) -> Vec<(&'static str, String)> {
     let row = |value: &Value| {
         let Value { name, value, standard_uncertainty, unit } = value;
         (*name, format!("{value:.4} ± {standard_uncertainty:.4} {unit}"))

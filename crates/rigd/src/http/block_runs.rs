@@ -1,0 +1,114 @@
+//! Runs on hard blocks that clients have judged.
+
+use std::sync::Arc;
+
+use axum::{Extension, Json, extract::State, http::StatusCode, routing::post};
+use rig_commission::{Finding, Verdict};
+use rig_model::with_causes;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{
+    Problem, Shared,
+    object::{Object, ObjectBody},
+    route::{Route, json},
+};
+use crate::{
+    block_runs::{BlockRunError, keep_repeatability},
+    operator::Operator,
+};
+
+/// A run on a hard block.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct BlockRunForm {
+    /// Its id, its short name such as `touches-1`, or `latest`.
+    run: String,
+    /// Temperature at the bench for the record, °C.
+    #[serde(default)]
+    temperature_c: Option<f64>,
+}
+
+/// A calibration that was made.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct CalibrationView {
+    /// `accepted`, `rig file` or `failed`.
+    verdict: &'static str,
+    /// Why it is not accepted.
+    reason: Option<String>,
+    values: Vec<ValueView>,
+    /// Name of its file in `calibrations` of the data directory.
+    file: String,
+}
+
+/// A quantity that was found.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct ValueView {
+    name: &'static str,
+    value: f64,
+    standard_uncertainty: f64,
+    unit: &'static str,
+}
+
+pub(super) fn routes() -> Vec<Route> {
+    vec![Route::post(
+        "/commission/touches",
+        "judgeTouches",
+        "Judges how well the touches of a run on a hard block repeat",
+        json::<BlockRunForm>(),
+        201,
+        json::<CalibrationView>(),
+        || post(touches),
+    )]
+}
+
+async fn touches(
+    State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
+    form: ObjectBody<BlockRunForm>,
+) -> Result<(StatusCode, Json<CalibrationView>), Problem> {
+    let Json(Object(BlockRunForm { run, temperature_c })) = form?;
+    let id = shared.run(&run).await?;
+    let inner = Arc::clone(&shared.inner);
+    let witness = (operator.as_str().to_owned(), temperature_c);
+    let kept = shared.read(move |reader| {
+        let run = reader.run(id)?;
+        Ok(keep_repeatability((reader, &run), &inner.facts.basis, &inner.data, witness)?)
+    });
+    let (finding, path) = kept.await?;
+    let file = path.file_name().map(|name| name.to_string_lossy().into_owned());
+    Ok((StatusCode::CREATED, Json(CalibrationView::of(finding, file.unwrap_or_default()))))
+}
+
+impl CalibrationView {
+    fn of(finding: Finding, file: String) -> Self {
+        let (verdict, reason) = match finding.verdict {
+            Verdict::Accepted => ("accepted", None),
+            Verdict::RigFile(changes) => {
+                let changes: Vec<_> = changes.iter().map(ToString::to_string).collect();
+                ("rig file", Some(changes.join("; ")))
+            }
+            Verdict::Failed(why) => ("failed", Some(why)),
+        };
+        let value = |value: rig_commission::Value| ValueView {
+            name: value.name,
+            value: value.value,
+            standard_uncertainty: value.standard_uncertainty,
+            unit: value.unit,
+        };
+        Self { verdict, reason, values: finding.values.into_iter().map(value).collect(), file }
+    }
+}
+
+impl From<BlockRunError> for Problem {
+    fn from(error: BlockRunError) -> Self {
+        let detail = with_causes(&error);
+        match error {
+            BlockRunError::OtherAxes { .. } | BlockRunError::TooFew { .. } => {
+                Self::unprocessable(detail)
+            }
+            BlockRunError::Store(error) => error.into(),
+            BlockRunError::RigFile(_) | BlockRunError::Calibrations(_) => Self::internal(&detail),
+        }
+    }
+}
