@@ -114,7 +114,7 @@ impl Complaint for RigFileFault {
             Self::NoStep { .. } => "give the distance that one count of the drive moves the \
                                     axis"
                 .into(),
-            Self::CoarseStep { tolerance, .. } => format!("use at most {}", 2.0 * tolerance),
+            Self::CoarseStep { found, .. } => tolerance_for(*found),
             Self::TooFast { limit, .. } => format!("use at most {limit}"),
             Self::FineStep { key, found, finest, .. } => {
                 let is_right = |meant: f64| *finest <= meant.abs() && meant.abs() <= 1.0;
@@ -146,4 +146,12 @@ impl Complaint for RigFileFault {
         };
         Some(suggestion)
     }
+}
+
+/// Advice for a step that is too coarse. It is a fact of the bench: a finer one in the file would only be wrong.
+fn tolerance_for(step: f64) -> String {
+    let least = step.abs() / 2.0;
+    format!(
+        "give the tolerance at least {least}, or set a finer step in the drive and give that one"
+    )
 }
