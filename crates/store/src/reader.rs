@@ -159,7 +159,7 @@ impl Reader {
         Ok(settled.collect())
     }
 
-    /// The first record of the run that was requested with this idempotency key.
+    /// The first record of the run that was requested with this idempotency key, if it is one of the last 200.
     ///
     /// # Errors
     /// [`StoreError`] of the system or of SQLite.
@@ -167,7 +167,7 @@ impl Reader {
         // Only the first records are looked at, and only one that has the key somewhere is parsed.
         let mut statement = self.connection.prepare_cached(&select_records(KEYED))?;
         let in_json = serde_json::Value::from(key).to_string();
-        Ok(statement.query_row([key, &in_json], record_from).optional()?)
+        Ok(statement.query_row(params![key, &in_json, KEYS], record_from).optional()?)
     }
 
     /// The run that a person means: `latest`, a short name such as `smoke-7`, the name of a protocol
@@ -302,12 +302,16 @@ pub fn intact(run: RunId, check: &ChainCheck) -> Result<(), StoreError> {
     }
 }
 
-/// The latest first record of a run with this key; `?2` is the key as JSON.
+/// The latest first record with this key among those of the latest runs; `?2` is the key as JSON.
 const KEYED: &str = "WHERE records.id = (
-    SELECT first.id FROM runs CROSS JOIN records AS first ON first.run = runs.key AND first.seq = 1
-    WHERE runs.kind = 'run' AND instr(first.payload, ?2) AND json_valid(first.payload)
+    SELECT first.id FROM (SELECT key FROM runs WHERE kind = 'run' ORDER BY key DESC LIMIT ?3) AS latest
+    CROSS JOIN records AS first ON first.run = latest.key AND first.seq = 1
+    WHERE instr(first.payload, ?2) AND json_valid(first.payload)
         AND json_extract(first.payload, '$.idempotency_key') = ?1
-    ORDER BY runs.key DESC LIMIT 1)";
+    ORDER BY latest.key DESC LIMIT 1)";
+
+/// The keys of so many runs are known. Each that is looked at is read.
+const KEYS: u32 = 200;
 
 /// All runs, each with its number among those of its kind and name. The runs are counted apart, so that SQLite does not
 /// sort all that is known of each of them.

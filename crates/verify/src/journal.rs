@@ -24,13 +24,16 @@ pub(crate) use before::before;
 /// The format of the tables and records that this checker reads.
 const FORMAT: u32 = 4;
 
-/// The last time of each session in the epochs of a run. `CROSS JOIN` keeps the order: SQLite would walk through all
-/// records of the journal otherwise.
+/// The last time of each session in the epochs of a run. A session of months has many records, of which the last ones
+/// are read.
 const SESSIONS: &str = "
-    SELECT runs.epoch, max(rig_us) FROM runs CROSS JOIN records ON records.run = runs.key
-    WHERE runs.kind = 'session' AND records.kind <> 'run_finished'
-        AND runs.epoch IN (SELECT epoch FROM stretches WHERE run = ?1)
-    GROUP BY runs.epoch";
+    SELECT epoch, max(last_us) FROM (
+        SELECT epoch, (
+            SELECT rig_us FROM records WHERE run = runs.key AND kind <> 'run_finished' ORDER BY seq DESC LIMIT 1
+        ) AS last_us
+        FROM runs
+        WHERE kind = 'session' AND epoch IN (SELECT epoch FROM stretches WHERE run = ?1))
+    WHERE last_us IS NOT NULL GROUP BY epoch";
 
 /// What each amendment of the journal amends.
 const AMENDED: &str = "

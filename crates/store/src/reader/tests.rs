@@ -2,7 +2,7 @@
 
 use rusqlite::{Connection, StatementStatus, params};
 
-use super::{KEYED, RUNS, select_records, select_runs};
+use super::{KEYED, KEYS, RUNS, select_records, select_runs};
 use crate::schema::TABLES;
 
 /// A journal with so many runs, each with an amendment.
@@ -42,7 +42,8 @@ fn a_key_is_looked_for_in_the_first_records_alone() {
     let connection = journal(1);
     let sql = format!("EXPLAIN QUERY PLAN {}", select_records(KEYED));
     let mut plan = connection.prepare(&sql).unwrap();
-    let steps = plan.query_map(["key", "\"key\""], |row| row.get::<_, String>(3)).unwrap();
+    let values = params!["key", "\"key\"", KEYS];
+    let steps = plan.query_map(values, |row| row.get::<_, String>(3)).unwrap();
     let steps = steps.map(Result::unwrap).collect::<Vec<_>>();
     assert!(
         !steps
@@ -50,4 +51,27 @@ fn a_key_is_looked_for_in_the_first_records_alone() {
             .any(|step| step.starts_with("SCAN first") || step.starts_with("SCAN records")),
         "{steps:?}"
     );
+}
+
+#[test]
+fn the_keys_of_the_latest_runs_are_known_however_many_there_are() {
+    let found = |runs: u32, key: &str| {
+        let connection = journal(i64::from(runs));
+        connection
+            .execute_batch(
+                "INSERT INTO records
+                 SELECT NULL, key, 1, 1, 0, 'run_started', json_object('idempotency_key', id), x'' FROM runs
+                 WHERE kind = 'run';
+                 INSERT INTO stretches SELECT key, 1, '2026-11-26T00:00:00Z', 0, x'' FROM runs",
+            )
+            .unwrap();
+        let mut keyed = connection.prepare(&select_records(KEYED)).unwrap();
+        let in_json = format!("\"{key}\"");
+        let is_known = keyed.exists(params![key, in_json, KEYS]).unwrap();
+        (is_known, keyed.get_status(StatementStatus::VmStep))
+    };
+    assert!(found(KEYS, "run 0").0 && !found(KEYS + 1, "run 0").0);
+    assert!(found(KEYS + 1, "run 1").0 && found(10 * KEYS, &format!("run {}", 10 * KEYS - 1)).0);
+    let (few, many) = (found(KEYS, "other").1, found(10 * KEYS, "other").1);
+    assert!(many < 2 * few, "{few} steps for {KEYS} runs, {many} for ten times as many");
 }
