@@ -9,7 +9,7 @@ use axum::{
     http::{Method, header},
     response::{Html, IntoResponse},
 };
-use maud::{DOCTYPE, html};
+use maud::html;
 use schemars::{SchemaGenerator, generate::SchemaSettings};
 use serde_json::{Map, Value, json};
 
@@ -196,8 +196,8 @@ pub(super) async fn reference() -> Html<String> {
     Html(PAGE.clone())
 }
 
-const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;\
-    color-scheme:light dark}code,pre{font-family:ui-monospace,monospace}pre{overflow:auto;padding:.5rem;\
+const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem}\
+    code,pre{font-family:ui-monospace,monospace}pre{overflow:auto;padding:.5rem;\
     border:1px solid;border-radius:.3rem;font-size:.85rem}td,th{text-align:left;padding:.1rem .8rem .1rem 0;\
     vertical-align:top}h2{font-size:1.1rem;margin-top:2rem}";
 
@@ -210,47 +210,37 @@ fn page(document: &Value) -> String {
             .map(move |(method, operation)| (path, method, operation))
     });
     let pretty = |value: &Value| format!("{value:#}");
-    html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { "rigd: HTTP reference" }
-                style { (STYLE) }
-            }
-            body {
-                h1 { "HTTP reference" }
-                p {
-                    "From " a href="/openapi.json" { "openapi.json" } "; the manual is "
-                    a href="/docs/http" { "docs/http" } ". Every error is " code { (PROBLEM_JSON) } "."
-                }
-                @for (path, method, operation) in operations {
-                    h2 id=(operation["operationId"].as_str().unwrap_or_default()) {
-                        code { (method.to_uppercase()) " " (path) }
-                    }
-                    p { (operation["summary"].as_str().unwrap_or_default()) }
-                    table {
-                        @for parameter in operation["parameters"].as_array().into_iter().flatten() {
-                            tr {
-                                th { code { (parameter["name"].as_str().unwrap_or_default()) } }
-                                td { (parameter["in"].as_str().unwrap_or_default()) }
-                                td { (parameter["description"].as_str().unwrap_or_default()) }
-                            }
-                        }
-                    }
-                    @if let Some(body) = operation.get("requestBody") {
-                        details { summary { "body" } pre tabindex="0" { (pretty(body)) } }
-                    }
-                    details { summary { "answers" } pre tabindex="0" { (pretty(&operation["responses"])) } }
-                }
-                h1 { "Types" }
-                @for (name, schema) in document["components"]["schemas"].as_object().into_iter().flatten() {
-                    h2 id=(name) { (name) }
-                    pre tabindex="0" { (pretty(schema)) }
-                }
-            }
+    let body = html! {
+        h1 { "HTTP reference" }
+        p {
+            "From " a href="/openapi.json" { "openapi.json" } "; the manual is "
+            a href="/docs/http" { "docs/http" } ". Every error is " code { (PROBLEM_JSON) } "."
         }
-    }
-    .into_string()
+        @for (path, method, operation) in operations {
+            h2 id=(operation["operationId"].as_str().unwrap_or_default()) {
+                code { (method.to_uppercase()) " " (path) }
+            }
+            p { (operation["summary"].as_str().unwrap_or_default()) }
+            table {
+                @for parameter in operation["parameters"].as_array().into_iter().flatten() {
+                    tr {
+                        th { code { (parameter["name"].as_str().unwrap_or_default()) } }
+                        td { (parameter["in"].as_str().unwrap_or_default()) }
+                        td { (parameter["description"].as_str().unwrap_or_default()) }
+                    }
+                }
+            }
+            @if let Some(body) = operation.get("requestBody") {
+                details { summary { "body" } pre tabindex="0" { (pretty(body)) } }
+            }
+            details { summary { "answers" } pre tabindex="0" { (pretty(&operation["responses"])) } }
+        }
+        h1 { "Types" }
+        @for (name, schema) in document["components"]["schemas"].as_object().into_iter().flatten() {
+            h2 id=(name) { (name) }
+            pre tabindex="0" { (pretty(schema)) }
+        }
+    };
+    let title = html! { "rigd: HTTP reference" };
+    rig_report::document(&title, &[STYLE], None, &body).into_string()
 }

@@ -59,6 +59,8 @@ async fn the_document_of_the_interface_is_the_committed_one_and_its_page_asks_no
     for call in ["src=", "href=\"http", "@import", "url(", "<script"] {
         assert!(!page.contains(call), "{call}");
     }
+    // A saved page has no header, and keeps its policy.
+    assert!(page.contains("Content-Security-Policy") && page.contains("default-src 'none'"));
     // Every reference of the document leads somewhere, and the page has every operation.
     let names = document["components"]["schemas"].as_object().unwrap();
     for reference in text.split("#/components/schemas/").skip(1) {
