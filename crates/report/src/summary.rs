@@ -1,6 +1,9 @@
 //! The results for programs.
 
-use rig_analysis::model::{Evidence, Pattern, RunModel, Term};
+use rig_analysis::{
+    model::{Evidence, Pattern, RunModel, Term},
+    run::{RunCalibration, ScaleSource},
+};
 use rig_record::CitedCalibration;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -60,6 +63,8 @@ pub struct RunSummary {
     pub classification: Option<ClassificationSummary>,
     /// The stiffness of the samples from the main touches, with the angle compensated.
     pub stiffness: Vec<StiffnessSummary>,
+    /// The common factor of all stiffnesses; `None` without a stiffness.
+    pub calibration: Option<CalibrationSummary>,
     /// The model behind the stiffness and its judgement; `None` when the touches leave no degree of freedom.
     pub model: Option<ModelSummary>,
     /// The blind touches by every method, that of `classification` first.
@@ -126,6 +131,43 @@ pub struct StiffnessSummary {
     pub used: usize,
     /// Number of planned touches or sites.
     pub planned: usize,
+}
+
+/// The common factor of all stiffnesses of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+pub struct CalibrationSummary {
+    /// Every stiffness was divided by this: what the samples of known stiffness ask for, or 1 without any.
+    pub factor: f64,
+    /// Its relative standard deviation.
+    pub sigma_rel: f64,
+    /// Number of samples of known stiffness that give the factor; 0 if the description gives it.
+    pub samples: usize,
+    /// The contact angle of the compared touches, degrees; `None` if they have all angles, or none was compared.
+    pub angle_deg: Option<f64>,
+    /// Relative standard deviation of the factor by the description of the sensor, which takes it to be 1.
+    pub described_rel: f64,
+    /// Whether the factor differs from 1 by more than both standard deviations make by chance in one of a hundred runs.
+    pub is_beyond_description: bool,
+    /// Mean free resonance measured, over that of the sensor described. Shifts were divided by it.
+    pub resonance_ratio: f64,
+}
+
+impl CalibrationSummary {
+    fn of(calibration: &RunCalibration) -> Self {
+        let (samples, angle_deg) = match calibration.source {
+            ScaleSource::Known { samples, angle_deg } => (samples, angle_deg),
+            ScaleSource::Described => (0, None),
+        };
+        Self {
+            factor: calibration.factor,
+            sigma_rel: calibration.sigma_rel,
+            samples,
+            angle_deg,
+            described_rel: calibration.described_rel,
+            is_beyond_description: calibration.beyond_description().is_some(),
+            resonance_ratio: calibration.resonance_ratio,
+        }
+    }
 }
 
 /// The model behind the stiffness, judged by the main touches.
@@ -319,6 +361,8 @@ impl RunResults {
                 .iter()
                 .flat_map(|found| self.samples().into_iter().map(|sample| stiffness(found, sample)))
                 .collect(),
+            calibration: (self.stiffness.as_ref().ok())
+                .map(|found| CalibrationSummary::of(&found.calibration)),
             model: (self.stiffness.as_ref().ok())
                 .and_then(|found| ModelSummary::of(&found.model, data)),
             recognition: self.recognitions.iter().map(recognition).collect(),

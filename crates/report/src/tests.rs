@@ -178,7 +178,7 @@ fn the_summary_has_the_documented_fields() {
     };
     assert_eq!(
         fields(&json),
-        "aim classification daily_check expected_seconds is_sealed is_simulated model no_load_hz prompts recognition rig_seconds run_id \
+        "aim calibration classification daily_check expected_seconds is_sealed is_simulated model no_load_hz prompts recognition rig_seconds run_id \
          sensitivity_hz_per_mpa shifts status stiffness touch_results touches touches_measured \
          touches_not_reached touches_planned touches_refused touches_skipped wall_seconds"
     );
@@ -187,6 +187,10 @@ fn the_summary_has_the_documented_fields() {
     assert_eq!(
         fields(&json["stiffness"][0]),
         "budget known_mpa planned sample sigma_mpa stiffness_mpa used"
+    );
+    assert_eq!(
+        fields(&json["calibration"]),
+        "angle_deg described_rel factor is_beyond_description resonance_ratio samples sigma_rel"
     );
     assert_eq!(fields(&json["recognition"][0]), "correct high low method rate trials");
     assert_eq!(

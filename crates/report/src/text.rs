@@ -82,6 +82,15 @@ fn facts(results: &RunResults) -> Vec<(String, String)> {
     if let Some(found) = results.stiffness.as_deref().ok().and_then(Stiffness::check) {
         fact("model", model(results, found));
     }
+    let calibration = results.stiffness.as_ref().ok().map(|found| &found.calibration);
+    if let Some(found) = calibration.filter(|found| found.beyond_description().is_some()) {
+        let factor = with_sigma(found.factor, found.sigma_rel * found.factor);
+        let within = percent(found.described_rel);
+        fact(
+            "factor of stiffness",
+            format!("{factor} by the known samples; 1 within {within} by the rig file"),
+        );
+    }
     if let Some(found) = &results.sensitivity {
         let chord = found.sensitivity.chord;
         let slope = with_sigma(chord.hz_per_mpa, chord.sigma_hz_per_mpa);

@@ -22,6 +22,8 @@ pub struct RunCalibration {
     pub sigma_rel: f64,
     /// Where the factor comes from.
     pub source: ScaleSource,
+    /// Relative standard deviation of the factor by the description of the sensor, which takes it to be one.
+    pub described_rel: f64,
     /// The change of the factor's logarithm for a unit of each term of the model.
     gradient: Vec<f64>,
     /// How the errors of the main touches enter the factor.
@@ -69,7 +71,20 @@ pub struct Reading {
     pub found: Result<ModelReading, InverseError>,
 }
 
+/// A normal variable is as far from its mean in one of a hundred cases.
+const SIGMAS_OF_ONE_PERCENT: f64 = 2.575_829;
+
 impl RunCalibration {
+    /// By how many standard deviations the factor differs from that of the description, if chance makes as much in
+    /// less than one of a hundred runs; `None` otherwise.
+    ///
+    /// The division by the factor takes an error that all compared samples share out of every stiffness. The residuals
+    /// need not show it.
+    pub fn beyond_description(&self) -> Option<f64> {
+        let sigmas = self.factor.ln().abs() / self.sigma_rel.hypot(self.described_rel);
+        (sigmas > SIGMAS_OF_ONE_PERCENT).then_some(sigmas)
+    }
+
     /// Compares touches with the known stiffness of their samples. Without a known sample, the factor
     /// is as uncertain as the description and the resonance ratio say.
     pub(super) fn of(
@@ -89,12 +104,14 @@ impl RunCalibration {
         // Under a model that holds, what scatters beyond the stated is each touch by itself.
         let holds = check.is_none_or(|check| check.verdict == Verdict::Holds);
         let (misfit_rel, scatter_rel) = if holds { (0.0, added_rel) } else { (added_rel, 0.0) };
+        // A resonance that is off by a stiffer beam instead of a lighter tip makes a shift of
+        // the same contact smaller instead of larger.
+        let described_rel = touches.scale_rel.hypot(2.0 * (touches.resonance_ratio - 1.0));
         let described = Self {
             resonance_ratio: touches.resonance_ratio,
             factor: 1.0,
-            // A resonance that is off by a stiffer beam instead of a lighter tip makes a shift of
-            // the same contact smaller instead of larger.
-            sigma_rel: touches.scale_rel.hypot(2.0 * (touches.resonance_ratio - 1.0)),
+            sigma_rel: described_rel,
+            described_rel,
             source: ScaleSource::Described,
             gradient: vec![0.0; terms],
             in_factor: errors.none(),
@@ -294,6 +311,42 @@ mod tests {
 
     const KNOWN_MPA: [f64; 5] = [0.045, 0.104, 0.235, 0.320, 0.649];
     const ERROR_REL: f64 = 0.03;
+
+    /// Two known samples that seem stiffer by this factor, within a percent, and a description with 10 %.
+    fn with_factor(factor: f64) -> RunCalibration {
+        let described = Compensation::new(&SensorDescription::reference(), 0.002);
+        let model = RunModel::of_sites(&described, &[]);
+        let known_mpa = [Some(0.1), Some(0.3)];
+        let run = RunTouches {
+            main: &[],
+            blind: &[],
+            known_mpa: &known_mpa,
+            sample_rel: 0.0,
+            depth_correlation: None,
+            resonance_ratio: 1.0,
+            scale_rel: 0.1,
+        };
+        let reading = |(sample, mpa): (usize, f64)| {
+            let young = Young { mpa: factor * mpa, sigma_mpa: 0.01 * factor * mpa };
+            let budget = Budget::default().with(Part::Sweep, 0.01);
+            Reading { sample, found: Ok(ModelReading { young, budget, gradient: Vec::new() }) }
+        };
+        let main = [(0, 0.1), (1, 0.3)].map(reading);
+        let at = ComparedAt { angle_deg: Some(0.0), is_there: vec![true; 2] };
+        calibrated(&run, &main, &[], &at, &model).calibration
+    }
+
+    /// A logarithm of 0.25 is two and a half standard deviations of 10 %, and one of 0.27 is 2.7.
+    #[test]
+    fn a_factor_that_the_description_does_not_allow_is_said_to_be_beyond_it() {
+        for factor in [1.0, 1.1, 0.25_f64.exp(), (-0.25_f64).exp()] {
+            assert_eq!(with_factor(factor).beyond_description(), None, "{factor}");
+        }
+        for factor in [0.27_f64.exp(), (-0.27_f64).exp()] {
+            let sigmas = with_factor(factor).beyond_description().unwrap();
+            assert!((2.6..2.7).contains(&sigmas), "{factor}: {sigmas}");
+        }
+    }
 
     /// Root mean squares of the errors of the samples and of their stated standard deviations, when only the
     /// first of them are known. The touches err independently; the first three of each sample are compared.

@@ -80,6 +80,15 @@ fn calibration(calibration: &RunCalibration, angle: &str) -> Markup {
              " (angle) ". The free resonance measured was " (ratio) " times the one \
              described, and each shift was scaled by that. " (scale)
         }
+        @if let Some(sigmas) = calibration.beyond_description() {
+            p {
+                (fault("This factor is not that of the description")) ": by the rig file it is 1 within "
+                (percent(calibration.described_rel)) ", from which it differs by " (fixed(sigmas, 1))
+                " standard deviations. A stiffness is right for samples that are like the known ones. What all of these \
+                 share can make a factor, which the residuals of one depth need not show: the rigidity of the sensor, the \
+                 radius of its ball, the depth, the law of the contact, the thickness of the samples."
+            }
+        }
     }
 }
 
