@@ -130,8 +130,7 @@ fn outside(page: &mut Page) {
          slip of its own. `rig-study analyse` makes of its touches what a run of the daemon would, with the learnt model. \
          The table is stored, and is written by `python tests/peers/truths.py target/release/rig-study 200 1 \
          crates/study/src/truths/outside.csv`. A truth that is noticed in few runs at one depth and whose intervals do not \
-         cover is one that the verdict of such a run does not exclude. The command also tries a layer half as stiff \
-         and a slip at a friction of 0.7, which the stored table does not have yet.",
+         cover is one that the verdict of such a run does not exclude.",
     );
     let mut rows =
         OUTSIDE.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
