@@ -88,7 +88,7 @@ pub(super) const SETTINGS: [Setting; 53] = [
             (Protocol, "no_load", "\"every-sample\""),
         ],
     ),
-    aimed("aim, %", "2.4", &[(Protocol, "aim.stiffness_percent", "2.4")]),
+    aimed("aim, %", "2.5", &[(Protocol, "aim.stiffness_percent", "2.5")]),
     aimed("aim, %", "3.5", &[(Protocol, "aim.stiffness_percent", "3.5")]),
     aimed("aim, %", "4", &[(Protocol, "aim.stiffness_percent", "4")]),
     aimed("aim, %", "8", &[(Protocol, "aim.stiffness_percent", "8")]),
