@@ -353,40 +353,40 @@ impl Search {
                 self.read_anew(clear.offset(self.approach.coarse_step_mm), clear)
             }
             (true, Some(clear)) => self.bracketed(clear, is_fresh),
-            (false, last) => {
-                let is_stuck = last.is_some_and(|last| last <= self.here);
-                self.stuck = if is_stuck { self.stuck + 1 } else { 0 };
-                if STUCK_MAX < self.stuck {
-                    return SearchStep::Fault(self.is_stuck());
-                }
-                self.last_clear = Some(self.here);
-                if let Some(step_mm) = self.way_step_mm.filter(|_| self.is_on_way()) {
-                    // A step into a sample changes more than a drift does between two of them.
-                    self.baseline = impedance;
-                    if self.start() < self.commanded {
-                        return self.go(self.way_from(self.here, step_mm));
-                    }
-                    // The search begins with this reading.
-                    self.trail.drain(..self.trail.len() - 1);
-                }
-                let floor = Self::floor(&self.approach, self.expected);
-                if self.commanded <= floor {
-                    return SearchStep::Fault(Fault::NoContact {
-                        at: self.here,
-                        expected: self.expected,
-                    });
-                }
-                self.near = self.near.filter(|near| !near.is_missed(self.here));
-                let known = self.near.filter(|near| near.is_known_well(&self.approach));
-                if let Some(near) = known {
-                    self.step_mm = near.step_mm(self.here, &self.approach);
-                } else if self.is_first_pass {
-                    self.step_mm = self.approach.coarse_step_mm;
-                }
-                let next = self.here.offset(-self.step_mm);
-                self.go(if next < floor { floor } else { next })
-            }
+            (false, _) => self.clear(impedance),
         }
+    }
+
+    /// Goes on from here, where the probe is clear.
+    fn clear(&mut self, impedance: Impedance) -> SearchStep {
+        let is_stuck = self.last_clear.is_some_and(|last| last <= self.here);
+        self.stuck = if is_stuck { self.stuck + 1 } else { 0 };
+        if STUCK_MAX < self.stuck {
+            return SearchStep::Fault(self.is_stuck());
+        }
+        self.last_clear = Some(self.here);
+        if let Some(step_mm) = self.way_step_mm.filter(|_| self.is_on_way()) {
+            // A step into a sample changes more than a drift does between two of them.
+            self.baseline = impedance;
+            if self.start() < self.commanded {
+                return self.go(self.way_from(self.here, step_mm));
+            }
+            // The search begins with this reading.
+            self.trail.drain(..self.trail.len() - 1);
+        }
+        let floor = Self::floor(&self.approach, self.expected);
+        if self.commanded <= floor {
+            return SearchStep::Fault(Fault::NoContact { at: self.here, expected: self.expected });
+        }
+        self.near = self.near.filter(|near| !near.is_missed(self.here));
+        let known = self.near.filter(|near| near.is_known_well(&self.approach));
+        if let Some(near) = known {
+            self.step_mm = near.step_mm(self.here, &self.approach);
+        } else if self.is_first_pass {
+            self.step_mm = self.approach.coarse_step_mm;
+        }
+        let next = self.here.offset(-self.step_mm);
+        self.go(if next < floor { floor } else { next })
     }
 
     /// The surface lies between `clear` and here, which is a coarse step below if the impedance was read anew there.
