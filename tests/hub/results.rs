@@ -21,7 +21,7 @@ pub(crate) async fn compare(hub: &Hub, data: &Path) -> u64 {
             continue;
         }
         let results = RunResults::new(&run, &reader.amended(run.id).unwrap());
-        let verdict = results.as_ref().ok().and_then(|results| results.model_verdict());
+        let verdict = results.as_ref().ok().and_then(RunResults::model_verdict);
         let of_journal: Vec<Stiffness> = results
             .iter()
             .flat_map(|results| results.summary().stiffness)
