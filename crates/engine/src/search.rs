@@ -8,10 +8,6 @@
 //! is known well. A contact already there is no surface: the probe goes up to where the search for an unknown
 //! surface begins, and that search follows.
 //!
-//! Before the first surface of a run only the rig file says where it lies. The way down to the beginning of the search is
-//! then made in steps too, each compared with the one before, so that a surface above it ends the run before the probe is
-//! pressed too deep.
-//!
 //! A drift of the free resonance changes the impedance too. Where it may have changed it by as much, the probe goes up
 //! to a place that was clear, the impedance is read anew there, and the search goes on with it.
 
@@ -126,8 +122,6 @@ pub struct Search {
     last_clear: Option<Position<Mm>>,
     /// The position to go to after the backlash has been taken up.
     after_take_up: Option<Position<Mm>>,
-    /// The steps of the way down to where the search begins, mm, if the impedance is read on it.
-    way_step_mm: Option<f64>,
     is_after_contact: bool,
     anew: Anew,
     /// Where the search began, if that is closer than for an unknown surface.
@@ -157,7 +151,6 @@ impl Search {
             step_mm: approach.coarse_step_mm,
             last_clear: None,
             after_take_up: None,
-            way_step_mm: None,
             is_after_contact: false,
             anew: Anew { is_doubtful: false, next: None, left: ANEW_MAX, is_fresh: false },
             near: None,
@@ -168,43 +161,6 @@ impl Search {
             trail: Vec::new(),
         };
         (search, SearchStep::MoveTo(start))
-    }
-
-    /// The same from this position on, with a reading after each step of this length, mm, on the way down to where the
-    /// search begins.
-    pub(crate) fn begin_from(
-        from: Position<Mm>,
-        step_mm: f64,
-        approach: Approach,
-        expected: Position<Mm>,
-        baseline: Impedance,
-    ) -> (Self, SearchStep) {
-        let (search, _) = Self::begin(approach, expected, baseline);
-        let mut search = Self { way_step_mm: Some(step_mm), ..search };
-        let step = search.go(search.way_from(from, step_mm));
-        (search, step)
-    }
-
-    /// The next position on the way down to where the search begins.
-    fn way_from(&self, from: Position<Mm>, step_mm: f64) -> Position<Mm> {
-        let (start, next) = (self.start(), from.offset(-step_mm));
-        if next < start { start } else { next }
-    }
-
-    /// Where the search for an unknown surface begins.
-    fn start(&self) -> Position<Mm> {
-        self.expected.offset(self.approach.start_above_mm)
-    }
-
-    /// Whether the probe is on the way down to where the search begins, or there.
-    pub(crate) fn is_on_way(&self) -> bool {
-        self.way_step_mm.is_some() && self.start() <= self.commanded
-    }
-
-    /// Whether the probe has come down to where the search begins, and was clear there. True once.
-    pub(crate) fn has_come_down(&mut self) -> bool {
-        let is_below = self.commanded < self.start();
-        self.way_step_mm.take_if(|_| is_below).is_some()
     }
 
     /// The same after a descent, which may have ended in the sample.
@@ -323,16 +279,9 @@ impl Search {
         // further.
         let is_clear = change <= self.approach.contact_threshold;
         match (!is_clear, self.last_clear) {
-            (true, _) if self.is_on_way() && !is_doubtful => {
-                SearchStep::Fault(Fault::ContactTooEarly {
-                    at: self.here,
-                    expected: self.expected,
-                    change_percent: 100.0 * change,
-                })
-            }
             (true, None) if self.near.take().is_some() => {
                 (self.step_mm, self.is_after_contact) = (self.approach.coarse_step_mm, true);
-                let start = self.start();
+                let start = self.expected.offset(self.approach.start_above_mm);
                 if is_doubtful {
                     return self.read_anew(start, start.offset(-self.step_mm));
                 }
@@ -353,40 +302,31 @@ impl Search {
                 self.read_anew(clear.offset(self.approach.coarse_step_mm), clear)
             }
             (true, Some(clear)) => self.bracketed(clear, is_fresh),
-            (false, _) => self.clear(impedance),
-        }
-    }
-
-    /// Goes on from here, where the probe is clear.
-    fn clear(&mut self, impedance: Impedance) -> SearchStep {
-        let is_stuck = self.last_clear.is_some_and(|last| last <= self.here);
-        self.stuck = if is_stuck { self.stuck + 1 } else { 0 };
-        if STUCK_MAX < self.stuck {
-            return SearchStep::Fault(self.is_stuck());
-        }
-        self.last_clear = Some(self.here);
-        if let Some(step_mm) = self.way_step_mm.filter(|_| self.is_on_way()) {
-            // A step into a sample changes more than a drift does between two of them.
-            self.baseline = impedance;
-            if self.start() < self.commanded {
-                return self.go(self.way_from(self.here, step_mm));
+            (false, last) => {
+                let is_stuck = last.is_some_and(|last| last <= self.here);
+                self.stuck = if is_stuck { self.stuck + 1 } else { 0 };
+                if STUCK_MAX < self.stuck {
+                    return SearchStep::Fault(self.is_stuck());
+                }
+                self.last_clear = Some(self.here);
+                let floor = Self::floor(&self.approach, self.expected);
+                if self.commanded <= floor {
+                    return SearchStep::Fault(Fault::NoContact {
+                        at: self.here,
+                        expected: self.expected,
+                    });
+                }
+                self.near = self.near.filter(|near| !near.is_missed(self.here));
+                let known = self.near.filter(|near| near.is_known_well(&self.approach));
+                if let Some(near) = known {
+                    self.step_mm = near.step_mm(self.here, &self.approach);
+                } else if self.is_first_pass {
+                    self.step_mm = self.approach.coarse_step_mm;
+                }
+                let next = self.here.offset(-self.step_mm);
+                self.go(if next < floor { floor } else { next })
             }
-            // The search begins with this reading.
-            self.trail.drain(..self.trail.len() - 1);
         }
-        let floor = Self::floor(&self.approach, self.expected);
-        if self.commanded <= floor {
-            return SearchStep::Fault(Fault::NoContact { at: self.here, expected: self.expected });
-        }
-        self.near = self.near.filter(|near| !near.is_missed(self.here));
-        let known = self.near.filter(|near| near.is_known_well(&self.approach));
-        if let Some(near) = known {
-            self.step_mm = near.step_mm(self.here, &self.approach);
-        } else if self.is_first_pass {
-            self.step_mm = self.approach.coarse_step_mm;
-        }
-        let next = self.here.offset(-self.step_mm);
-        self.go(if next < floor { floor } else { next })
     }
 
     /// The surface lies between `clear` and here, which is a coarse step below if the impedance was read anew there.
@@ -534,33 +474,6 @@ mod tests {
                     assert!(readings <= most, "{surface}, {expected}: {readings} readings");
                 }
             }
-        }
-    }
-
-    #[test]
-    fn a_surface_on_the_way_to_the_search_is_felt_within_a_step_and_ends_it() {
-        for tenth_of_mm in 0..100 {
-            let surface = 20.41 + f64::from(tenth_of_mm) / 10.0;
-            let from = Position::new(35.0);
-            let begun =
-                Search::begin_from(from, 0.4, APPROACH, Position::new(20.0), impedance(1000.0));
-            let (end, _) = play(begun, surface, 0.02);
-            let SearchStep::Fault(Fault::ContactTooEarly { at, .. }) = end else {
-                panic!("{surface}: {end:?}")
-            };
-            assert!((-1e-9..0.42).contains(&(surface - at.value())), "{surface}: {at}");
-        }
-        for surface in [19.45, 20.0, 20.3, 20.39] {
-            let from = Position::new(35.0);
-            let begun =
-                Search::begin_from(from, 0.4, APPROACH, Position::new(20.0), impedance(1000.0));
-            let (end, readings) = play(begun, surface, 0.02);
-            let SearchStep::Found(found) = end else { panic!("{surface}: {end:?}") };
-            assert!(
-                (found.position.value() - surface).abs() <= 0.0025 + 1e-9,
-                "{surface}: {found:?}"
-            );
-            assert!(readings <= 37 + 32, "{surface}: {readings} readings");
         }
     }
 

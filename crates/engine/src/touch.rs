@@ -40,10 +40,6 @@ use crate::{
 const START_SIGMAS: f64 = 4.0;
 const START_FINE_STEPS: f64 = 2.0;
 
-/// The steps of the way down to the first search of a run, as a part of the largest indentation. The sensor takes some
-/// periods to follow a contact, so that one may be felt a step late.
-const WAY_PART: f64 = 0.5;
-
 /// A refused sweep in contact is repeated this often before the touch is refused.
 const RETRIES: u32 = 1;
 
@@ -54,8 +50,6 @@ pub(crate) struct Outlook {
     pub(crate) offset_mm: Option<f64>,
     /// Where the touches before expect the surface, if there are any.
     pub(crate) predicted: Option<Prediction>,
-    /// No touch of the run has found a surface yet.
-    pub(crate) is_first: bool,
     /// The pose to which the sample turns next, if no person comes near it before.
     pub(crate) next: Option<Pose>,
 }
@@ -249,18 +243,10 @@ impl TouchMachine {
             return MachineStep::Fault(MachineEvent::Declared.out_of_order("a search"));
         };
         let (approach, expected) = (self.approach(context), self.expected(context));
-        // The way down to the first search of a run is made in steps.
-        let descent = approach.descent_mm_per_s.filter(|_| !self.outlook.is_first);
-        if let Some(speed_mm_per_s) = descent {
+        if let Some(speed_mm_per_s) = approach.descent_mm_per_s {
             return self.begin_descent((approach, speed_mm_per_s), baseline, context);
         }
-        let rest = context.limits.linear.rest_target().position();
-        let from = context.probe.height.unwrap_or(rest);
         let (search, step) = match self.near(&approach, expected, context) {
-            None if self.outlook.is_first => {
-                let step_mm = WAY_PART * context.limits.motion.max_indentation_mm;
-                Search::begin_from(from, step_mm, approach, expected, baseline)
-            }
             Some(near) => Search::begin_near(approach, expected, baseline, near),
             None => Search::begin(approach, expected, baseline),
         };
@@ -298,17 +284,7 @@ impl TouchMachine {
             search.doubt();
         }
         let step = readings.iter().fold(SearchStep::Flagged, |_, one| search.read(*one));
-        let (has_come_down, baseline) = (search.has_come_down(), search.baseline());
-        if self.baseline != Some(baseline) {
-            (self.baseline, self.baseline_at) = (Some(baseline), context.now);
-        }
-        let approach = self.approach(context);
-        match approach.descent_mm_per_s.filter(|_| has_come_down) {
-            Some(speed_mm_per_s) => {
-                self.begin_descent((approach, speed_mm_per_s), baseline, context)
-            }
-            None => self.follow(step, context),
-        }
+        self.follow(step, context)
     }
 
     /// Whether the free resonance may have drifted since the impedance of the clear probe was read, by as much as a
@@ -430,11 +406,10 @@ impl TouchMachine {
         *since + time
     }
 
-    /// The speed to a position: that of contact on the way down, except to where a search begins.
+    /// The speed to a position: that of contact on the way down, except from the clear position.
     fn speed_mm_per_s(&self, to: Position<Mm>, context: &MachineContext<'_>) -> f64 {
         let motion = context.limits.motion;
-        let is_on_way = matches!(&self.phase, Phase::Searching(search) if search.is_on_way());
-        let is_down = !is_on_way && self.linear.is_some_and(|here| to <= here);
+        let is_down = self.linear.is_some_and(|here| to <= here);
         if is_down { motion.contact_speed_mm_per_s } else { motion.travel_speed_mm_per_s }
     }
 

@@ -299,10 +299,7 @@ impl Motion {
         let is_first = self.descent.as_ref().is_some_and(|descent| descent.moves.is_empty());
         let is_approach = self.descent.as_ref().is_some_and(|descent| descent.what == "approach");
         let is_up = before.is_some_and(|before| target > before);
-        let begin_mm = self.search_begins_mm(settings);
-        // The first way down of a run is made in steps.
-        let is_way_down = is_approach && begin_mm.is_some_and(|begin| begin <= target);
-        let limit = if is_retract || is_first && is_approach || is_up || is_way_down {
+        let limit = if is_retract || is_first && is_approach || is_up {
             limits.travel_speed_mm_per_s
         } else {
             limits.contact_speed_mm_per_s
@@ -343,12 +340,6 @@ impl Motion {
         }
     }
 
-    /// Where a search begins if nothing is known of the surface, at the last read tilt.
-    fn search_begins_mm(&self, settings: &Settings) -> Option<f64> {
-        let begin = self.rotary_deg.zip(settings.protocol.approach.start_above_mm);
-        begin.map(|(tilt, above)| settings.rig.surface_mm(tilt) + above - TILT_MM)
-    }
-
     /// A move below the clear position.
     fn descended(
         &mut self,
@@ -359,7 +350,6 @@ impl Motion {
         findings: &mut Findings,
     ) {
         let tolerance = settings.rig.linear.tolerance_mm;
-        let begin_mm = self.search_begins_mm(settings);
         let Some(descent) = self.descent.as_mut().filter(|_| self.probe != Probe::Unknown) else {
             let what = "the probe was lowered without an intent, mm";
             findings.add(Check::Intent, seq, what, "an intent before it", target);
@@ -377,6 +367,9 @@ impl Motion {
             let start_mm = known.map(|(above, tilt)| settings.rig.surface_mm(tilt) + above - step);
             let is_way_down = descent.moves.len() == 1 && start_mm.is_some_and(|mm| mm <= target);
             // A search in steps after a descent begins where no surface is expected, as any other does.
+            let begin = self.rotary_deg.zip(settings.protocol.approach.start_above_mm);
+            let begin_mm =
+                begin.map(|(tilt, above)| settings.rig.surface_mm(tilt) + above - TILT_MM);
             let is_below = begin_mm.is_none_or(|begin| target < begin);
             let lowest = descent.lowest_mm.filter(|low| target < low - step - ROUNDING);
             if let Some(lowest) = lowest.filter(|_| is_below) {

@@ -76,7 +76,7 @@ const FASTEST: [Change; 7] = [
 ];
 
 /// Changes of one knob after the other, and some together; the first has none.
-pub(super) const SETTINGS: [Setting; 53] = [
+pub(super) const SETTINGS: [Setting; 54] = [
     one(SHIPPED, "", &[]),
     one(
         "before the aim",
@@ -88,7 +88,8 @@ pub(super) const SETTINGS: [Setting; 53] = [
             (Protocol, "no_load", "\"every-sample\""),
         ],
     ),
-    aimed("aim, %", "2.5", &[(Protocol, "aim.stiffness_percent", "2.5")]),
+    aimed("aim, %", "2.4", &[(Protocol, "aim.stiffness_percent", "2.4")]),
+    aimed("aim, %", "3", &[(Protocol, "aim.stiffness_percent", "3")]),
     aimed("aim, %", "3.5", &[(Protocol, "aim.stiffness_percent", "3.5")]),
     aimed("aim, %", "4", &[(Protocol, "aim.stiffness_percent", "4")]),
     aimed("aim, %", "8", &[(Protocol, "aim.stiffness_percent", "8")]),
