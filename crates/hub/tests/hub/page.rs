@@ -3,12 +3,13 @@
 use std::{
     io::{Read, Write},
     net::SocketAddr,
+    time::Duration,
 };
 
 use rig_hub::{Catalogue, FoundRun, Rig, Wanted, admin, serve};
 use rig_store::{Ending, Journal, Prompt, PromptAnswered, PromptAsked, Record, RunKind, Store};
 use tempfile::TempDir;
-use tokio::{net::TcpListener, task::spawn_blocking};
+use tokio::{net::TcpListener, task::spawn_blocking, time::timeout};
 
 use crate::support::{Hub, append, command, finished, server, state};
 use crate::typed::{refused, started, touched};
@@ -206,7 +207,12 @@ async fn the_catalogue_can_change_nothing_and_comes_back_after_its_connection_ha
     let end = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity
                WHERE datname = current_database() AND pid <> pg_backend_pid()";
     assert_eq!(hub.admin.query(end, &[]).await.unwrap().len(), 1);
-    // The first request may meet the connection while it ends.
+    let left = "SELECT count(*) FROM pg_stat_activity
+                WHERE datname = current_database() AND pid <> pg_backend_pid()";
+    let ended =
+        async { while hub.admin.query_one(left, &[]).await.unwrap().get::<_, i64>(0) > 0 {} };
+    timeout(Duration::from_secs(60), ended).await.expect("the connection does not end");
+    // The first request may meet the end of the connection.
     _ = catalogue.rigs().await;
     hub.bench("left").await;
     assert_eq!(catalogue.rigs().await.unwrap().len(), 1);
