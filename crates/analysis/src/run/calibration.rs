@@ -312,20 +312,25 @@ mod tests {
     const KNOWN_MPA: [f64; 5] = [0.045, 0.104, 0.235, 0.320, 0.649];
     const ERROR_REL: f64 = 0.03;
 
-    /// Two known samples that seem stiffer by this factor, within a percent, and a description with 10 %.
-    fn with_factor(factor: f64) -> RunCalibration {
-        let described = Compensation::new(&SensorDescription::reference(), 0.002);
-        let model = RunModel::of_sites(&described, &[]);
-        let known_mpa = [Some(0.1), Some(0.3)];
-        let run = RunTouches {
+    /// Samples of this known stiffness, whose points do not scatter, and a description with 10 %.
+    const fn comparing(known_mpa: &[Option<f64>]) -> RunTouches<'_> {
+        RunTouches {
             main: &[],
             blind: &[],
-            known_mpa: &known_mpa,
+            known_mpa,
             sample_rel: 0.0,
             depth_correlation: None,
             resonance_ratio: 1.0,
             scale_rel: 0.1,
-        };
+        }
+    }
+
+    /// Two known samples that seem stiffer by this factor, within a percent.
+    fn with_factor(factor: f64) -> RunCalibration {
+        let described = Compensation::new(&SensorDescription::reference(), 0.002);
+        let model = RunModel::of_sites(&described, &[]);
+        let known_mpa = [Some(0.1), Some(0.3)];
+        let run = comparing(&known_mpa);
         let reading = |(sample, mpa): (usize, f64)| {
             let young = Young { mpa: factor * mpa, sigma_mpa: 0.01 * factor * mpa };
             let budget = Budget::default().with(Part::Sweep, 0.01);
@@ -357,15 +362,7 @@ mod tests {
         let model = RunModel::of_sites(&described, &[]);
         let known_mpa: Vec<Option<f64>> =
             KNOWN_MPA.iter().enumerate().map(|(i, mpa)| (i < known).then_some(*mpa)).collect();
-        let run = RunTouches {
-            main: &[],
-            blind: &[],
-            known_mpa: &known_mpa,
-            sample_rel: 0.0,
-            depth_correlation: None,
-            resonance_ratio: 1.0,
-            scale_rel: 0.1,
-        };
+        let run = comparing(&known_mpa);
         let is_there = KNOWN_MPA.iter().flat_map(|_| touches).collect();
         let at = ComparedAt { angle_deg: Some(0.0), is_there };
         let (mut errors, mut stated) = (0.0, 0.0);
