@@ -193,13 +193,13 @@ pub struct ModelSummary {
     /// Length of the probe's arm, mm.
     pub arm_mm: TermSummary,
     /// The least exponent of the depth, by which the contact grows otherwise than its law, that touches like these
-    /// show in 95 % of the runs; `None` if they cannot show any.
+    /// show in 95 % of the runs; `None` if they cannot show any, and unless the model holds.
     pub depth_exponent_noticed: Option<f64>,
     /// The coefficient of friction below which at least one main touch slides; `None` if the touches cannot show a
-    /// slip.
+    /// slip, and unless the model holds.
     pub slip_begins_below: Option<f64>,
     /// A contact that slips below this coefficient of friction is noticed by touches like these in 95 % of the runs;
-    /// `None` if they do not show so much of any slip.
+    /// `None` if they do not show so much of any slip, and unless the model holds.
     pub slip_noticed_below: Option<f64>,
     /// `indentation` or `stage`: whichever holds the depth.
     pub depth: &'static str,

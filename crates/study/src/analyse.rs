@@ -67,6 +67,7 @@ struct Answer {
     verdict: Option<&'static str>,
     pattern: Option<&'static str>,
     chi2_per_dof: Option<f64>,
+    /// This and the next two: `None` unless the model holds.
     depth_exponent_noticed: Option<f64>,
     slip_noticed_below: Option<f64>,
     first_slip_noticed: Option<f64>,

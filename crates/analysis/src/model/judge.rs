@@ -123,9 +123,10 @@ pub struct ModelCheck {
     /// The residuals, in the order of the touches.
     pub residuals: Vec<Residual>,
     /// The least exponent of the depth, by which the contact grows otherwise than its law, that these touches show
-    /// in 95 % of the runs. Hertz's law and Sneddon's differ by about 0.1. `None` if they cannot show any.
+    /// in 95 % of the runs. Hertz's law and Sneddon's differ by about 0.1. `None` if they cannot show any, and unless the
+    /// model holds.
     pub exponent_noticed: Option<f64>,
-    /// What these touches show of a contact that slips. `None` if they cannot show any.
+    /// What these touches show of a contact that slips. `None` if they cannot show any, and unless the model holds.
     pub slip_noticed: Option<SlipNoticed>,
     /// Relative standard deviation that the residuals ask for in addition: that of their scatter beyond
     /// what was stated, and of a misfit that all samples share under a model that does not hold.
@@ -196,6 +197,8 @@ pub(super) fn judge(touches: &Usable<'_>, fit: &Fit) -> Option<ModelCheck> {
             misfits.into_iter().fold(scatter.max(known.scatter()), f64::max)
         }
     };
+    // What touches can show is computed by their model.
+    let if_it_holds = rows.as_ref().filter(|_| verdict == Verdict::Holds);
     Some(ModelCheck {
         verdict,
         chi2,
@@ -204,10 +207,10 @@ pub(super) fn judge(touches: &Usable<'_>, fit: &Fit) -> Option<ModelCheck> {
         pattern: pattern.filter(|_| verdict != Verdict::Holds),
         evidence,
         residuals: (0..touches.touches.len()).map(residual).collect(),
-        exponent_noticed: rows.as_ref().and_then(|rows| {
+        exponent_noticed: if_it_holds.and_then(|rows| {
             rows.exponent_noticed(one_sided(0.5 * STRAINED_BELOW / (tests * DEPTH_TERMS)))
         }),
-        slip_noticed: rows.as_ref().and_then(|rows| rows.slip_noticed(STRAINED_BELOW / tests)),
+        slip_noticed: if_it_holds.and_then(|rows| rows.slip_noticed(STRAINED_BELOW / tests)),
         added_rel,
     })
 }
