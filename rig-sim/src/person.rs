@@ -6,7 +6,9 @@
 use rig_model::random::Stream;
 
 use crate::{
+    faults::DeviceFault,
     shell::SimHandle,
+    wiring::PortId,
     world::{AxisId, PersonScene},
 };
 
@@ -21,6 +23,17 @@ const SEEN_DEG: f64 = 0.05;
 const DIAL_MM: f64 = 0.01;
 const RULE_MM: f64 = 0.1;
 const GAUGE_DEG: f64 = 0.1;
+
+/// A test indicator: its division, the end of its scale, and one turn of it, by which it is misread, mm.
+const INDICATOR_MM: f64 = 0.001;
+const INDICATOR_END_MM: f64 = 0.4;
+const INDICATOR_TURN_MM: f64 = 0.2;
+
+/// Where a test indicator stands at the table, mm from its axis.
+const EDGE_MM: f64 = 20.0;
+
+/// An axis this close to an end of its travel is seen to be stopped there, mm and degrees.
+const AT_END: f64 = 0.3;
 
 /// A misread scale is wrong by this: one turn of the dial, mm; a line of the angle gauge, degrees.
 const MISREAD_MM: f64 = 1.0;
@@ -56,13 +69,22 @@ pub struct Person {
     chance: Stream,
     tip_mm: f64,
     tilt_deg: f64,
+    /// Height and tilt at which the test indicators were set to zero.
+    indicators: (f64, f64),
 }
 
 impl Person {
     pub(crate) fn new(rig: SimHandle, seed: u64) -> Self {
         let scene = rig.with(|_, rig| rig.world().scene().person);
         let (tip_mm, tilt_deg) = places(&rig);
-        Self { rig, scene, chance: Stream::new(seed, ANSWERS), tip_mm, tilt_deg }
+        Self {
+            rig,
+            scene,
+            chance: Stream::new(seed, ANSWERS),
+            tip_mm,
+            tilt_deg,
+            indicators: (tip_mm, tilt_deg),
+        }
     }
 
     /// Looks at the bench and sets the dial gauge to zero; the answers are about the motion since then.
@@ -116,6 +138,52 @@ impl Person {
         self.read(place.probe_beside_pivot_mm, RULE_MM, MISREAD_MM)
     }
 
+    /// Sets test indicators to zero, one at the carriage and one at the edge of the table.
+    pub fn set_indicators(&mut self) {
+        self.indicators = places(&self.rig);
+    }
+
+    /// The reading of the test indicator at the carriage, mm: how much higher it is than at zero.
+    pub fn indicator_mm(&mut self) -> f64 {
+        let moved_mm = places(&self.rig).0 - self.indicators.0;
+        self.read_indicator(moved_mm)
+    }
+
+    /// The reading of the test indicator at the edge of the table, mm: how much lower it is than at zero.
+    pub fn edge_indicator_mm(&mut self) -> f64 {
+        let turned_deg = places(&self.rig).1 - self.indicators.1;
+        self.read_indicator(EDGE_MM * turned_deg.to_radians())
+    }
+
+    /// Whether an axis stands at an end of its travel.
+    pub fn is_at_limit(&mut self) -> bool {
+        let is_at_end = self.rig.with(|now, rig| {
+            let world = rig.world();
+            [AxisId::Linear, AxisId::Rotary].into_iter().any(|axis| {
+                let (at, (low, high)) = (world.stage(axis).load(now), world.travel(axis));
+                (at - low).min(high - at) < AT_END
+            })
+        });
+        is_at_end != self.is_wrong()
+    }
+
+    /// How far the carriage can go down, by a rule, mm.
+    pub fn way_down_mm(&mut self) -> f64 {
+        let low_mm = self.rig.with(|_, rig| rig.world().scene().linear.travel.0);
+        let way_mm = places(&self.rig).0 - low_mm;
+        self.read(way_mm, RULE_MM, MISREAD_MM)
+    }
+
+    /// Holds the lower limit switch of the linear stage pressed, or lets go of it.
+    pub fn hold_lower_switch(&self, is_held: bool) {
+        self.rig.with(|now, rig| rig.world().hold_lower_switch(now, is_held));
+    }
+
+    /// Takes the power from both drives, and gives it back.
+    pub fn power_cycle_drives(&self) {
+        self.rig.with(|now, rig| rig.apply_fault(now, PortId::Bus, None, DeviceFault::Reboot));
+    }
+
     /// Presses the emergency stop, or releases it.
     pub fn press_stop(&self, is_pressed: bool) {
         self.rig.with(|now, rig| rig.world().press_stop(now, is_pressed));
@@ -137,6 +205,11 @@ impl Person {
         let mut others = all.iter().copied().filter(|other| *other != seen);
         let first = others.next().unwrap_or(seen);
         if is_first { first } else { others.next().unwrap_or(first) }
+    }
+
+    fn read_indicator(&mut self, truth_mm: f64) -> f64 {
+        let shown_mm = truth_mm.clamp(-INDICATOR_END_MM, INDICATOR_END_MM);
+        self.read(shown_mm, INDICATOR_MM, INDICATOR_TURN_MM)
     }
 
     fn read(&mut self, truth: f64, step: f64, misread: f64) -> f64 {

@@ -217,6 +217,8 @@ fn nuisances(table: &mut Table<'_>) -> Nuisances {
         screw_length_mm,
         linear_backlash_mm: size("linear_backlash_mm"),
         rotary_backlash_deg: size("rotary_backlash_deg"),
+        homing_mm: size("homing_mm"),
+        homing_deg: size("homing_deg"),
         encoder_steps: size("encoder_steps"),
         drift,
         impedance_rel,

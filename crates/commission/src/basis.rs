@@ -16,6 +16,7 @@ use crate::Kind;
 pub struct Basis {
     axes: Digest,
     geometry: Digest,
+    limits: Digest,
     drives: [String; 2],
 }
 
@@ -27,6 +28,9 @@ impl Basis {
         keys.extend(axis("linear", &rig.linear, &rig.limits.linear));
         keys.extend(axis("rotary", &rig.rotary, &rig.limits.rotary));
         let axes = digest(&keys);
+        let mut limits = keys.clone();
+        limits.extend(soft("linear", &rig.limits.linear));
+        limits.extend(soft("rotary", &rig.limits.rotary));
         let geometry = &rig.limits.geometry;
         keys.extend([
             ("geometry.surface_mm".to_owned(), geometry.surface.value()),
@@ -36,12 +40,16 @@ impl Basis {
         ]);
         let [of_linear, of_rotary] = drive_files;
         let drives = [drive(&rig.linear, rig, of_linear), drive(&rig.rotary, rig, of_rotary)];
-        Self { axes, geometry: digest(&keys), drives }
+        Self { axes, geometry: digest(&keys), limits: digest(&limits), drives }
     }
 
     /// SHA-256 of the keys on which a calibration rests.
     pub fn sha256(&self, kind: Kind) -> String {
-        let digest = if kind.rests_on_geometry() { &self.geometry } else { &self.axes };
+        let digest = match kind {
+            kind if kind.rests_on_geometry() => &self.geometry,
+            kind if kind.rests_on_soft_limits() => &self.limits,
+            _ => &self.axes,
+        };
         digest.to_string()
     }
 
@@ -75,6 +83,12 @@ fn axis<U: Unit>(
     ];
     let name = name.to_owned();
     keys.into_iter().map(move |(key, value)| (format!("{name}.{key}"), value))
+}
+
+fn soft<U: Unit>(name: &str, axis: &Axis<U>) -> [(String, f64); 2] {
+    let soft = axis.soft();
+    [("soft_min", soft.min), ("soft_max", soft.max)]
+        .map(|(key, value)| (format!("{name}.{key}"), value.value()))
 }
 
 fn drive<U>(file: &AxisFile<U>, rig: &RigFile, sha256: Option<Digest>) -> String {
@@ -117,6 +131,10 @@ mod tests {
         let other = Basis::of(&rig(&[("probe_radius_mm", "probe_radius_mm = 0.6 # ")]), none);
         assert_eq!(other.sha256(Kind::Scale), basis.sha256(Kind::Scale));
         assert_ne!(other.sha256(Kind::Geometry), basis.sha256(Kind::Geometry));
+        let other =
+            Basis::of(&rig(&[("soft_limits_mm = [8, 45]", "soft_limits_mm = [8, 44]")]), none);
+        assert_eq!(other.sha256(Kind::Scale), basis.sha256(Kind::Scale));
+        assert_ne!(other.sha256(Kind::Limits), basis.sha256(Kind::Limits));
     }
 
     #[test]

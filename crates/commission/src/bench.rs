@@ -30,6 +30,22 @@ impl JogAxis {
         }
     }
 
+    /// Speed of every step, units per second: slow enough to be stopped by hand.
+    pub const fn speed_per_s(self) -> f64 {
+        match self {
+            Self::Linear => 1.0,
+            Self::Rotary => 5.0,
+        }
+    }
+
+    /// The longest step after the scale is shown, in its unit; the interlock admits no longer one.
+    pub(crate) const fn longest_step(self) -> f64 {
+        match self {
+            Self::Linear => 10.0,
+            Self::Rotary => 31.0,
+        }
+    }
+
     /// The question about what a step of it did.
     pub const fn seen(self) -> Asked {
         match self {
@@ -48,12 +64,58 @@ pub struct Jog {
     pub by: f64,
 }
 
-impl Jog {
-    /// Speed of every step, units per second: slow enough to be stopped by hand.
-    pub const fn speed_per_s(self) -> f64 {
-        match self.axis {
-            JogAxis::Linear => 1.0,
-            JogAxis::Rotary => 5.0,
+/// What a drive is asked to do while its bench is commissioned.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Order {
+    /// A step from where the axis stands.
+    Step(Jog),
+    /// Clear the alarm that a limit has set off. Nothing moves.
+    ClearAlarm(JogAxis),
+    /// Find its zero by itself. The axis may go over its whole travel.
+    Home(JogAxis),
+}
+
+impl Order {
+    /// The axis.
+    pub const fn axis(self) -> JogAxis {
+        match self {
+            Self::Step(jog) => jog.axis,
+            Self::ClearAlarm(axis) | Self::Home(axis) => axis,
+        }
+    }
+
+    /// Whether the axis may move.
+    pub const fn may_move(self) -> bool {
+        match self {
+            Self::Step(jog) => jog.by != 0.0,
+            Self::ClearAlarm(_) => false,
+            Self::Home(_) => true,
+        }
+    }
+}
+
+/// The sentence for a person who lets it happen.
+impl std::fmt::Display for Order {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (axis, unit) = (self.axis().name(), self.axis().unit());
+        match self {
+            Self::Step(jog) => write!(
+                f,
+                "the {axis} moves by {:+.3} {unit} at {:.0} {unit}/s. Nothing is below the probe, and a hand is at the stop.",
+                jog.by,
+                jog.axis.speed_per_s()
+            ),
+            Self::ClearAlarm(_) => write!(f, "the alarm of the {axis} is cleared. Nothing moves."),
+            Self::Home(JogAxis::Linear) => write!(
+                f,
+                "the drive of the {axis} finds its zero, at its own speed. Table, holder and dish are taken away: nothing is \
+                 below the probe, down to the end of its travel, and a hand is at the stop."
+            ),
+            Self::Home(JogAxis::Rotary) => write!(
+                f,
+                "the drive of the {axis} finds its zero, at its own speed. Nothing is below the probe that a turn of the table \
+                 could reach, and a hand is at the stop."
+            ),
         }
     }
 }
@@ -65,6 +127,8 @@ pub struct Jogged {
     pub from: f64,
     /// Read-back after it.
     pub at: f64,
+    /// Whether the drive said before it that it knows where the axis is.
+    pub is_homed: bool,
 }
 
 impl Jogged {
@@ -82,11 +146,11 @@ pub trait Bench: Send {
     /// Asks the person.
     fn ask(&mut self, asked: Asked) -> impl Future<Output = Result<Answer, Self::Trouble>> + Send;
 
-    /// Moves one axis by a step, or reads where it is. A drive that does not make the step has a reason, in its own
-    /// words.
-    fn jog(
+    /// Has a drive do something; a step of 0 reads where the axis is. A drive that does not do it has a reason, in its
+    /// own words.
+    fn drive(
         &mut self,
-        jog: Jog,
+        order: Order,
     ) -> impl Future<Output = Result<Result<Jogged, String>, Self::Trouble>> + Send;
 
     /// A gauge has shown that the last step of an axis was about as long as its drive says: a longer one may follow.

@@ -10,6 +10,8 @@ pub enum BenchChange {
     Drive,
     /// The emergency stop or its wiring was changed.
     Stop,
+    /// A limit switch was moved or exchanged, or its wiring was changed.
+    Limits,
     /// The sensor was clamped again.
     Sensor,
     /// The probe was exchanged.
@@ -26,9 +28,10 @@ pub enum BenchChange {
 
 impl BenchChange {
     /// All of them.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Drive,
         Self::Stop,
+        Self::Limits,
         Self::Sensor,
         Self::Probe,
         Self::Holder,
@@ -42,6 +45,7 @@ impl BenchChange {
         match self {
             Self::Drive => "drive",
             Self::Stop => "stop",
+            Self::Limits => "limits",
             Self::Sensor => "sensor",
             Self::Probe => "probe",
             Self::Holder => "holder",
@@ -58,6 +62,7 @@ impl BenchChange {
                 "a drive, motor, coupling or screw was exchanged, or a setting of a drive changed"
             }
             Self::Stop => "the emergency stop or its wiring was changed",
+            Self::Limits => "a limit switch was moved or exchanged, or its wiring was changed",
             Self::Sensor => "the sensor was clamped again",
             Self::Probe => "the probe was exchanged",
             Self::Holder => "the holder of the samples was taken off",
@@ -72,6 +77,7 @@ impl BenchChange {
         match self {
             Self::Drive => &Kind::ALL,
             Self::Stop => &[Kind::Stop],
+            Self::Limits => &[Kind::Limits],
             Self::Sensor | Self::Probe | Self::Holder => {
                 &[Kind::Geometry, Kind::Blocks, Kind::Touches, Kind::Check]
             }

@@ -16,6 +16,10 @@ pub enum Kind {
     Geometry,
     /// Each axis moves as far as the rig file says, and the table is level at zero.
     Scale,
+    /// Something stops each axis at the ends of its travel, outside of the soft limits.
+    Limits,
+    /// Each axis is where it was after its drive was without power.
+    Homing,
     /// Surface, rotary axis, probe and the zero of the rotary stage by touches on hard blocks, and the error of the
     /// linear screw.
     Blocks,
@@ -27,11 +31,13 @@ pub enum Kind {
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 9] = [
         Self::Stop,
         Self::Signs,
         Self::Geometry,
         Self::Scale,
+        Self::Limits,
+        Self::Homing,
         Self::Blocks,
         Self::Touches,
         Self::Check,
@@ -44,6 +50,8 @@ impl Kind {
             Self::Signs => "signs",
             Self::Geometry => "geometry",
             Self::Scale => "scale",
+            Self::Limits => "limits",
+            Self::Homing => "homing",
             Self::Blocks => "blocks",
             Self::Touches => "touches",
             Self::Check => "check",
@@ -53,6 +61,11 @@ impl Kind {
     /// Whether it rests on the geometry of the rig file, and not only on its axes.
     pub(crate) const fn rests_on_geometry(self) -> bool {
         matches!(self, Self::Geometry | Self::Blocks)
+    }
+
+    /// Whether it rests on the soft limits of the axes too.
+    pub(crate) const fn rests_on_soft_limits(self) -> bool {
+        matches!(self, Self::Limits)
     }
 
     /// What a person does when it fails.
@@ -70,6 +83,14 @@ impl Kind {
             Self::Scale => {
                 "see that the gauge stands still and square, that nothing slips, and begin the step again"
             }
+            Self::Limits => {
+                "let the axis go no further; see that its switches are where they should be and wired to its drive, and begin the \
+                 step again"
+            }
+            Self::Homing => {
+                "see that the indicators stand still, that no clamp or coupling slips, that the battery of an absolute encoder is \
+                 good and the sensor of a home clean, and begin the step again"
+            }
             Self::Blocks => "see that the block is clean and lies flat, and run its protocol again",
             Self::Touches => {
                 "clean the block and the ball, see that the clamps of sensor and block are fast and the bench is warm, and run \
@@ -86,6 +107,8 @@ impl From<Step> for Kind {
             Step::Stop => Self::Stop,
             Step::Signs => Self::Signs,
             Step::Geometry => Self::Geometry,
+            Step::Limits => Self::Limits,
+            Step::Homing => Self::Homing,
             Step::Scale => Self::Scale,
         }
     }

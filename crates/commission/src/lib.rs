@@ -21,6 +21,7 @@ mod change;
 pub mod check;
 pub mod control;
 mod finding;
+pub mod homing;
 mod kind;
 pub mod metrology;
 pub mod procedure;
@@ -31,7 +32,7 @@ mod standing;
 mod step;
 
 pub use basis::Basis;
-pub use bench::{Bench, Jog, JogAxis, Jogged};
+pub use bench::{Bench, Jog, JogAxis, Jogged, Order};
 pub use change::BenchChange;
 pub use finding::{Change, Finding, Value, Verdict};
 pub use kind::Kind;

@@ -1,6 +1,8 @@
 //! The steps themselves. Each is a short conversation with the bench; none writes or remembers anything.
 
 mod geometry;
+mod homing;
+mod limits;
 mod scale;
 mod signs;
 mod stop;
@@ -8,7 +10,7 @@ mod stop;
 use rig_files::rig_file::RigFile;
 
 use crate::{
-    Answer, Asked, Bench, Choice, Finding, Jog, JogAxis, Jogged, Step,
+    Answer, Asked, Bench, Choice, Finding, Jog, JogAxis, Jogged, Order, Step,
     agreement::{Agreement, Progress},
 };
 
@@ -40,6 +42,8 @@ pub async fn carry_out<B: Bench>(
         Step::Signs => signs::carry_out(rig, bench).await,
         Step::Scale => scale::carry_out(rig, bench).await,
         Step::Geometry => geometry::carry_out(rig, bench).await,
+        Step::Limits => limits::carry_out(rig, bench).await,
+        Step::Homing => homing::carry_out(rig, bench).await,
     };
     match found {
         Ok(finding) => Ok(finding),
@@ -58,9 +62,38 @@ async fn confirm<B: Bench>(bench: &mut B, asked: Asked) -> Result<(), Early<B::T
 
 /// Makes a step of an axis. One that the drive does not make ends the step of commissioning.
 async fn jog<B: Bench>(bench: &mut B, axis: JogAxis, by: f64) -> Result<Jogged, Early<B::Trouble>> {
-    let jogged = bench.jog(Jog { axis, by }).await?;
-    jogged.map_err(|trouble| Early::Failed(format!("{}: {trouble}", axis.name())))
+    order(bench, Order::Step(Jog { axis, by })).await
 }
+
+/// Has a drive do something. One that does not ends the step of commissioning.
+async fn order<B: Bench>(bench: &mut B, order: Order) -> Result<Jogged, Early<B::Trouble>> {
+    let done = bench.drive(order).await?;
+    done.map_err(|trouble| Early::Failed(format!("{}: {trouble}", order.axis().name())))
+}
+
+/// Brings an axis to a place, by steps that are admitted. Returns where it is.
+async fn go_to<B: Bench>(
+    bench: &mut B,
+    axis: JogAxis,
+    place: f64,
+) -> Result<f64, Early<B::Trouble>> {
+    let mut at = jog(bench, axis, 0.0).await?.at;
+    while LEFT < (place - at).abs() {
+        let by = (place - at).clamp(-axis.longest_step(), axis.longest_step());
+        let next = jog(bench, axis, by).await?.at;
+        if (next - place).abs() >= (at - place).abs() {
+            let (name, unit) = (axis.name(), axis.unit());
+            return Err(Early::Failed(format!(
+                "{name}: it stays at {next:.3} {unit} on its way to {place:.3} {unit}"
+            )));
+        }
+        at = next;
+    }
+    Ok(at)
+}
+
+/// A way that is not gone, in units of the axis: the counts of a drive, and the jitter of its encoder.
+const LEFT: f64 = 0.012;
 
 /// Asks for a reading until enough agree.
 async fn agreed<B: Bench>(

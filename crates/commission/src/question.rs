@@ -17,6 +17,22 @@ pub enum Asked {
     Dial,
     /// Tilt of the table, by an angle gauge.
     Gauge,
+    /// A limit switch or the end of the travel stopped the axis.
+    AtLimit,
+    /// Hold the lower limit switch of the linear stage pressed.
+    HoldSwitch,
+    /// Let go of it.
+    LetGo,
+    /// How far the carriage can still go down, by a rule.
+    WayDown,
+    /// Set one test indicator against the carriage and one against the edge of the table, both to zero.
+    SetIndicators,
+    /// Take the power from both drives, and give it back.
+    PowerCycle,
+    /// The test indicator at the carriage.
+    Indicator,
+    /// The test indicator at the edge of the table.
+    EdgeIndicator,
     /// Gap between the tip and a level sample, by a rule.
     Gap,
     /// Height of that surface above the rotary axis, by a rule.
@@ -120,6 +136,32 @@ impl Asked {
                 "Angle gauge on the table: its tilt in degrees? Positive if the edge on the side of the tip of the \
                  bimorph is lower."
             }
+            Self::AtLimit => {
+                "Was it stopped by its limit switch or by the end of its travel, and by nothing else, such as a cable, a hand \
+                 or the stop?"
+            }
+            Self::HoldSwitch => {
+                "Hold the lower limit switch of the linear stage pressed by hand. Is it pressed? Answer no if it has none."
+            }
+            Self::LetGo => "Let go of the switch. Is it released?",
+            Self::WayDown => {
+                "By a rule: how far can the carriage still go down before it presses its lower limit switch, or ends if it has \
+                 none, in mm?"
+            }
+            Self::SetIndicators => {
+                "Set a test indicator with divisions of 1 µm against the carriage of the probe, and a second one against the edge \
+                 of the table on the side of the tip of the bimorph, 20 mm from its axis. Set both to zero. Is it done?"
+            }
+            Self::PowerCycle => {
+                "Switch the power of both drives off, wait ten seconds, and switch it on again. Is it on?"
+            }
+            Self::Indicator => {
+                "Test indicator at the carriage: its reading in mm, such as 0.002? Positive if the carriage is higher than at zero."
+            }
+            Self::EdgeIndicator => {
+                "Test indicator at the edge of the table: its reading in mm, such as 0.002? Positive if the edge is lower than at \
+                 zero."
+            }
             Self::Gap => {
                 "Put a sample on the level table. By a rule: the gap between the tip of the probe and its surface, in \
                  mm?"
@@ -138,10 +180,24 @@ impl Asked {
     /// The words that answer it; none for a reading.
     pub const fn choices(self) -> &'static [Choice] {
         match self {
-            Self::NoSample | Self::PressStop | Self::ReleaseStop => &[Choice::Yes, Choice::No],
+            Self::NoSample
+            | Self::PressStop
+            | Self::ReleaseStop
+            | Self::AtLimit
+            | Self::HoldSwitch
+            | Self::LetGo
+            | Self::SetIndicators
+            | Self::PowerCycle => &[Choice::Yes, Choice::No],
             Self::ProbeWent => &[Choice::Up, Choice::Down, Choice::Nowhere],
             Self::EdgeSank => &[Choice::Tip, Choice::Clamp, Choice::Neither],
-            Self::Dial | Self::Gauge | Self::Gap | Self::AbovePivot | Self::BesidePivot => &[],
+            Self::Dial
+            | Self::Gauge
+            | Self::WayDown
+            | Self::Indicator
+            | Self::EdgeIndicator
+            | Self::Gap
+            | Self::AbovePivot
+            | Self::BesidePivot => &[],
         }
     }
 

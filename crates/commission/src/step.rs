@@ -11,11 +11,16 @@ pub enum Step {
     Geometry,
     /// Each axis moves as far as the rig file says, and the table is level at zero.
     Scale,
+    /// Something stops each axis at the ends of its travel, outside of the soft limits.
+    Limits,
+    /// Each axis is where it was after its drive was without power.
+    Homing,
 }
 
 impl Step {
     /// All of them. Without an accepted record of each, a rig does not move by itself.
-    pub const ALL: [Self; 4] = [Self::Stop, Self::Signs, Self::Geometry, Self::Scale];
+    pub const ALL: [Self; 6] =
+        [Self::Stop, Self::Signs, Self::Geometry, Self::Scale, Self::Limits, Self::Homing];
 
     /// Its name in commands and files.
     pub const fn name(self) -> &'static str {
@@ -24,6 +29,8 @@ impl Step {
             Self::Signs => "signs",
             Self::Geometry => "geometry",
             Self::Scale => "scale",
+            Self::Limits => "limits",
+            Self::Homing => "homing",
         }
     }
 
@@ -36,6 +43,10 @@ impl Step {
                 "each axis moves as far as the rig file says, and the table is level at 0°"
             }
             Self::Geometry => "surface and rotary axis are where the rig file says, by a rule",
+            Self::Limits => {
+                "each axis is stopped at the ends of its travel, outside of the soft limits"
+            }
+            Self::Homing => "each axis is where it was after its drive was without power",
         }
     }
 
@@ -50,6 +61,12 @@ impl Step {
             }
             Self::Scale => "10 mm on a dial gauge within 0.3 %; ±30° on an angle gauge within 0.3°",
             Self::Geometry => "three lengths within 0.5 mm of the rig file",
+            Self::Limits => {
+                "three stops at an end lie within 0.05 mm or 0.3°, and the soft limits 2 mm or 2° inside of them"
+            }
+            Self::Homing => {
+                "test indicators range over at most 0.005 mm at the carriage and 0.007 mm at the table, which is 0.02°"
+            }
         }
     }
 
@@ -60,6 +77,8 @@ impl Step {
             Self::Signs => SIGNS,
             Self::Scale => SCALE,
             Self::Geometry => GEOMETRY,
+            Self::Limits => LIMITS,
+            Self::Homing => HOMING,
         }
     }
 }
@@ -91,3 +110,22 @@ const GEOMETRY: &str = "
            ┊  height above the axis
      ──────┊──⊙───
            └──┘  probe beside the axis, positive towards the tip of the bimorph";
+
+const LIMITS: &str = "
+     ─┬─ ▣ limit switch at the upper end: the probe drives into it
+      │  ┄ upper soft limit, at least 2 mm below
+      o  probe
+      │  ┄ lower soft limit
+     ─┴─ ▣ limit switch at the lower end: pressed by hand, and measured by a rule
+
+     ▣ ╲      ╱ ▣   the empty table turns into both of its switches
+        ╲─⊙─╱";
+
+const HOMING: &str = "
+      ┌──────┐ test indicator with divisions of 1 µm, against the carriage
+      │  0   │                      ┌──────┐ a second one, against the
+      └──┬───┘                      │  0   │ edge of the table, 20 mm
+         ▼                          └──┬───┘ from its axis
+     ▒▒▒▒▒▒▒▒▒                         ▼
+      carriage            ──────⊙──────────
+     both drives: power off, and on again";

@@ -53,6 +53,14 @@ pub enum PortCommand {
         /// Speed, °/s.
         speed_deg_per_s: f64,
     },
+    /// Clear an alarm of the linear drive while the rig is commissioned.
+    ClearLinear,
+    /// Clear an alarm of the rotary drive while the rig is commissioned.
+    ClearRotary,
+    /// Have the linear drive find its zero while the rig is commissioned, in the direction that is set in the drive.
+    SeekLinear,
+    /// Have the rotary drive find its zero while the rig is commissioned.
+    SeekRotary,
     /// Measure the impedance where the axes are.
     Measure,
     /// Measure the impedance again and again while the probe goes down, if it does.
@@ -72,6 +80,10 @@ impl PortCommand {
             Self::MoveRotary { .. } => "a move of the rotary stage",
             Self::JogLinear { .. } => "a step of the linear stage",
             Self::JogRotary { .. } => "a step of the rotary stage",
+            Self::ClearLinear => "clearing an alarm of the linear stage",
+            Self::ClearRotary => "clearing an alarm of the rotary stage",
+            Self::SeekLinear => "finding the zero of the linear stage",
+            Self::SeekRotary => "finding the zero of the rotary stage",
             Self::Measure => "a measurement",
             Self::Stream => "a stream of readings",
         }
@@ -86,17 +98,29 @@ impl PortCommand {
                 | Self::MoveLinear { .. }
                 | Self::Descend { .. }
                 | Self::JogLinear { .. }
+                | Self::SeekLinear
         )
     }
 
-    /// Whether it is a step of commissioning.
-    pub(crate) const fn is_jog(&self) -> bool {
-        matches!(self, Self::JogLinear { .. } | Self::JogRotary { .. })
+    /// Whether it belongs to the commissioning of a rig, which is not in service.
+    pub(crate) const fn is_of_commissioning(&self) -> bool {
+        matches!(
+            self,
+            Self::JogLinear { .. }
+                | Self::JogRotary { .. }
+                | Self::ClearLinear
+                | Self::ClearRotary
+                | Self::SeekLinear
+                | Self::SeekRotary
+        )
     }
 
     /// Whether it may turn the sample.
     pub(crate) const fn is_turn(&self) -> bool {
-        matches!(self, Self::HomeRotary | Self::MoveRotary { .. } | Self::JogRotary { .. })
+        matches!(
+            self,
+            Self::HomeRotary | Self::MoveRotary { .. } | Self::JogRotary { .. } | Self::SeekRotary
+        )
     }
 }
 

@@ -49,7 +49,7 @@ impl Interlock {
         let is_retract = self.is_retract(command);
         self.ports.admit(command)?;
         self.commission.admit(now, command)?;
-        if command.is_jog() {
+        if command.is_of_commissioning() {
             self.begun(command);
             return Ok(());
         }

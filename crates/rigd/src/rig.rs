@@ -47,7 +47,7 @@ use std::{
     sync::{Arc, Weak},
 };
 
-use rig_commission::{Answer, Asked, Jog, JogAxis, Jogged};
+use rig_commission::{Answer, Asked, JogAxis, Jogged, Order};
 use rig_engine::{Command, CommandRefusal};
 use rig_link::Clock;
 use rig_model::{RigTime, SweepRequest, with_causes};
@@ -219,8 +219,8 @@ enum Request {
         by: String,
         reply: oneshot::Sender<Result<identify::Answers, RequestRefusal>>,
     },
-    Jog {
-        jog: Jog,
+    Commission {
+        order: Order,
         by: String,
         reply: oneshot::Sender<Result<oneshot::Receiver<Result<Jogged, String>>, RequestRefusal>>,
     },
@@ -463,14 +463,19 @@ impl RigHandle {
         Ok(all)
     }
 
-    /// Moves one axis of a rig that is not in service by a step, and waits for its end. A person has confirmed the
-    /// step, and that nothing is below the probe. The drive says why it did not make it.
+    /// Has a drive of a rig that is not in service do something, and waits for its end. A person has confirmed it, and that
+    /// nothing is below the probe. The drive says why it did not do it.
     ///
     /// # Errors
     /// [`RequestRefusal`]; nothing has moved then.
-    pub async fn jog(&self, jog: Jog, by: &str) -> Result<Result<Jogged, String>, RequestRefusal> {
+    pub async fn drive(
+        &self,
+        order: Order,
+        by: &str,
+    ) -> Result<Result<Jogged, String>, RequestRefusal> {
         let (reply, answer) = oneshot::channel();
-        let ended = self.ask(Request::Jog { jog, by: by.to_owned(), reply }, answer).await??;
+        let request = Request::Commission { order, by: by.to_owned(), reply };
+        let ended = self.ask(request, answer).await??;
         ended.await.map_err(|_| RequestRefusal::Closed)
     }
 

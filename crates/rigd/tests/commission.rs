@@ -78,12 +78,19 @@ impl Bench {
         for change in changes.lines().next().unwrap().split("; ") {
             let (key, rest) = change.split_once(" = ").unwrap();
             let (_, value) = rest.split_once(" must be changed to ").unwrap();
+            let (which, key) = key.split_once(' ').unwrap_or(("", key));
             let (section, key) = key.split_once('.').unwrap();
             let begin = text.find(&format!("\n[{section}]\n")).unwrap() + 1;
             let end = text[begin..].find("\n[").map_or(text.len(), |length| begin + length);
             let body = &text[begin..end];
             let is_key = |line: &&str| line.starts_with(&format!("{key} = "));
             let new = match body.lines().find(is_key) {
+                Some(line) if !which.is_empty() => {
+                    let (_, both) = line.split_once('[').unwrap();
+                    let (low, high) = both.split_once(']').unwrap().0.split_once(", ").unwrap();
+                    let (low, high) = if which == "lower" { (value, high) } else { (low, value) };
+                    body.replacen(line, &format!("{key} = [{low}, {high}]"), 1)
+                }
                 Some(line) => body.replacen(line, &format!("{key} = {value}"), 1),
                 None => format!("{body}\n{key} = {value}\n"),
             };
@@ -115,7 +122,7 @@ impl Bench {
         let first = reader.records(run.id).unwrap().remove(0).record().unwrap();
         let Record::RunStarted(started) = first else { panic!("{first:?}") };
         let kinds: Vec<_> = started.calibrations.iter().map(|cited| &*cited.kind).collect();
-        assert_eq!(kinds, ["stop", "signs", "geometry", "scale"]);
+        assert_eq!(kinds, ["stop", "signs", "geometry", "scale", "limits", "homing"]);
         for CitedCalibration { kind, person, file, sha256, .. } in started.calibrations {
             let text = fs::read(data.join("calibrations").join(file)).unwrap();
             assert_eq!(Digest::from_bytes(Sha256::digest(text).into()).to_string(), sha256);
@@ -210,29 +217,29 @@ fn a_change_of_the_rig_file_asks_for_the_steps_that_rest_on_it_and_an_interrupti
     assert_eq!(nonsense.status.code(), Some(2), "{}", stderr(&nonsense));
     fs::write(&path, &text).unwrap();
     assert_eq!(bench.commission(), (1, 0));
-    let held = |expected: [bool; 4]| {
+    let held = |expected: [bool; 6]| {
         let shown = bench.rigd(&["commission", "show", "--json"]);
         let steps: Vec<serde_json::Value> = serde_json::from_slice(&shown.stdout).unwrap();
         let held: Vec<_> = steps.iter().map(|step| step["is_held"] == true).collect();
         assert_eq!(held, expected, "{steps:?}");
     };
-    held([true; 4]);
+    held([true; 6]);
     // What no step rests on may change.
     let faster = text.replacen("max_speed_mm_per_s = 20", "max_speed_mm_per_s = 15", 1);
     let faster = faster.replacen("travel_speed_mm_per_s = 20", "travel_speed_mm_per_s = 15", 1);
     fs::write(&path, format!("# Another comment.\n{faster}")).unwrap();
-    held([true; 4]);
+    held([true; 6]);
     fs::write(&path, text.replacen("surface_above_pivot_mm = 4", "surface_above_pivot_mm = 5", 1))
         .unwrap();
-    held([true, true, false, true]);
+    held([true, true, false, true, true, true]);
     let moved = bench.rigd(&["move", "linear", "30"]);
     let why = "not commissioned: geometry (made with other values in the rig file)";
     assert!(stderr(&moved).contains(why), "{}", stderr(&moved));
     fs::write(&path, text.replacen("unit_id = 2", "unit_id = 3", 1)).unwrap();
-    held([false; 4]);
+    held([false; 6]);
     // The records themselves were left as they were.
     fs::write(&path, &text).unwrap();
-    held([true; 4]);
+    held([true; 6]);
 }
 
 #[test]
@@ -293,4 +300,114 @@ fn touches_on_a_hard_block_find_the_geometry_within_its_stated_uncertainty() {
     let why =
         "block-1 was made with other values of [linear] or [rotary] than the rig file has now";
     assert!(stderr(&again).contains(why), "{}", stderr(&again));
+}
+
+impl Bench {
+    /// Changes a file of the bench.
+    fn edit(&self, name: &str, changes: &[(&str, &str)]) {
+        let path = self.folder.path().join(name);
+        let mut text = fs::read_to_string(&path).unwrap();
+        for (old, new) in changes {
+            assert!(text.contains(old), "{old}");
+            text = text.replace(old, new);
+        }
+        fs::write(path, text).unwrap();
+    }
+
+    /// Values with their standard uncertainties of the last record of a kind.
+    fn last_values(&self, kind: &str) -> Vec<(f64, f64)> {
+        let folder = self.folder.path().join("data/calibrations");
+        let mut paths: Vec<_> =
+            fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+        paths.retain(|path| path.file_name().unwrap().to_str().unwrap().starts_with(kind));
+        paths.sort();
+        let record: toml::Table =
+            fs::read_to_string(paths.last().unwrap()).unwrap().parse().unwrap();
+        let number = |value: &toml::Value, key: &str| value[key].as_float().unwrap();
+        let values = record["values"].as_array().unwrap().iter();
+        values
+            .map(|value| (number(value, "value"), number(value, "standard_uncertainty")))
+            .collect()
+    }
+}
+
+/// A bench as its rig file says, but for a small zero of its table.
+const DESCRIBED: Truth =
+    Truth { mm_per_step: 0.001, zero_mm: 0.0, deg_per_step: 0.01, zero_deg: 0.05 };
+
+#[test]
+fn ends_of_the_travel_are_found_and_soft_limits_outside_of_them_are_to_be_changed() {
+    let mut chance = Stream::new(117, 0);
+    for seed in 0..6 {
+        let bench = Bench::new(DESCRIBED, seed, 0.05);
+        let low = 8.0 * chance.uniform() - 2.0;
+        let high = 44.0 + 6.5 * chance.uniform();
+        let (clamp, tip) = (-50.0 - 12.0 * chance.uniform(), 50.0 + 12.0 * chance.uniform());
+        let linear = format!("travel_mm = [{low}, {high}]");
+        let rotary = format!("travel_deg = [{clamp}, {tip}]");
+        bench.edit(
+            "scene.toml",
+            &[("travel_mm = [0, 50]", &linear), ("travel_deg = [-60, 60]", &rotary)],
+        );
+        let rounds = bench.commission();
+        let found = bench.last_values("limits-");
+        let truths = [high, low, tip - 0.05, clamp - 0.05];
+        for ((value, sigma), truth) in found.into_iter().zip(truths) {
+            // The zero of the table is within the limit of the step before.
+            let also = if truth.abs() > 48.0 { 0.35 } else { 0.0 };
+            assert!(
+                (value - truth).abs() < 3.0 * sigma + also,
+                "{rounds:?}: {value} {sigma} {truth}"
+            );
+        }
+        let (linear, rotary) = (bench.rig().limits.linear, bench.rig().limits.rotary);
+        assert!(linear.soft().max.value() <= high - 1.9 && linear.soft().min.value() >= low + 1.0);
+        assert!(rotary.soft().max.value() <= tip - 1.5 && rotary.soft().min.value() >= clamp + 1.5);
+        let home = bench.rigd(&["home"]);
+        assert!(home.status.success(), "{}", stderr(&home));
+    }
+}
+
+#[test]
+fn an_axis_that_nothing_stops_is_not_accepted() {
+    let bench = Bench::new(DESCRIBED, 1, 0.0);
+    bench.edit("scene.toml", &[("travel_mm = [0, 50]", "travel_mm = [0, 60]")]);
+    let said = bench.rigd(&["commission"]);
+    assert_eq!(said.status.code(), Some(1));
+    let why = "step limits failed: nothing stopped the linear stage up to 50.9";
+    assert!(stderr(&said).contains(why), "{}", stderr(&said));
+}
+
+#[test]
+fn a_drive_that_forgets_its_place_is_homed_and_one_that_homes_badly_is_refused() {
+    for (seed, homing_mm, homing_deg, refused) in [
+        (1, 0.0005, 0.001, None),
+        (2, 0.0005, 0.001, None),
+        (3, 0.02, 0.001, Some("the indicator at the carriage ranges over")),
+        (4, 0.0005, 0.05, Some("the indicator at the table ranges over")),
+    ] {
+        let bench = Bench::new(DESCRIBED, seed, 0.0);
+        bench.edit(
+            "rig.toml",
+            &[("register_map = \"oriental-az\"", "register_map = \"leadshine-pr\"")],
+        );
+        let homing = format!("homing_mm = {homing_mm}");
+        let of_table = format!("homing_deg = {homing_deg}");
+        bench.edit("scene.toml", &[("homing_mm = 0", &homing), ("homing_deg = 0", &of_table)]);
+        let said = bench.rigd(&["commission"]);
+        match refused {
+            None => assert!(said.status.success(), "{}", stderr(&said)),
+            Some(why) => {
+                assert_eq!(said.status.code(), Some(1), "{}", stderr(&said));
+                assert!(stderr(&said).contains(why), "{}", stderr(&said));
+            }
+        }
+        let found = bench.last_values("homing-");
+        let truths = [homing_mm, 1.0, homing_deg, 1.0];
+        for ((value, sigma), truth) in found.into_iter().zip(truths) {
+            // Readings of a scale that has an end do not show how large a large scatter is.
+            let is_shown = truth < 0.01;
+            assert!(!is_shown || (value - truth).abs() <= 3.5 * sigma, "{value} {sigma} {truth}");
+        }
+    }
 }

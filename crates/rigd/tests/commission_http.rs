@@ -127,7 +127,7 @@ fn a_bench_is_commissioned_over_http_and_goes_into_service_without_a_new_start()
     assert_eq!(refused.0, 409, "{}", refused.1);
     let view = daemon.show();
     let steps = view["steps"].as_array().unwrap();
-    assert_eq!(steps.len(), 4);
+    assert_eq!(steps.len(), 6);
     assert!(steps.iter().all(|step| step["is_held"] == false && step["why"] == "never made"));
     assert!(steps[0]["picture"].as_str().unwrap().contains("stop"));
     let (status, view) = daemon.post("commission", "{}");
@@ -138,7 +138,7 @@ fn a_bench_is_commissioned_over_http_and_goes_into_service_without_a_new_start()
     assert!(view["steps"].as_array().unwrap().iter().all(|step| step["is_held"] == true));
     assert_eq!(view["steps"][0]["person"], "simulated person");
     let records = fs::read_dir(daemon.folder.path().join("data/calibrations")).unwrap();
-    assert_eq!(records.count(), 4);
+    assert_eq!(records.count(), 6);
     let began = Instant::now();
     loop {
         let (status, answer) = daemon.post("moves", r#"{"axis": "linear", "to": 30}"#);
@@ -198,6 +198,8 @@ struct Eye {
     asked: String,
     /// Place and last step of the linear and of the rotary stage.
     axes: [(f64, f64); 2],
+    /// Where they were when the test indicators were set to zero.
+    zeros: [f64; 2],
 }
 
 const AXES: [&str; 2] = ["linear stage", "rotary stage"];
@@ -216,9 +218,12 @@ impl Eye {
                 let place = |text: &str| text.split(' ').next().unwrap().parse::<f64>().unwrap();
                 self.axes[index] = (place(at), place(at) - place(from));
             }
-            if question.starts_with(&format!("The {axis} moves by ")) {
+            if question.contains(&format!("the {axis} moves by ")) {
                 self.axes[index].1 = 0.0;
             }
+        }
+        if question.starts_with("Set a test indicator") {
+            self.zeros = self.axes.map(|(at, _)| at);
         }
         question.clone_into(&mut self.asked);
     }
@@ -236,6 +241,13 @@ impl Eye {
             _ if text.contains("Which edge") => seen(sank, ["tip", "clamp", "neither"]),
             _ if text.starts_with("Dial gauge") => format!("{rose:.2}"),
             _ if text.starts_with("Angle gauge") => format!("{:.1}", tilt + 0.05),
+            _ if text.contains("how far can the carriage") => format!("{height:.1}"),
+            _ if text.starts_with("Test indicator at the carriage") => {
+                format!("{:.3}", height - self.zeros[0])
+            }
+            _ if text.starts_with("Test indicator at the edge") => {
+                format!("{:.3}", 20.0 * (tilt - self.zeros[1]).to_radians())
+            }
             _ if text.contains("the gap") => format!("{:.1}", height - 10.03),
             _ if text.contains("the height of that surface") => "4.0".to_owned(),
             _ if text.contains("the distance of the probe") => "0.3".to_owned(),
@@ -270,7 +282,8 @@ fn a_person_commissions_a_bench_over_http_to_the_end() {
     for step in view["steps"].as_array().unwrap() {
         assert_eq!((&step["is_held"], &step["person"]), (&true.into(), &"Ada".into()), "{step}");
     }
-    assert_eq!(still, 4, "two looks at each axis while the stop was pressed: {view}");
+    // Two looks at each axis while the stop was pressed, and two at the probe while its lower switch was.
+    assert_eq!(still, 6, "{view}");
     daemon.end();
 }
 

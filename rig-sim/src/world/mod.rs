@@ -96,6 +96,9 @@ pub struct World {
     told: Vec<Discriminant<ViolationKind>>,
     contact_fault: Option<ContactFault>,
     is_stop_pressed: bool,
+    /// Where the linear stage stands while its lower limit switch is held pressed.
+    held_at_mm: Option<f64>,
+    homings: u64,
 }
 
 /// A fault of the contact sense.
@@ -118,6 +121,7 @@ mod stream {
     pub(super) const ROTARY_SCREW: u64 = 5;
     pub(super) const MOUNTING: u64 = 6;
     pub(super) const DRIVE_PHASE: u64 = 7;
+    pub(super) const HOMING: u64 = 8;
 }
 
 impl World {
@@ -179,6 +183,8 @@ impl World {
             told: Vec::new(),
             contact_fault: None,
             is_stop_pressed: false,
+            held_at_mm: None,
+            homings: 0,
             scene,
             seed,
         })
@@ -208,10 +214,13 @@ impl World {
         }
     }
 
-    /// Positions of the limit switches of a stage.
+    /// Positions of the limit switches of a stage. One that is held pressed is where the stage is.
     pub fn travel(&self, axis: AxisId) -> (f64, f64) {
         match axis {
-            AxisId::Linear => self.scene.linear.travel,
+            AxisId::Linear => {
+                let (low, high) = self.scene.linear.travel;
+                (self.held_at_mm.unwrap_or(low), high)
+            }
             AxisId::Rotary => self.scene.rotary.travel,
         }
     }
@@ -259,6 +268,21 @@ impl World {
         for axis in [AxisId::Linear, AxisId::Rotary] {
             self.drive(now, axis).set_jammed(now, is_pressed);
         }
+    }
+
+    /// A person holds the lower limit switch of the linear stage pressed, or lets go of it.
+    pub(crate) fn hold_lower_switch(&mut self, now: RigTime, is_held: bool) {
+        self.held_at_mm = is_held.then(|| self.linear.motor(now));
+    }
+
+    /// How far from its place a drive finds its zero this time.
+    pub(crate) fn homing_error(&mut self, axis: AxisId) -> f64 {
+        self.homings += 1;
+        let sigma = match axis {
+            AxisId::Linear => self.scene.nuisances.homing_mm,
+            AxisId::Rotary => self.scene.nuisances.homing_deg,
+        };
+        sigma * normal_at(self.seed, [stream::HOMING, self.homings, 0])
     }
 
     /// Whether the emergency stop is pressed.

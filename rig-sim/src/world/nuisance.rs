@@ -21,6 +21,10 @@ pub struct Nuisances {
     pub linear_backlash_mm: f64,
     /// Play of the rotary stage, degrees.
     pub rotary_backlash_deg: f64,
+    /// Standard deviation of the place at which a drive that homes finds its zero, of the linear stage, mm.
+    pub homing_mm: f64,
+    /// The same of the rotary stage, degrees.
+    pub homing_deg: f64,
     /// Standard deviation of the position that an encoder reports, in steps of its drive.
     pub encoder_steps: f64,
     /// The drift of the free resonance.
@@ -43,6 +47,8 @@ impl Nuisances {
         screw_length_mm: 1.0,
         linear_backlash_mm: 0.0,
         rotary_backlash_deg: 0.0,
+        homing_mm: 0.0,
+        homing_deg: 0.0,
         encoder_steps: 0.0,
         drift: Drift { warm_up_hz: 0.0, warm_up_s: 1.0, walk_hz_per_sqrt_hour: 0.0 },
         impedance_rel: 0.0,

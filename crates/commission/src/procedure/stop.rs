@@ -2,7 +2,7 @@
 
 use super::{Early, confirm, contradictory, doubt, jog, reading};
 use crate::{
-    Asked, Bench, Finding, Jog, JogAxis,
+    Asked, Bench, Finding, Jog, JogAxis, Order,
     agreement::{Agreement, Progress},
 };
 
@@ -49,7 +49,7 @@ async fn is_seen_to_move<B: Bench>(
     let mut agreement = Agreement::new(ANSWERS, 0.0);
     let mut by = step;
     loop {
-        _ = bench.jog(Jog { axis, by }).await?;
+        _ = bench.drive(Order::Step(Jog { axis, by })).await?;
         let seen = reading(bench, axis.seen()).await?;
         by = -by;
         match agreement.add(seen.abs()) {

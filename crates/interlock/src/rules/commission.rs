@@ -18,6 +18,10 @@ const ROTARY: Bounds = Bounds { first: 1.0, most: 31.0, speed_per_s: 5.0 };
 /// How many times as long as a step that a gauge has shown the next one may be.
 const GROWTH: f64 = 10.0;
 
+/// How far beyond its travel an axis may step to be stopped by its limit, mm and degrees: never towards the table.
+const BEYOND_MM: f64 = 1.0;
+const BEYOND_DEG: f64 = 3.0;
+
 /// Rounding of a step to the counts of a drive, in units of the axis.
 const ROUNDING: f64 = 1e-6;
 
@@ -109,12 +113,21 @@ impl Commission {
             PortCommand::JogLinear { from, by_mm, speed_mm_per_s } => {
                 let step = (by_mm, speed_mm_per_s);
                 self.admit_step(now, what, (&LINEAR, self.linear_steps), step)?;
-                self.stay_inside(what, from, by_mm, self.linear)
+                let Span { min, max } = self.linear;
+                let beyond = Span::new(min.value(), max.value() + BEYOND_MM);
+                self.stay_inside(what, from.offset(by_mm), self.linear, beyond)
             }
             PortCommand::JogRotary { from, by_deg, speed_deg_per_s } => {
                 let step = (by_deg, speed_deg_per_s);
                 self.admit_step(now, what, (&ROTARY, self.rotary_steps), step)?;
-                self.stay_inside(what, from, by_deg, self.rotary)
+                let Span { min, max } = self.rotary;
+                let beyond = Span::new(min.value() - BEYOND_DEG, max.value() + BEYOND_DEG);
+                self.stay_inside(what, from.offset(by_deg), self.rotary, beyond)
+            }
+            PortCommand::ClearLinear | PortCommand::ClearRotary => self.admit_scaled(what),
+            PortCommand::SeekLinear | PortCommand::SeekRotary => {
+                self.admit_scaled(what)?;
+                self.is_stated(now, what)
             }
             _ if self.proven == Proven::Bench => Ok(()),
             _ => Err(Refusal::NotCommissioned { what }),
@@ -135,9 +148,7 @@ impl Commission {
             Proven::Scales => most,
             Proven::Bench => return Err(Refusal::Commissioned { what }),
         };
-        if self.stated_at.is_none_or(|at| FRESH < now.since(at)) {
-            return Err(Refusal::StepUnconfirmed { what });
-        }
+        self.is_stated(now, what)?;
         // NaN is refused too.
         let is_short = by.abs() <= limit + ROUNDING;
         let is_slow = 0.0 < speed_per_s && speed_per_s <= limit_per_s;
@@ -151,15 +162,33 @@ impl Commission {
         Ok(())
     }
 
-    /// A longer step stays inside the travel. Before the signs are shown, the position says nothing.
+    /// What is written into a drive, and a motion of unknown length, need signs and scales that are shown.
+    const fn admit_scaled(&self, what: &'static str) -> Result<(), Refusal> {
+        match self.proven {
+            Proven::Scales => Ok(()),
+            Proven::Bench => Err(Refusal::Commissioned { what }),
+            Proven::Nothing | Proven::Signs => Err(Refusal::NotCommissioned { what }),
+        }
+    }
+
+    /// A person has just said that nothing is below the probe.
+    fn is_stated(&self, now: RigTime, what: &'static str) -> Result<(), Refusal> {
+        match self.stated_at {
+            Some(at) if now.since(at) <= FRESH => Ok(()),
+            _ => Err(Refusal::StepUnconfirmed { what }),
+        }
+    }
+
+    /// A longer step stays inside the travel, and a little beyond it once the scales are shown. Before the signs are
+    /// shown, the position says nothing.
     fn stay_inside<U: Unit>(
         &self,
         what: &'static str,
-        from: Position<U>,
-        by: f64,
+        to: Position<U>,
         travel: Span<U>,
+        beyond: Span<U>,
     ) -> Result<(), Refusal> {
-        let to = from.offset(by);
+        let travel = if self.proven == Proven::Scales { beyond } else { travel };
         if self.proven == Proven::Nothing || travel.contains(to) {
             return Ok(());
         }
@@ -171,6 +200,7 @@ impl Commission {
         match *command {
             PortCommand::JogLinear { by_mm, .. } => self.linear_steps.last = by_mm.abs(),
             PortCommand::JogRotary { by_deg, .. } => self.rotary_steps.last = by_deg.abs(),
+            PortCommand::SeekLinear | PortCommand::SeekRotary => {}
             _ => return,
         }
         self.withdrawn();

@@ -46,9 +46,13 @@ impl Identity {
                 self.is_linear_known &= !is_failed;
             }
             PortCommand::MoveRotary { .. } => self.is_rotary_known &= !is_failed,
-            PortCommand::JogLinear { .. } => self.is_linear_known = false,
-            PortCommand::JogRotary { .. } => self.is_rotary_known = false,
-            PortCommand::Stop | PortCommand::Measure | PortCommand::Stream => {}
+            PortCommand::JogLinear { .. } | PortCommand::SeekLinear => self.is_linear_known = false,
+            PortCommand::JogRotary { .. } | PortCommand::SeekRotary => self.is_rotary_known = false,
+            PortCommand::Stop
+            | PortCommand::ClearLinear
+            | PortCommand::ClearRotary
+            | PortCommand::Measure
+            | PortCommand::Stream => {}
         }
     }
 }

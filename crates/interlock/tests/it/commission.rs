@@ -74,6 +74,23 @@ fn a_step_is_as_long_and_as_fast_as_what_is_shown_allows() {
         |by_mm| PortCommand::JogLinear { from: Position::new(-40.0), by_mm, speed_mm_per_s: 1.0 };
     check(Proven::Nothing, below(0.2), true);
     check(Proven::Signs, below(0.2), false);
+    // Limits are found by a step a little beyond the travel, once scales are shown, and never towards the table.
+    let near = |from, by_mm| PortCommand::JogLinear {
+        from: Position::new(from),
+        by_mm,
+        speed_mm_per_s: 1.0,
+    };
+    let travel = limits().linear.travel();
+    let (low, high) = (travel.min.value(), travel.max.value());
+    check(Proven::Scales, near(high - 1.0, 2.0), true);
+    check(Proven::Scales, near(high - 1.0, 2.1), false);
+    check(Proven::Signs, near(high, 0.1), false);
+    check(Proven::Scales, near(low, -0.1), false);
+    let high = limits().rotary.travel().max.value();
+    let out =
+        |by_deg| PortCommand::JogRotary { from: Position::new(high), by_deg, speed_deg_per_s: 5.0 };
+    check(Proven::Scales, out(3.0), true);
+    check(Proven::Scales, out(3.1), false);
     // A rig in service is moved otherwise.
     check(Proven::Bench, up(0.1, 1.0), false);
 }
@@ -132,6 +149,33 @@ fn each_step_needs_a_word_of_its_own_which_grows_old_and_ends_with_a_stop() {
     interlock.ended(NOW, &up(0.1, 1.0), &Outcome::Failed);
     interlock.operator(NOW, "ada", Word::ThisStep).unwrap();
     interlock.admit(NOW, &up(-0.1, 1.0)).unwrap();
+}
+
+#[test]
+fn a_drive_is_written_to_and_homed_only_after_its_scale_is_shown() {
+    for (proven, is_admitted) in [
+        (Proven::Nothing, false),
+        (Proven::Signs, false),
+        (Proven::Scales, true),
+        (Proven::Bench, false),
+    ] {
+        for command in [
+            PortCommand::ClearLinear,
+            PortCommand::ClearRotary,
+            PortCommand::SeekLinear,
+            PortCommand::SeekRotary,
+        ] {
+            assert_eq!(confirmed(proven, command).is_ok(), is_admitted, "{proven:?} {command:?}");
+        }
+    }
+    // Each homing needs a word of its own.
+    let mut interlock = Interlock::new(limits(), Proven::Scales);
+    interlock.operator(NOW, "ada", Word::ThisStep).unwrap();
+    interlock.admit(NOW, &PortCommand::SeekRotary).unwrap();
+    interlock.ended(NOW, &PortCommand::SeekRotary, &Outcome::Done);
+    let refusal = interlock.admit(NOW, &PortCommand::SeekRotary).unwrap_err();
+    assert!(matches!(refusal, Refusal::StepUnconfirmed { .. }), "{refusal}");
+    interlock.admit(NOW, &PortCommand::ClearRotary).unwrap();
 }
 
 #[test]

@@ -216,7 +216,12 @@ impl Truth {
                 self.intent_mm = f64::INFINITY;
                 Outcome::RotaryAt(Position::new(self.rotary_deg))
             }
-            PortCommand::JogLinear { .. } | PortCommand::JogRotary { .. } => {
+            PortCommand::JogLinear { .. }
+            | PortCommand::JogRotary { .. }
+            | PortCommand::ClearLinear
+            | PortCommand::ClearRotary
+            | PortCommand::SeekLinear
+            | PortCommand::SeekRotary => {
                 unreachable!("no stream commissions a rig")
             }
             PortCommand::Stop | PortCommand::Measure | PortCommand::Stream => Outcome::Done,

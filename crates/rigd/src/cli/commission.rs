@@ -34,7 +34,7 @@ use crate::{
 };
 
 /// Shows, step by step, that a bench is as its rig file says: the emergency stop, the sign and the scale of each
-/// axis, and the geometry. Each step has a picture, the limit of acceptance and what to do when it fails; its record
+/// axis, the geometry, the limits, and that each axis is where it was after its power was off. Each step has a picture, the limit of acceptance and what to do when it fails; its record
 /// is a file in the data directory. The command begins at the first step that is missing, also after an
 /// interruption. A wrong value ends with the key of the rig file to change, which rigd never writes.
 #[derive(Debug, Args)]
@@ -129,6 +129,8 @@ enum StepName {
     Signs,
     Geometry,
     Scale,
+    Limits,
+    Homing,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -364,6 +366,8 @@ impl From<StepName> for Step {
             StepName::Signs => Self::Signs,
             StepName::Scale => Self::Scale,
             StepName::Geometry => Self::Geometry,
+            StepName::Limits => Self::Limits,
+            StepName::Homing => Self::Homing,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The bench as a step of commissioning sees it through clients, or through the simulated person.
 
-use rig_commission::{Answer, Asked, Bench, Choice, Jog, JogAxis, Jogged};
+use rig_commission::{Answer, Asked, Bench, Choice, JogAxis, Jogged, Order};
 use rig_engine::Command;
 use tokio_util::sync::CancellationToken;
 
@@ -14,8 +14,8 @@ pub(crate) const SIMULATED_PERSON: &str = "simulated person";
 pub(crate) enum Question {
     /// What a person does or sees.
     Asked(Asked),
-    /// Whether an axis may move by this step.
-    Step(Jog),
+    /// Whether a drive may do this.
+    Drive(Order),
 }
 
 impl Question {
@@ -23,7 +23,7 @@ impl Question {
     pub(crate) const fn asked(self) -> Asked {
         match self {
             Self::Asked(asked) => asked,
-            Self::Step(_) => Asked::NoSample,
+            Self::Drive(_) => Asked::NoSample,
         }
     }
 
@@ -31,15 +31,7 @@ impl Question {
     pub(crate) fn text(self) -> String {
         match self {
             Self::Asked(asked) => asked.text().to_owned(),
-            Self::Step(jog) => {
-                let (axis, unit) = (jog.axis.name(), jog.axis.unit());
-                format!(
-                    "The {axis} moves by {:+.3} {unit} at {:.0} {unit}/s. Nothing is below the probe, and a hand is at the \
-                     stop. May it?",
-                    jog.by,
-                    jog.speed_per_s()
-                )
-            }
+            Self::Drive(order) => format!("When you say yes, {order} May it?"),
         }
     }
 }
@@ -97,15 +89,15 @@ impl Bench for Remote {
         Ok(answer)
     }
 
-    async fn jog(&mut self, jog: Jog) -> Result<Result<Jogged, String>, Ended> {
-        if jog.by != 0.0 && !self.is_simulated {
-            let answer = self.answer(Question::Step(jog)).await?;
+    async fn drive(&mut self, order: Order) -> Result<Result<Jogged, String>, Ended> {
+        if order.may_move() && !self.is_simulated {
+            let answer = self.answer(Question::Drive(order)).await?;
             if answer != Answer::Choice(Choice::Yes) {
                 return Ok(Err("the person did not let it move".to_owned()));
             }
         }
         let rig = self.commissioning.rig.clone();
-        let step = rig.jog(jog, &self.by);
+        let step = rig.drive(order, &self.by);
         tokio::pin!(step);
         let jogged = tokio::select! {
             ended = &mut step => ended?,
@@ -115,9 +107,9 @@ impl Bench for Remote {
                 return Err(Ended::Aborted);
             }
         };
-        let (axis, unit) = (jog.axis.name(), jog.axis.unit());
+        let (axis, unit) = (order.axis().name(), order.axis().unit());
         match &jogged {
-            Ok(Jogged { from, at }) if from != at => {
+            Ok(Jogged { from, at, .. }) if from != at => {
                 self.say(format!("{axis}: {from:.3} {unit} → {at:.3} {unit}"));
             }
             Ok(_) => {}

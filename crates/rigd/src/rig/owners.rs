@@ -1,6 +1,6 @@
 //! The two owners of devices, each with its operation under way, and the stop that waits for neither.
 
-use rig_commission::{Jog, Jogged};
+use rig_commission::{Jogged, Order};
 use rig_engine::{Failure, Operation, OperationId};
 use rig_model::Reading;
 use tokio::sync::{mpsc, oneshot};
@@ -111,9 +111,9 @@ impl Owners {
         ]
     }
 
-    /// Has an axis, while the devices are idle, make a step of commissioning.
-    pub(super) fn jog(&mut self, jog: Jog) -> oneshot::Receiver<Result<Jogged, String>> {
-        self.axes.attend(async move |axes, stop| step::make(axes, jog, stop).await)
+    /// Has a drive, while the devices are idle, do something for commissioning.
+    pub(super) fn commission(&mut self, order: Order) -> oneshot::Receiver<Result<Jogged, String>> {
+        self.axes.attend(async move |axes, stop| step::make(axes, order, stop).await)
     }
 
     /// Waits until the devices have something to say. May be dropped at any time.

@@ -1,6 +1,6 @@
-//! A step of one axis while the rig is commissioned: the interlock sees it, and the drive gets no settings.
+//! What a drive does while the rig is commissioned: the interlock sees it, and the drive gets no settings.
 
-use rig_commission::{Jog, JogAxis, Jogged};
+use rig_commission::{Jog, JogAxis, Jogged, Order};
 use rig_interlock::{Outcome, PortCommand};
 use rig_link::StopSignal;
 use rig_model::{Position, Unit, with_causes};
@@ -8,22 +8,37 @@ use rig_stage::{Stage, StageError};
 
 use super::{devices::Axes, gate::Gate};
 
-/// Makes a step, or says why there is none.
-pub(super) async fn make(axes: &mut Axes, jog: Jog, stop: &StopSignal) -> Result<Jogged, String> {
-    let speed_per_s = jog.speed_per_s();
-    match jog.axis {
+/// Does what is ordered, or says why not.
+pub(super) async fn make(
+    axes: &mut Axes,
+    order: Order,
+    stop: &StopSignal,
+) -> Result<Jogged, String> {
+    let Axes { linear, rotary, is_homing_up, gate, .. } = axes;
+    match order.axis() {
         JogAxis::Linear => {
-            let step =
-                |from| PortCommand::JogLinear { from, by_mm: jog.by, speed_mm_per_s: speed_per_s };
-            along(&mut axes.linear, &axes.gate, step, (jog.by, speed_per_s), stop).await
+            let command = |from| match order {
+                Order::Step(Jog { by, .. }) => PortCommand::JogLinear {
+                    from,
+                    by_mm: by,
+                    speed_mm_per_s: JogAxis::Linear.speed_per_s(),
+                },
+                Order::ClearAlarm(_) => PortCommand::ClearLinear,
+                Order::Home(_) => PortCommand::SeekLinear,
+            };
+            along(linear, gate, command, (order, *is_homing_up), stop).await
         }
         JogAxis::Rotary => {
-            let step = |from| PortCommand::JogRotary {
-                from,
-                by_deg: jog.by,
-                speed_deg_per_s: speed_per_s,
+            let command = |from| match order {
+                Order::Step(Jog { by, .. }) => PortCommand::JogRotary {
+                    from,
+                    by_deg: by,
+                    speed_deg_per_s: JogAxis::Rotary.speed_per_s(),
+                },
+                Order::ClearAlarm(_) => PortCommand::ClearRotary,
+                Order::Home(_) => PortCommand::SeekRotary,
             };
-            along(&mut axes.rotary, &axes.gate, step, (jog.by, speed_per_s), stop).await
+            along(rotary, gate, command, (order, false), stop).await
         }
     }
 }
@@ -31,23 +46,28 @@ pub(super) async fn make(axes: &mut Axes, jog: Jog, stop: &StopSignal) -> Result
 async fn along<U: Unit>(
     stage: &mut Stage<U>,
     gate: &Gate,
-    step: impl FnOnce(Position<U>) -> PortCommand,
-    (by, speed_per_s): (f64, f64),
+    command: impl FnOnce(Position<U>) -> PortCommand,
+    (order, is_homing_up): (Order, bool),
     stop: &StopSignal,
 ) -> Result<Jogged, String> {
-    let from = stage.look().await.map_err(|error| with_causes(&error))?.status.position;
-    if by == 0.0 {
-        return Ok(Jogged { from: from.value(), at: from.value() });
+    let status = stage.look().await.map_err(|error| with_causes(&error))?.status;
+    let (from, is_homed) = (status.position, status.is_homed);
+    if let Order::Step(Jog { by: 0.0, .. }) = order {
+        return Ok(Jogged { from: from.value(), at: from.value(), is_homed });
     }
-    let step = step(from);
-    gate.admit_step(&step).map_err(|refusal| refusal.to_string())?;
-    let moved = stage.jog(by, speed_per_s, stop).await;
-    let outcome = match &moved {
+    let command = command(from);
+    gate.admit_step(&command).map_err(|refusal| refusal.to_string())?;
+    let done = match order {
+        Order::Step(Jog { by, axis }) => stage.jog(by, axis.speed_per_s(), stop).await,
+        Order::ClearAlarm(_) => stage.reset_alarm().await.map(|status| status.position),
+        Order::Home(_) => stage.home_unproven(is_homing_up, stop).await,
+    };
+    let outcome = match &done {
         Ok(_) => Outcome::Done,
         Err(StageError::Stopped { .. }) => Outcome::Interrupted,
         Err(_) => Outcome::Failed,
     };
-    gate.step_ended(&step, &outcome);
-    let at = moved.map_err(|error| with_causes(&error))?;
-    Ok(Jogged { from: from.value(), at: at.value() })
+    gate.step_ended(&command, &outcome);
+    let at = done.map_err(|error| with_causes(&error))?;
+    Ok(Jogged { from: from.value(), at: at.value(), is_homed })
 }

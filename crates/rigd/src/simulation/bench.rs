@@ -81,6 +81,19 @@ impl BenchPerson {
         let person = &mut self.0;
         let choice = match asked {
             Asked::NoSample => Choice::Yes,
+            Asked::AtLimit => yes(person.is_at_limit()),
+            Asked::HoldSwitch | Asked::LetGo => {
+                person.hold_lower_switch(asked == Asked::HoldSwitch);
+                Choice::Yes
+            }
+            Asked::SetIndicators => {
+                person.set_indicators();
+                Choice::Yes
+            }
+            Asked::PowerCycle => {
+                person.power_cycle_drives();
+                Choice::Yes
+            }
             Asked::PressStop | Asked::ReleaseStop => {
                 person.press_stop(asked == Asked::PressStop);
                 Choice::Yes
@@ -95,6 +108,9 @@ impl BenchPerson {
                 EdgeSank::Clamp => Choice::Clamp,
                 EdgeSank::Neither => Choice::Neither,
             },
+            Asked::WayDown => return Answer::Reading(person.way_down_mm()),
+            Asked::Indicator => return Answer::Reading(person.indicator_mm()),
+            Asked::EdgeIndicator => return Answer::Reading(person.edge_indicator_mm()),
             Asked::Dial => return Answer::Reading(person.dial_mm()),
             Asked::Gauge => return Answer::Reading(person.gauge_deg()),
             Asked::Gap => return Answer::Reading(person.gap_mm()),
@@ -103,6 +119,10 @@ impl BenchPerson {
         };
         Answer::Choice(choice)
     }
+}
+
+const fn yes(is_so: bool) -> Choice {
+    if is_so { Choice::Yes } else { Choice::No }
 }
 
 /// The bench of a simulated rig, with its person.
@@ -166,15 +186,19 @@ impl Simulation {
         self.is_answering.then(|| BenchPerson(self.rig.person(seed.wrapping_add(attempt))))
     }
 
-    /// Presses or releases the emergency stop after a user has said that it is so.
+    /// Does with the hand what a user has said is done.
     pub(crate) fn follow_hand(&self, asked: Asked, answer: Answer) {
-        let is_press = match asked {
-            Asked::PressStop => true,
-            Asked::ReleaseStop => false,
-            _ => return,
-        };
-        if answer == Answer::Choice(Choice::Yes) {
-            self.rig.person(0).press_stop(is_press);
+        if answer != Answer::Choice(Choice::Yes) {
+            return;
+        }
+        let person = self.rig.person(0);
+        match asked {
+            Asked::PressStop | Asked::ReleaseStop => person.press_stop(asked == Asked::PressStop),
+            Asked::HoldSwitch | Asked::LetGo => {
+                person.hold_lower_switch(asked == Asked::HoldSwitch);
+            }
+            Asked::PowerCycle => person.power_cycle_drives(),
+            _ => {}
         }
     }
 

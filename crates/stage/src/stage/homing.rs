@@ -33,6 +33,22 @@ impl<U: Unit> Stage<U> {
         self.home_within(stop, self.axis.tolerance()).await
     }
 
+    /// Homes an axis that is commissioned, whose drive gets no settings. With `is_upwards`, it is stopped as soon as a reading
+    /// shows that it sinks.
+    ///
+    /// # Errors
+    /// As [`home_upwards`](Self::home_upwards), and [`StageError::Alarmed`] before anything moves.
+    pub async fn home_unproven(
+        &mut self,
+        is_upwards: bool,
+        stop: &StopSignal,
+    ) -> Result<Position<U>, StageError<U>> {
+        let seen = self.read_drive().await?;
+        self.refuse_alarm(&seen, self.scale.position(seen.position.into())).await?;
+        self.command(&self.map.prepare).await?;
+        self.home_within(stop, if is_upwards { self.axis.tolerance() } else { f64::INFINITY }).await
+    }
+
     /// Homes, and stops if the axis sinks further than `sinks_most`.
     async fn home_within(
         &mut self,

@@ -336,7 +336,7 @@ impl Iai {
                     self.is_homed = false;
                     self.is_homing = true;
                     let pace = self.pace(HOME_SPEED);
-                    self.motor.go(now, 0.0, pace, world);
+                    self.motor.home(now, pace, world);
                 }
             }
             coil::PAUSE => {

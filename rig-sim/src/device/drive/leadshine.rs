@@ -252,7 +252,7 @@ impl Leadshine {
                 self.preset = 0.0;
                 let rpm = self.settings[&register::HOME_SPEED];
                 let pace = self.pace(rpm, 100, 100);
-                self.motor.go(now, 0.0, pace, world);
+                self.motor.home(now, pace, world);
             }
             RUN_PATH_0 => self.run_path(now, world),
             _ => {}

@@ -14,8 +14,9 @@ pub(super) struct Motor {
     axis: AxisId,
     /// Millimetres or degrees a count; negative when the motor counts the other way.
     units_per_count: f64,
-    /// Position of the axis at count zero.
+    /// Position of the axis at count zero, and where it was when the drive was wired.
     zero: f64,
+    wired_zero: f64,
     steps_per_revolution: f64,
     commanded: f64,
 }
@@ -32,7 +33,14 @@ impl Motor {
     pub(super) fn new(axis: AxisId, wiring: &AxisWiring, world: &World) -> Self {
         let &AxisWiring { units_per_step, zero, steps_per_revolution, .. } = wiring;
         let units_per_count = units_per_step;
-        let mut motor = Self { axis, units_per_count, zero, steps_per_revolution, commanded: 0.0 };
+        let mut motor = Self {
+            axis,
+            units_per_count,
+            zero,
+            wired_zero: zero,
+            steps_per_revolution,
+            commanded: 0.0,
+        };
         motor.commanded = motor.counts_at(world.stage(axis).target());
         motor
     }
@@ -89,6 +97,12 @@ impl Motor {
         self.commanded = target;
         let place = self.zero + target * self.units_per_count;
         world.drive(now, self.axis).start(now, place, &profile);
+    }
+
+    /// Finds the zero again, and goes there.
+    pub(super) fn home(&mut self, now: RigTime, pace: Pace, world: &mut World) {
+        self.zero = self.wired_zero + world.homing_error(self.axis);
+        self.go(now, 0.0, pace, world);
     }
 
     /// Slows the motor down to rest.

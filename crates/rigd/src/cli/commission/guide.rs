@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use rig_commission::{Answer, Asked, Bench, Jog, JogAxis, Jogged};
+use rig_commission::{Answer, Asked, Bench, Jog, JogAxis, Jogged, Order};
 use rig_engine::Command;
 
 use super::CommissionFailure;
@@ -53,7 +53,9 @@ impl Guide {
         // A simulated person sees that nothing is below the probe.
         self.is_simulated = self.handle.ask_simulated(Asked::NoSample).await?.is_some();
         let axis = jog.axis.name();
-        self.jog(jog).await?.map_err(|trouble| CommissionFailure::NoStep { axis, trouble })?;
+        self.drive(Order::Step(jog))
+            .await?
+            .map_err(|trouble| CommissionFailure::NoStep { axis, trouble })?;
         Ok(())
     }
 
@@ -119,19 +121,13 @@ impl Bench for Guide {
         }
     }
 
-    async fn jog(&mut self, jog: Jog) -> Result<Result<Jogged, String>, Failure> {
-        let (axis, unit) = (jog.axis.name(), jog.axis.unit());
-        if jog.by != 0.0 && !self.is_confirmed && !self.is_simulated {
-            let prompt = format!(
-                "Press Enter: the {axis} moves by {:+.3} {unit} at {:.0} {unit}/s. Nothing is below the probe, \
-                 and a hand is at the stop.",
-                jog.by,
-                jog.speed_per_s()
-            );
-            self.line("whether the axis may move", prompt).await?;
+    async fn drive(&mut self, order: Order) -> Result<Result<Jogged, String>, Failure> {
+        let (axis, unit) = (order.axis().name(), order.axis().unit());
+        if order.may_move() && !self.is_confirmed && !self.is_simulated {
+            self.line("whether the axis may move", format!("Press Enter: {order}")).await?;
         }
         let (handle, operator) = (self.handle.clone(), self.operator.clone());
-        let step = handle.jog(jog, operator.as_str());
+        let step = handle.drive(order, operator.as_str());
         tokio::pin!(step);
         let jogged = tokio::select! {
             ended = &mut step => ended?,
@@ -142,7 +138,7 @@ impl Bench for Guide {
             }
         };
         match &jogged {
-            Ok(Jogged { from, at }) if from != at => {
+            Ok(Jogged { from, at, .. }) if from != at => {
                 say(&format!("{axis}: {from:.3} {unit} → {at:.3} {unit}"));
             }
             Ok(_) => {}

@@ -1,6 +1,6 @@
 //! A rig that is not commissioned: it refuses everything but stops and the steps of commissioning.
 
-use rig_commission::{Answer, Asked, Jog, JogAxis, Jogged};
+use rig_commission::{Answer, Asked, Jog, JogAxis, Jogged, Order};
 use rig_engine::Command;
 use rig_interlock::{Proven, Word};
 use rig_store::{Operator, Record};
@@ -26,10 +26,10 @@ impl Shell {
         self.carry_out(effects);
     }
 
-    /// Begins a step of an axis. It ends when the receiver has its end.
-    pub(super) fn jog(
+    /// Begins what a drive is to do. It ends when the receiver has its end.
+    pub(super) fn drive(
         &mut self,
-        jog: Jog,
+        order: Order,
         by: String,
     ) -> Result<oneshot::Receiver<Result<Jogged, String>>, RequestRefusal> {
         if self.uncommissioned.is_none() {
@@ -38,14 +38,20 @@ impl Shell {
         if self.owners.are_busy() {
             return Err(RequestRefusal::StepUnderWay);
         }
-        self.gate.operator(&by, Word::ThisStep)?;
-        let (axis, unit) = (jog.axis.name(), jog.axis.unit());
-        let action = format!("step the {axis} by {:+.3} {unit}", jog.by);
+        if order.may_move() {
+            self.gate.operator(&by, Word::ThisStep)?;
+        }
+        let (axis, unit) = (order.axis().name(), order.axis().unit());
+        let action = match order {
+            Order::Step(Jog { by, .. }) => format!("step the {axis} by {by:+.3} {unit}"),
+            Order::ClearAlarm(_) => format!("clear the alarm of the {axis}"),
+            Order::Home(_) => format!("have the {axis} find its zero"),
+        };
         self.put_on_record(action, by)?;
         if let Some(person) = &mut self.person {
             person.look();
         }
-        Ok(self.owners.jog(jog))
+        Ok(self.owners.commission(order))
     }
 
     /// A person has seen on a gauge how long the last step of an axis was.

@@ -45,7 +45,7 @@ impl Shell {
                 _ = reply.send(self.answer(run, step, &by));
             }
             Request::Identify { by, reply } => _ = reply.send(self.identify(by)),
-            Request::Jog { jog, by, reply } => _ = reply.send(self.jog(jog, by)),
+            Request::Commission { order, by, reply } => _ = reply.send(self.drive(order, by)),
             Request::StepSeen { axis, by, reply } => _ = reply.send(self.step_seen(axis, by)),
             Request::AskSimulated { asked, reply } => _ = reply.send(self.ask_simulated(asked)),
             Request::Answered { asked, answer, reply } => {
