@@ -164,6 +164,11 @@ def commission(rig, data):
             (f"{axis}.travel_max", table[f"travel_{unit}"][1]),
             (f"{axis}.homes_up", table.get("homes") == "up"),
         ]
+    limits = [
+        (f"{axis}.soft_{end}", keys[axis][f"soft_limits_{unit}"][index])
+        for axis, unit in (("linear", "mm"), ("rotary", "deg"))
+        for index, end in enumerate(("min", "max"))
+    ]
     names = ("surface_mm", "surface_above_pivot_mm", "probe_beside_pivot_mm", "probe_radius_mm")
     geometry = [(f"geometry.{name}", keys["geometry"][name]) for name in names]
 
@@ -179,8 +184,9 @@ def commission(rig, data):
     folder = Path(data) / "calibrations"
     folder.mkdir(parents=True)
     now = int(time.time())
-    for step in ("stop", "signs", "geometry", "scale"):
-        sha256 = digest(values + geometry if step == "geometry" else values)
+    rest = {"geometry": geometry, "limits": limits}
+    for step in ("stop", "signs", "geometry", "scale", "limits", "homing"):
+        sha256 = digest(values + rest.get(step, []))
         text = [
             "format = 1", f'kind = "{step}"', 'verdict = "accepted"', 'made = "now"', f"made_unix_s = {now}",
             f"expires_unix_s = {now + 3600}", 'person = "a test"', 'software = "a test"', 'journal = []',
