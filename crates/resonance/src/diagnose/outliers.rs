@@ -1,8 +1,8 @@
 //! Finds outliers and decides whether they can be excluded.
 //!
-//! Isolated wrong readings do not affect the others. But a wrong model makes readings look like
+//! A wrong reading does not affect the others. But a wrong model makes right readings look like
 //! outliers too, above all those near the resonance. So outliers are excluded only if they are few, if
-//! the rest is nearly as informative, and if no other cause explains them.
+//! the other readings are nearly as informative, and if no other cause explains them.
 
 use crate::{
     circuit::trace::{Minimum, ModelEstimate, Row, Sample, Trace, UNKNOWNS},
@@ -11,25 +11,25 @@ use crate::{
     numeric::descent::Normal,
 };
 
-/// One reading in five may be an outlier. With more, the rest is unreliable too.
+/// One reading in five may be an outlier. With more, the other readings are unreliable too.
 pub(crate) const READINGS_PER_OUTLIER: usize = 5;
 /// Twice the log-likelihood that each excluded reading must gain over every other cause.
 pub(crate) const GAIN_PER_OUTLIER: f64 = 28.0;
-/// Rounds of reweighting; each brings the scale nearer to that of the good readings.
+/// Largest number of rounds. Each brings the scale nearer to that of the good readings.
 const ROUNDS: usize = 12;
-/// The point of half Cauchy weight, in means of |r|².
+/// The |r|² at which a Cauchy weight is a half, in units of the usual |r|².
 pub(crate) const CAUCHY_MEANS: f64 = 3.0;
-/// Largest factor by which excluding outliers may raise the variance.
-const LOST: f64 = 3.0;
-/// Largest number of neighbours that pass for one burst of outliers.
+/// Largest factor by which the exclusion of outliers may raise the variance of the resonance.
+const VARIANCE_RISE_MAX: f64 = 3.0;
+/// Largest number of adjacent readings in one burst of outliers.
 const BURST_MAX: usize = 5;
-/// Fraction of best-fitting readings that define the usual |r|². It tolerates as many outliers as are
-/// accepted.
+/// Fraction of the readings, those with the smallest |r|², whose trimmed mean defines the usual |r|².
+/// The other fraction is as large as the largest accepted one of outliers.
 const TRIMMED: f64 = 0.8;
 /// The mean of an exponential distribution of mean 1 up to its 80 % point.
 const TRIMMED_MEAN: f64 = 0.5977;
 
-/// Number of readings in use that are outliers of a model.
+/// Number of readings that a model has as outliers, without those that are excluded already.
 pub(crate) fn count(trace: &Trace, found: &Minimum) -> usize {
     let far = far(trace, found);
     let (sizes, usual) = sizes(trace, found);
@@ -38,8 +38,8 @@ pub(crate) fn count(trace: &Trace, found: &Minimum) -> usize {
 }
 
 /// The readings without outliers, their model, and whether the outliers may be excluded: they are few,
-/// and the rest is nearly as informative. `None` if there is nothing to exclude. `near` is a robust
-/// start value, if known.
+/// and the other readings are nearly as informative. `None` if there are no outliers. The search starts
+/// at `near` or, without it, at a model with Cauchy weights.
 pub(crate) fn without(
     trace: &Trace,
     plain: &Minimum,
@@ -50,7 +50,7 @@ pub(crate) fn without(
         Some(at) => Minimum { at, normal: trace.normal(&at), ..*plain },
         None => reweighted(trace, plain),
     };
-    let mut left_out = 0;
+    let mut excluded_before = 0;
     let mut rest = trace.clone();
     for _ in 0..ROUNDS {
         rest.clone_from(trace);
@@ -61,33 +61,33 @@ pub(crate) fn without(
                 sample.weight = 0.0;
             }
         }
-        let now = readings - rest.used().0;
+        let excluded = readings - rest.used().0;
         best = rest.minimum(best.at, best.free);
-        if now * READINGS_PER_OUTLIER > readings {
+        if excluded * READINGS_PER_OUTLIER > readings {
             return Some((rest, best, false));
         }
-        if now == left_out {
+        if excluded == excluded_before {
             break;
         }
-        left_out = now;
+        excluded_before = excluded;
     }
-    let is_enough = tells_as_much(trace, &rest, &best);
-    (left_out > 0).then_some((rest, best, is_enough))
+    let is_informative = is_informative(trace, &rest, &best);
+    (excluded_before > 0).then_some((rest, best, is_informative))
 }
 
-/// Whether most of the readings that `rest` leaves out are neighbours in frequency. Outliers come alone or
+/// Whether most of the readings that `rest` excludes are adjacent in frequency. Outliers come alone or
 /// in short bursts; a peak that no circuit describes deviates over its whole width.
 pub(crate) fn are_together(all: &Trace, rest: &Trace) -> bool {
     let used = all.samples.iter().zip(&rest.samples).filter(|(sample, _)| sample.weight > 0.0);
     let mut used: Vec<(f64, bool)> =
-        used.map(|(one, left)| (one.visit.frequency_hz, left.weight == 0.0)).collect();
+        used.map(|(one, kept)| (one.visit.frequency_hz, kept.weight == 0.0)).collect();
     used.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
     let longest = used.chunk_by(|a, b| a.1 == b.1).filter(|run| run[0].1).map(<[_]>::len).max();
-    let left_out = used.iter().filter(|(_, is_left_out)| *is_left_out).count();
-    longest.is_some_and(|longest| longest > BURST_MAX && 2 * longest > left_out)
+    let excluded = used.iter().filter(|(_, is_excluded)| *is_excluded).count();
+    longest.is_some_and(|longest| longest > BURST_MAX && 2 * longest > excluded)
 }
 
-/// The model with Cauchy weights, which reduce the scale despite outliers.
+/// The model with Cauchy weights, which give outliers little influence.
 fn reweighted(trace: &Trace, plain: &Minimum) -> Minimum {
     let mut best = *plain;
     let mut weighted = trace.clone();
@@ -102,19 +102,19 @@ fn reweighted(trace: &Trace, plain: &Minimum) -> Minimum {
     best
 }
 
-/// Ratio of |r|² to the mean of the others that one good reading in a million exceeds: |r|² is
-/// exponentially distributed, and the mean is estimated from few parts.
+/// The |r|² beyond which a reading is an outlier, in units of the usual |r|². One good reading in a
+/// million exceeds it: |r|² is exponentially distributed, and the usual one is estimated from few parts.
 fn far(trace: &Trace, found: &Minimum) -> f64 {
     let half = 0.5 * (2 * trace.used().0).saturating_sub(found.free).max(1) as f64;
     half * ((1e6_f64.ln() / half).exp() - 1.0)
 }
 
-/// Whether the remaining readings determine the resonance nearly as well as all would.
-fn tells_as_much(all: &Trace, rest: &Trace, found: &Minimum) -> bool {
+/// Whether the readings in `rest` determine the resonance nearly as well as all would.
+fn is_informative(all: &Trace, rest: &Trace, found: &Minimum) -> bool {
     let variance = |trace: &Trace| {
         let mut normal = Normal::default();
         let mut samples = trace.samples.iter();
-        // Information of ideal readings of the model, because an outlier itself has none.
+        // The readings of the model, because an outlier has no information.
         all.ideal_rows(&found.at, |row| {
             let weight = samples.next().map_or(0.0, |sample| sample.weight);
             normal.add(row.residual, &row.slopes, weight);
@@ -124,36 +124,36 @@ fn tells_as_much(all: &Trace, rest: &Trace, found: &Minimum) -> bool {
         Cholesky::new(&normal.matrix, found.free, 0.0)
             .map_or(f64::INFINITY, |factor| factor.solve(&unit)[0])
     };
-    variance(rest) < LOST * variance(all)
+    variance(rest) < VARIANCE_RISE_MAX * variance(all)
 }
 
-/// The part of the deviation of a reading that a fit with this inverse of its normal matrix leaves.
-pub(crate) fn left(
+/// One minus the leverage of a reading: the share of its |r|² that remains after a fit of `free` unknowns
+/// with this inverse of its normal matrix. At least 0.05, because the slopes hold only near the model.
+pub(crate) fn remaining_share(
     sample: &Sample,
     row: &Row,
     inverse: &[[f64; UNKNOWNS]; UNKNOWNS],
     free: usize,
 ) -> f64 {
-    let mut taken = 0.0;
+    let mut leverage = 0.0;
     for (left, line) in row.slopes.iter().zip(inverse).take(free) {
         for (right, element) in row.slopes.iter().zip(line) {
-            taken += element * (left.conj() * right).re;
+            leverage += element * (left.conj() * right).re;
         }
     }
-    // Each of the two parts of a reading has half of it.
-    (1.0 - 0.5 * sample.weight * taken).clamp(0.05, 1.0)
+    // Each of the two parts of a reading has half of the leverage.
+    (1.0 - 0.5 * sample.weight * leverage).clamp(0.05, 1.0)
 }
 
-/// The weighted |r|² of every sample, corrected for the reduction by the fit, and the usual value among
-/// those in use.
+/// The weighted |r|² of every sample, corrected for its leverage, and the usual value among those in use.
 pub(crate) fn sizes(trace: &Trace, found: &Minimum) -> (Vec<f64>, f64) {
     let inverse = Cholesky::new(&found.normal.matrix, found.free, 0.0)
         .map_or([[0.0; UNKNOWNS]; UNKNOWNS], |factor| factor.inverse());
     let mut sizes = Vec::with_capacity(trace.samples.len());
     let mut used = Vec::with_capacity(trace.samples.len());
     trace.rows(&found.at, |sample, row| {
-        let size =
-            sample.weight * row.residual.norm_sqr() / left(sample, &row, &inverse, found.free);
+        let share = remaining_share(sample, &row, &inverse, found.free);
+        let size = sample.weight * row.residual.norm_sqr() / share;
         sizes.push(size);
         if sample.weight > 0.0 {
             used.push(size);
@@ -167,7 +167,8 @@ pub(crate) fn sizes(trace: &Trace, found: &Minimum) -> (Vec<f64>, f64) {
     )]
     used.truncate((used.len() as f64 * TRIMMED).ceil() as usize);
     let mean = used.iter().sum::<f64>() / used.len() as f64;
-    // Unsettled readings may have less error than assumed; settled ones do not.
+    // Readings that are weighted by their settling may have smaller errors than their weights assume. Then
+    // the usual |r|² is at least that of the noise, which both parts have.
     let known = trace.weighed_for.map_or(VARIANCE_MIN, |variance| 2.0 * variance);
     (sizes, (mean / TRIMMED_MEAN).max(known))
 }
