@@ -101,6 +101,9 @@ const ADHESION_MAX: f64 = 10.0;
 /// Furthest that a ball may be from the axis of its probe, mm: further than any probe is bent.
 const BALL_OFFSET_MAX_MM: f64 = 5.0;
 
+/// Largest height of debris on the tip, mm.
+const DEBRIS_MAX_MM: f64 = 1.0;
+
 /// Reads the sensor. A rig file describes a ball on the axis of its probe, a scene may have it beside.
 fn design(table: &mut Table<'_>) -> DesignKeys {
     let mut keys = DesignKeys::read(table, Presence::Required, None);
@@ -149,8 +152,10 @@ fn contact(table: &mut Table<'_>) -> SensorScene {
 }
 
 fn place(table: &mut Table<'_>) -> TrueGeometry {
+    let edge = table.number("edge_mm").optional();
     let mut number = |key| table.number(key).required().value;
     TrueGeometry {
+        edge_mm: edge.map_or(f64::INFINITY, |edge| edge.value),
         surface_mm: number("surface_mm"),
         surface_above_pivot_mm: number("surface_above_pivot_mm"),
         probe_beside_pivot_mm: number("probe_beside_pivot_mm"),
@@ -208,6 +213,7 @@ fn nuisances(table: &mut Table<'_>) -> Nuisances {
     let mut share = |key| table.number(key).range(0.0..=1.0).or(0.0).value;
     let (stiffness_rel, impedance_rel) = (share("stiffness_rel"), share("impedance_rel"));
     let analyzer_phase_deg = table.number("analyzer_phase_deg").range(-10.0..=10.0).or(0.0).value;
+    let debris_mm = table.number("debris_mm").range(0.0..=DEBRIS_MAX_MM).or(0.0).value;
     let mut size = |key| table.number(key).at_least(0.0).or(0.0).value;
     Nuisances {
         mounting_mm: size("mounting_mm"),
@@ -224,6 +230,7 @@ fn nuisances(table: &mut Table<'_>) -> Nuisances {
         impedance_rel,
         analyzer_phase_deg,
         analyzer_command_s: size("analyzer_command_s"),
+        debris_mm,
     }
 }
 

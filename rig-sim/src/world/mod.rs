@@ -64,6 +64,9 @@ const STUCK: WorldContact = WorldContact {
     thickness_mm: f64::INFINITY,
 };
 
+/// Young's modulus of debris on the tip, MPa.
+const DEBRIS_MPA: f64 = 0.1;
+
 /// While the rotary stage turns, contact is checked this many times between two events.
 const LOOKS_PER_TURN: u64 = 64;
 
@@ -357,13 +360,29 @@ impl World {
         self.indentation_mm(now) > 0.0
     }
 
-    /// How deep the probe is in the sample, mm; negative above it, and infinitely so without one.
+    /// How deep the probe is in the sample, mm; negative above it, and infinitely so without one or beside it.
     pub fn indentation_mm(&self, now: RigTime) -> f64 {
-        self.mounted.map_or(f64::NEG_INFINITY, |mounted| {
-            let (tip_mm, tilt_deg) = (self.linear.load(now), self.rotary.load(now));
-            let radius_mm = self.scene.sensor.design.probe_radius_mm;
-            self.scene.place.indentation_mm(tip_mm, tilt_deg, radius_mm, mounted.raised_mm)
-        })
+        let Some(mounted) = self.mounted.filter(|_| self.edge_distance_mm(now) > 0.0) else {
+            return f64::NEG_INFINITY;
+        };
+        let (tip_mm, tilt_deg) = (self.linear.load(now), self.rotary.load(now));
+        let radius_mm = self.scene.sensor.design.probe_radius_mm;
+        self.scene.place.indentation_mm(tip_mm, tilt_deg, radius_mm, mounted.raised_mm)
+    }
+
+    /// How far it is from the probe to the edge of the sample, mm; negative beyond it.
+    fn edge_distance_mm(&self, now: RigTime) -> f64 {
+        let (tip_mm, tilt_deg) = (self.linear.load(now), self.rotary.load(now));
+        self.scene.place.edge_distance_mm(
+            tip_mm,
+            tilt_deg,
+            self.scene.sensor.design.probe_radius_mm,
+        )
+    }
+
+    /// Whether the probe feels a contact: of the sample, or of debris on the tip.
+    fn is_felt(&self, now: RigTime) -> bool {
+        self.indentation_mm(now) + self.scene.nuisances.debris_mm > 0.0
     }
 
     /// The true state.
@@ -397,7 +416,7 @@ impl World {
         }
         // A reading of a moving probe is ahead of what is watched, and has felt the sample itself.
         let is_behind = self.plant_at <= now;
-        if is_behind && (self.indentation_mm(now) > 0.0) != self.is_plant_loaded {
+        if is_behind && self.is_felt(now) != self.is_plant_loaded {
             self.advance_plant(self.crossing(since, now));
         }
         // A lowering probe is deepest at the end of its way; a tilting sample may rise in between.
@@ -456,7 +475,7 @@ impl World {
         let (mut before, mut after) = (since.as_micros(), now.as_micros());
         while CLOSE_US < after - before {
             let middle = before.midpoint(after);
-            let is_loaded = self.indentation_mm(RigTime::from_micros(middle)) > 0.0;
+            let is_loaded = self.is_felt(RigTime::from_micros(middle));
             if is_loaded == self.is_plant_loaded { before = middle } else { after = middle }
         }
         RigTime::from_micros(after)
@@ -477,7 +496,7 @@ impl World {
     fn advance_plant(&mut self, until: RigTime) {
         self.plant.advance(until.since(self.plant_at).as_secs_f64());
         self.plant_at = self.plant_at.max(until);
-        self.is_plant_loaded = self.indentation_mm(until) > 0.0;
+        self.is_plant_loaded = self.is_felt(until);
         let circuit = self.circuit(until);
         self.plant.set_circuit(circuit).expect(RINGS);
     }
@@ -513,14 +532,32 @@ impl World {
 
     fn touched(&self, now: RigTime) -> Option<WorldContact> {
         let mounted = self.mounted?;
-        let indentation_mm = self.indentation_mm(now);
-        (indentation_mm > 0.0).then(|| WorldContact {
-            stiffness_mpa: self.stiffness_mpa(now, mounted),
+        let (stiffness_mpa, indentation_mm) = self.felt(now, mounted)?;
+        Some(WorldContact {
+            stiffness_mpa,
             indentation_mm,
             contact_deg: self.contact_deg(now),
             orientation: self.orientation,
             rested_s: now.since(self.linear.rests_from().min(now)).as_secs_f64(),
             thickness_mm: self.scene.samples[mounted.sample].thickness_mm,
         })
+    }
+
+    /// The modulus, MPa, and the indentation, mm, that the probe feels. Of sample and debris it is the one that is stiffer
+    /// at its depth. At an edge of the sample, the part of the contact that lies on it carries.
+    fn felt(&self, now: RigTime, mounted: MountedSample) -> Option<(f64, f64)> {
+        let height_mm = self.scene.nuisances.debris_mm;
+        let depth_mm = self.indentation_mm(now);
+        let felt_mm = (depth_mm + height_mm).min(height_mm);
+        let debris = (felt_mm > 0.0).then_some((DEBRIS_MPA, felt_mm));
+        let contact_mm = (self.scene.sensor.design.probe_radius_mm * depth_mm.max(0.0)).sqrt();
+        let on_sample = (0.5 + 0.5 * self.edge_distance_mm(now) / contact_mm).min(1.0);
+        let sample =
+            (depth_mm > 0.0).then(|| (on_sample * self.stiffness_mpa(now, mounted), depth_mm));
+        let stiffness = |(mpa, mm): &(f64, f64)| mpa * mm.sqrt();
+        sample
+            .into_iter()
+            .chain(debris)
+            .max_by(|one, other| stiffness(one).total_cmp(&stiffness(other)))
     }
 }

@@ -35,6 +35,9 @@ pub struct Nuisances {
     pub analyzer_phase_deg: f64,
     /// Time of the analyzer for each command, s: a client that times its drive does not know it.
     pub analyzer_command_s: f64,
+    /// How far soft debris, as dried gel, hangs below the tip of the probe, mm. The probe feels it before the sample, until
+    /// it is pressed flat.
+    pub debris_mm: f64,
 }
 
 impl Nuisances {
@@ -54,6 +57,7 @@ impl Nuisances {
         impedance_rel: 0.0,
         analyzer_phase_deg: 0.0,
         analyzer_command_s: 0.0,
+        debris_mm: 0.0,
     };
 }
 

@@ -23,6 +23,40 @@ fn below(world: &World, depth_mm: f64) -> f64 {
     world.scene().place.surface_mm - depth_mm
 }
 
+/// The resonance of a bench without other nuisances, with the tip this far below the level surface of sample 3.
+fn resonance_hz(depth_mm: f64, debris_mm: f64, edge_mm: f64) -> f64 {
+    let scene = matched();
+    let nuisances = Nuisances { debris_mm, ..Nuisances::NONE };
+    let place = TrueGeometry { edge_mm, ..scene.place };
+    let mut world = World::new(Scene { nuisances, place, ..scene }, 1).unwrap();
+    world.place_sample(RigTime::ZERO, "3").unwrap();
+    let target = below(&world, depth_mm);
+    world.drive(RigTime::ZERO, AxisId::Linear).start(RigTime::ZERO, target, &FAST);
+    world.truth(at(5.0)).resonance_hz
+}
+
+#[test]
+fn debris_is_felt_above_the_sample_and_not_in_it() {
+    let far = f64::INFINITY;
+    let free_hz = resonance_hz(-1.0, 0.1, far);
+    assert_eq!(resonance_hz(-0.11, 0.1, far), free_hz);
+    assert!(resonance_hz(-0.05, 0.1, far) > free_hz + 1.0);
+    assert_eq!(resonance_hz(-0.05, 0.0, far), free_hz);
+    assert_eq!(resonance_hz(0.5, 0.1, far), resonance_hz(0.5, 0.0, far));
+}
+
+#[test]
+fn a_contact_at_an_edge_is_softer_and_beside_it_there_is_none() {
+    // The probe stands 0.32 mm beside the axis. In contact at 0.5 mm, the radius of the contact is 0.5 mm.
+    let [far_hz, whole_hz, half_hz] =
+        [f64::INFINITY, 0.9, 0.3201].map(|edge_mm| resonance_hz(0.5, 0.0, edge_mm));
+    assert_eq!(whole_hz, far_hz);
+    let free_hz = resonance_hz(0.5, 0.0, 0.3);
+    assert_eq!(free_hz, resonance_hz(-1.0, 0.0, f64::INFINITY));
+    let part = (half_hz - free_hz) / (far_hz - free_hz);
+    assert!((0.4..0.7).contains(&part), "{part}");
+}
+
 /// The depth of the probe, the action, and the expected violation.
 type Row = (f64, fn(&mut World), fn(&ViolationKind) -> bool);
 

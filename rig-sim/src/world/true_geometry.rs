@@ -11,6 +11,8 @@ pub struct TrueGeometry {
     /// Distance of the probe from the rotary axis, positive on the side that sinks at positive
     /// angles.
     pub probe_beside_pivot_mm: f64,
+    /// Distance of an edge of the sample from the rotary axis, along its surface on the same side.
+    pub edge_mm: f64,
 }
 
 impl TrueGeometry {
@@ -31,6 +33,14 @@ impl TrueGeometry {
             - (self.surface_above_pivot_mm + raised_mm);
         (radius_mm - distance_mm) / cosine
     }
+
+    /// How far it is along the surface from the touched point to the edge of the sample, mm; negative beyond it.
+    pub(super) fn edge_distance_mm(&self, tip_mm: f64, tilt_deg: f64, radius_mm: f64) -> f64 {
+        let (sine, cosine) = tilt_deg.to_radians().sin_cos();
+        let pivot_mm = self.surface_mm - self.surface_above_pivot_mm;
+        let centre_mm = tip_mm + radius_mm - pivot_mm;
+        self.edge_mm - (self.probe_beside_pivot_mm * cosine - centre_mm * sine)
+    }
 }
 
 #[cfg(test)]
@@ -40,11 +50,28 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_tilted_sample_is_touched_up_its_slope() {
+        let geometry = TrueGeometry {
+            surface_mm: 10.0,
+            surface_above_pivot_mm: 4.0,
+            probe_beside_pivot_mm: 0.0,
+            edge_mm: 3.0,
+        };
+        // The side that sinks at 45° has its edge further away, and nearer at -45°.
+        for (tilt_deg, expected_mm) in [(0.0, 3.0), (45.0, 3.0 + 4.5), (-45.0, 3.0 - 4.5)] {
+            let tip_mm = 10.0 - 4.0 + 4.5 / f64::to_radians(tilt_deg).cos() - 0.5;
+            let found_mm = geometry.edge_distance_mm(tip_mm, tilt_deg, 0.5);
+            assert!((found_mm - expected_mm).abs() < 1e-12, "{tilt_deg}°: {found_mm}");
+        }
+    }
+
+    #[test]
     fn the_ball_touches_where_the_daemon_expects_it_when_the_bench_is_as_drawn() {
         let geometry = TrueGeometry {
             surface_mm: 10.0,
             surface_above_pivot_mm: 4.0,
             probe_beside_pivot_mm: 0.3,
+            edge_mm: f64::INFINITY,
         };
         let drawn = Geometry {
             surface: Position::new(10.0),
