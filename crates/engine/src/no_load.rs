@@ -14,6 +14,15 @@ use crate::{
 /// Attempts at the no-load resonance before the run gives up.
 const NO_LOAD_ATTEMPTS: u32 = 2;
 
+/// Largest ratio of the static capacitances of a free sensor in two sweeps: a short one knows it to some ten percent.
+const CAPACITANCE_RATIO_MAX: f64 = 2.0;
+
+/// Whether a sweep knows too little of the circuit for the checks of the contact sense, which compare impedances with it.
+fn is_vague(last: Option<&Resonance>, now: &Resonance) -> bool {
+    let ratio = last.map_or(1.0, |last| now.c0_farad / last.c0_farad);
+    !(1.0 / CAPACITANCE_RATIO_MAX..=CAPACITANCE_RATIO_MAX).contains(&ratio)
+}
+
 /// Whether this sweep is a survey after which the resonance is measured at half the level.
 fn is_to_be_checked(sweep: &FinishedSweep, context: &MachineContext<'_>) -> bool {
     context.plan.level_check && context.bench.is_none() && sweep.fit.bench.is_some()
@@ -30,6 +39,8 @@ pub(crate) struct NoLoad {
     attempt: u32,
     /// The check of the level after a survey.
     level: Option<LevelCheck>,
+    /// A resonance whose sweep was too vague to be the reference.
+    vague: Option<(RigTime, Resonance)>,
 }
 
 /// What the free sensor was measured for.
@@ -43,7 +54,7 @@ pub(crate) struct Reference {
 
 impl NoLoad {
     pub(crate) const fn new(pose: Pose) -> Self {
-        Self { pose, sweep: None, begun: RigTime::ZERO, attempt: 0, level: None }
+        Self { pose, sweep: None, begun: RigTime::ZERO, attempt: 0, level: None, vague: None }
     }
 
     /// Whether the sweep has begun.
@@ -65,7 +76,7 @@ impl NoLoad {
             }
             (event, _) => return MachineStep::Fault(event.out_of_order("a no-load measurement")),
         };
-        self.follow(step, context)
+        self.follow(step, last, context)
     }
 
     /// Begins a sweep; the first one starts near the last reference, if there is one.
@@ -102,6 +113,7 @@ impl NoLoad {
     fn follow(
         &mut self,
         mut step: SweepStep,
+        last: Option<&Resonance>,
         context: &mut MachineContext<'_>,
     ) -> MachineStep<Reference> {
         loop {
@@ -109,6 +121,14 @@ impl NoLoad {
                 SweepStep::Measure(operation) => return MachineStep::Do(operation),
                 SweepStep::Fault(fault) => return MachineStep::Fault(fault),
                 SweepStep::Finished(sweep) => match sweep.outcome {
+                    FitOutcome::Accepted(resonance)
+                        if is_vague(last, &resonance) && self.attempt < NO_LOAD_ATTEMPTS =>
+                    {
+                        let middle = self.begun + context.now.since(self.begun) / 2;
+                        self.vague = Some((middle, resonance));
+                        step = self.begin(None, context);
+                        continue;
+                    }
                     FitOutcome::Accepted(resonance) => {
                         let middle = self.begun + context.now.since(self.begun) / 2;
                         match self.levels(&sweep, &(middle, resonance), context) {
@@ -150,7 +170,8 @@ impl NoLoad {
                 self.level = Some(LevelCheck::new(bench, found));
                 return Err(Levels::Open);
             }
-            return Ok(Reference { found: vec![*found], bench });
+            let found = self.vague.take().into_iter().chain([*found]).collect();
+            return Ok(Reference { found, bench });
         };
         match level.take(found, context.drift) {
             Levels::Same => {
