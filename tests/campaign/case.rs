@@ -71,7 +71,7 @@ impl Draw {
         .map(|(from, key, hz)| (from.to_owned(), format!("{key} = {hz:.1}\n")));
         // With an aim, the file states no target.
         let aim = (
-            "stiffness_percent = 3.4\n".to_owned(),
+            "stiffness_percent = 2.9\n".to_owned(),
             format!("stiffness_percent = {:.2}\n", self.log_between(2.6, 12.0)),
         );
         let changes: Vec<(&str, &str)> = targets

@@ -19,7 +19,9 @@ async fn run_by_drift(walk_hz: f64, knock: Option<&str>) -> (TestRig, String) {
         rig.fault(knock);
     }
     let (run, ending) = rig.run(rig.protocol(&by_drift)).await;
-    assert!(knock.is_some() || ending == RunStatus::Completed, "{ending:?}");
+    // On a bench that walks far, the check after a sweep may refuse a touch.
+    let is_ended = matches!(ending, RunStatus::Completed | RunStatus::CompletedWithRefusals);
+    assert!(knock.is_some() || is_ended, "{walk_hz}: {ending:?}");
     (rig, run.to_string())
 }
 

@@ -6,7 +6,7 @@ use std::fs;
 use rig_engine::{Command, RigState, RunStatus};
 use rig_model::{DriveLevel, SweepMethod, SweepRequest, Window};
 use rig_store::{
-    ChainCheck, ReadingFlag, ReadingRecord, Record, RunId, StoredRecord, SweepOutcome,
+    Axis, ChainCheck, ReadingFlag, ReadingRecord, Record, RunId, StoredRecord, SweepOutcome,
 };
 use rig_tests::{TestRig, shipped};
 
@@ -144,21 +144,28 @@ async fn a_run_with_some_flagged_readings_measures_every_touch() {
 async fn a_touch_whose_readings_stay_flagged_is_refused_and_the_run_goes_on() {
     let rig = TestRig::open().await;
     let (run, _) = rig.run(rig.protocol(&three_touches(5.0))).await;
-    let (mut no_load, mut search) = (None, None);
+    let (mut no_load, mut search, mut heights) = (None, None, Vec::new());
     for stored in rig.records(run) {
         match stored.record().unwrap() {
             Record::Sweep(sweep) => _ = no_load.get_or_insert(sweep.readings.len()),
-            Record::SurfaceFound(found) => _ = search.get_or_insert(found.trail.len()),
+            Record::Moved(moved) if moved.axis == Axis::LinearMm => heights.push(moved.target),
+            Record::SurfaceFound(found) if search.is_none() => {
+                // On the way down to the search, there is a reading after each step.
+                let way = heights.iter().skip(1).filter(|at| found.trail[0].position_mm < **at);
+                search = Some((way.count(), found.trail.len()));
+            }
             _ => {}
         }
     }
     rig.close().await;
-    let (no_load, search) = (no_load.unwrap(), search.unwrap());
-    assert!(search >= 10, "{search}");
+    let (no_load, (way, search)) = (no_load.unwrap(), search.unwrap());
+    assert!(way >= 10 && search >= 10, "{way}, {search}");
     // A few more questions set the analyzer up; a sweep in contact is tried twice.
-    for (first, frames, is_in_contact) in
-        [(no_load + 10, 3, false), (no_load + search + 14, 6, true)]
-    {
+    for (first, frames, is_in_contact) in [
+        (no_load + 10, 3, false),
+        (no_load + way + 10, 3, false),
+        (no_load + way + search + 14, 6, true),
+    ] {
         let rig = TestRig::open().await;
         for nth in first..first + frames {
             rig.fault(&format!("fault analyzer overload nth={nth}"));

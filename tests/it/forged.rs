@@ -146,7 +146,7 @@ async fn what_a_survey_says_of_the_bench_is_checked() {
     let cases: [Lie; 6] = [
         ("another phase", Check::Resonance, 0, |bench| bench["phase_rad"] = 0.0.into()),
         ("a surer phase", Check::Resonance, 0, |bench| bench["phase_sigma_rad"] = 1e-5.into()),
-        ("another first gap", Check::Resonance, 0, |bench| bench["first_gap_s"] = 2e-3.into()),
+        ("another first gap", Check::Resonance, 0, |bench| bench["first_gap_s"] = 5e-3.into()),
         ("no second mode", Check::Sigma, 0, |bench| bench["mode_sigma"] = 1e-6.into()),
         ("another phase later", Check::Request, 7, |bench| bench["phase_rad"] = 0.02.into()),
         ("nothing known later", Check::Request, 7, |bench| *bench = Value::Null),

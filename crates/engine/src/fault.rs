@@ -99,9 +99,9 @@ pub enum Fault {
     /// The interlock refused an operation of the engine.
     #[error(transparent)]
     Interlock(InterlockError),
-    /// Contact at the start of the search, above the expected surface.
+    /// Contact where the search begins, or on the first way down to there.
     #[error(
-        "contact at {at}, where the search begins; the surface was expected at {expected}: \
+        "contact at {at}, above where a surface may lie; it was expected at {expected}: \
          the impedance had changed by {change_percent:.1} %"
     )]
     ContactTooEarly {

@@ -442,6 +442,7 @@ impl Run {
         Outlook {
             offset_mm: self.neighbours.offset_mm(),
             predicted: self.heights.as_ref().and_then(predict),
+            is_first: self.heights.is_none(),
             next: self.next_pose(),
         }
     }

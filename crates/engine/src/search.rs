@@ -8,8 +8,9 @@
 //! is known well. A contact already there is no surface: the probe goes up to where the search for an unknown
 //! surface begins, and that search follows.
 //!
-//! A drift of the free resonance changes the impedance too. Where it may have changed it by as much, the probe goes up
-//! to a place that was clear, the impedance is read anew there, and the search goes on with it.
+//! A drift of the free resonance changes the impedance too. Where it may have changed it by as much, or where the change
+//! has come over several steps, the probe goes up to a place that was clear, the impedance is read anew there, and the
+//! search goes on with it.
 
 use rig_model::{Impedance, Mm, PointResult, Position, Reading};
 use rig_protocol::Approach;
@@ -22,6 +23,9 @@ const REFINEMENT: f64 = 20.0;
 
 /// The impedance of the clear probe is read anew this often in a search at most.
 const ANEW_MAX: u32 = 4;
+
+/// A reading that differs from the one before it by less than this part of the threshold shows no contact of this step.
+const CREEP_PART: f64 = 0.25;
 
 /// A surface lies higher than this many standard deviations above where it is expected in 7 % of the
 /// searches; a contact in a longer step above costs another pass.
@@ -230,6 +234,20 @@ impl Search {
             }
             _ => false,
         })
+    }
+
+    /// Whether what a reading changes has come over several steps, as by a drift. It may be one until the impedance of
+    /// the clear probe has been read anew.
+    pub(crate) fn has_crept(&self, readings: &[Reading]) -> bool {
+        let before = self.trail.last().filter(|(at, _)| self.last_clear == Some(*at));
+        let before = before.map(|(_, reading)| reading.measured);
+        let (Some(PointResult::Value(before)), Some(PointResult::Value(now))) =
+            (before, readings.last().map(|last| last.measured))
+        else {
+            return false;
+        };
+        let limit = CREEP_PART * self.approach.contact_threshold;
+        self.anew.left == ANEW_MAX && relative_change(before, now) < limit
     }
 
     /// What the next reading changes may be a drift since the impedance of the clear probe was read.
@@ -474,6 +492,32 @@ mod tests {
                     assert!(readings <= most, "{surface}, {expected}: {readings} readings");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn a_change_that_comes_over_several_steps_is_doubted_once() {
+        for (step_ohm, has_crept) in [(21.0, true), (120.0, false)] {
+            let (mut search, _) = Search::begin(APPROACH, Position::new(20.0), impedance(1000.0));
+            let mut next = Position::new(20.4);
+            for step in 0..10 {
+                search.arrived(next);
+                let now = reading(1000.0 + step_ohm * f64::from(step));
+                if search.seems_to_touch(&[now]) {
+                    assert_eq!(search.has_crept(&[now]), has_crept, "{step_ohm} ohm a step");
+                    search.doubt();
+                }
+                let SearchStep::MoveTo(to) = search.read(now) else { panic!("{step_ohm}") };
+                if search.is_anew() {
+                    assert!(search.here < to, "{to}");
+                    search.arrived(to);
+                    search.read(now);
+                    assert!(!search.has_crept(&[now]), "a second time");
+                    break;
+                }
+                next = to;
+            }
+            assert!(search.anew.left < ANEW_MAX, "{step_ohm} ohm a step: no doubt");
         }
     }
 

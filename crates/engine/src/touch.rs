@@ -15,6 +15,7 @@
 mod check;
 mod descent;
 mod sweep;
+mod way_down;
 
 use std::time::Duration;
 
@@ -22,6 +23,7 @@ use rig_model::{Clearance, Deg, Impedance, Mm, PointResult, Position, Reading, R
 use rig_protocol::{Approach, Pose, StepId, Touch};
 use rig_resonance::{Resonance, flagged};
 
+use self::way_down::WayDown;
 use crate::{
     Contact, ContactSenseFault, Fault, Halfway, LoweringPurpose, RunPhase, TouchOutcome,
     TouchRefusal, TouchResult,
@@ -50,6 +52,8 @@ pub(crate) struct Outlook {
     pub(crate) offset_mm: Option<f64>,
     /// Where the touches before expect the surface, if there are any.
     pub(crate) predicted: Option<Prediction>,
+    /// No touch of the run has found a surface yet.
+    pub(crate) is_first: bool,
     /// The pose to which the sample turns next, if no person comes near it before.
     pub(crate) next: Option<Pose>,
 }
@@ -86,6 +90,7 @@ enum Phase {
     Rotating(Vec<Reading>),
     Testing(Vec<Reading>),
     Declaring,
+    ComingDown(WayDown),
     Searching(Search),
     Descending(Box<Descent>),
     DeclaringIndentation {
@@ -142,7 +147,7 @@ impl TouchMachine {
         match self.phase {
             Phase::Rotating(_) => RunPhase::Rotation,
             Phase::Baseline | Phase::Testing(_) | Phase::Declaring => RunPhase::Baseline,
-            Phase::Searching(_) | Phase::Descending(_) => RunPhase::Search,
+            Phase::ComingDown(_) | Phase::Searching(_) | Phase::Descending(_) => RunPhase::Search,
             Phase::DeclaringIndentation { .. } | Phase::Indenting { .. } => RunPhase::Indentation,
             Phase::Dwelling(_) => RunPhase::Dwell,
             Phase::Sweeping { .. } => RunPhase::Sweep,
@@ -179,6 +184,7 @@ impl TouchMachine {
                 self.tested(&test, free, context)
             }
             (Phase::Declaring, MachineEvent::Declared) => self.search(context),
+            (Phase::ComingDown(_), event) => self.coming_down(event, context),
             (Phase::Searching(search), MachineEvent::LinearAt(read_back)) => {
                 let step = search.arrived(read_back);
                 self.arrived(read_back, context.now);
@@ -239,6 +245,14 @@ impl TouchMachine {
 
     /// The search is declared.
     fn search(&mut self, context: &mut MachineContext<'_>) -> MachineStep<TouchResult> {
+        match self.baseline {
+            Some(baseline) if self.outlook.is_first => self.come_down(baseline, context),
+            _ => self.begin_search(context),
+        }
+    }
+
+    /// Begins the search, by a descent if the protocol wants one.
+    fn begin_search(&mut self, context: &mut MachineContext<'_>) -> MachineStep<TouchResult> {
         let Some(baseline) = self.baseline else {
             return MachineStep::Fault(MachineEvent::Declared.out_of_order("a search"));
         };
@@ -260,9 +274,9 @@ impl TouchMachine {
         readings: &[Reading],
         context: &mut MachineContext<'_>,
     ) -> MachineStep<TouchResult> {
-        let seems_to_touch = matches!(&self.phase, Phase::Searching(search)
-            if !search.is_anew() && search.seems_to_touch(readings));
-        let is_doubtful = seems_to_touch && self.may_have_drifted(context);
+        let is_doubtful = matches!(&self.phase, Phase::Searching(search)
+            if !search.is_anew() && search.seems_to_touch(readings)
+                && (search.has_crept(readings) || self.may_have_drifted(context)));
         let Phase::Searching(search) = &mut self.phase else {
             return MachineStep::Fault(MachineEvent::Begin.out_of_order("a search"));
         };

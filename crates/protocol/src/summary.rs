@@ -66,6 +66,12 @@ const START_SIGMAS: f64 = 4.0;
 const START_FINE_STEPS: f64 = 2.0;
 const LIKELY_SIGMAS: f64 = 1.5;
 
+/// Before the first surface of a run the probe goes down in steps of this part of the largest indentation.
+const WAY_PART: f64 = 0.5;
+
+/// The first reading of this way waits for this many time constants: the drive has had the frequency of the self-test.
+const SETTLED_TIME_CONSTANTS: f64 = 5.0;
+
 /// Each pass of the search for the surface is finer than the one before it by at most this factor.
 const REFINEMENT: f64 = 20.0;
 
@@ -142,8 +148,9 @@ impl Plan {
     ///           + way down + search + indentation + dwell + contact sweep + check of slip
     ///           + way up to where the next turn is clear
     ///           + halfway, if it is measured there: dwell + contact sweep
-    /// search    moves and readings of settle + cycles/f + 0.02 s each; the first one of a run in coarse steps from
-    ///           start_above, then in finer passes, each of half of its steps after 3 τ; later ones from
+    /// search    moves and readings of settle + cycles/f + 0.02 s each; before the first one of a run, 5 τ
+    ///           and steps of half of the largest indentation down to start_above; then coarse steps from there and
+    ///           finer passes, each of half of its steps after 3 τ; later ones from
     ///           4 σ above, σ = 0.13 of the surface tolerance for a new mounting and in the first ten touches, then 0.03
     /// slip      way up and 3 τ, 2 readings and the way between
     /// sweep     uniform: points · (settle + cycles/f); adaptive, with the target σ:
@@ -310,11 +317,17 @@ impl Plan {
         bench.touches += 1;
         let mounting = bench.mounting.replace(LEARNING_TOUCHES <= bench.touches);
         let (first, search_s) = match (self.touch.approach.descent_mm_per_s, mounting) {
-            (Some(speed), _) => {
-                let highest_mm = highest.value() - surface.value();
-                (highest, highest_mm / speed + DESCENT_READINGS * self.reading_s() + MOVE_S)
+            (descent, None) => {
+                let way_mm = bench.height.value() - self.touch.start(limits, pose).value();
+                let search_s = match descent {
+                    Some(speed) => self.descent_s(self.touch.approach.start_above_mm, speed),
+                    None => self.cold_search_s(limits),
+                };
+                (bench.height, self.first_way_s(limits, way_mm) + search_s)
             }
-            (None, None) => (self.touch.start(limits, pose), self.cold_search_s(limits)),
+            (Some(speed), Some(_)) => {
+                (highest, self.descent_s(highest.value() - surface.value(), speed))
+            }
             (None, Some(is_known)) => {
                 let highest_mm = highest.value() - surface.value();
                 (highest, self.warm_search_s(limits, highest_mm, is_known))
@@ -364,6 +377,18 @@ impl Plan {
     fn reading_s(&self) -> f64 {
         let Approach { settle_s, cycles, .. } = self.touch.approach;
         settle_s + f64::from(cycles) / middle_hz(&self.no_load_sweep) + READING_S
+    }
+
+    /// A continuous descent from above the surface.
+    fn descent_s(&self, above_mm: f64, speed_mm_per_s: f64) -> f64 {
+        above_mm / speed_mm_per_s + DESCENT_READINGS * self.reading_s() + MOVE_S
+    }
+
+    /// The way down to the first search of a run, with a reading after each step.
+    fn first_way_s(&self, limits: &RigLimits, way_mm: f64) -> f64 {
+        let step_mm = WAY_PART * limits.motion.max_indentation_mm;
+        let ringing_s = SETTLED_TIME_CONSTANTS * time_constant_s(&self.no_load_sweep);
+        ringing_s + (way_mm / step_mm).ceil() * (travel_s(limits, step_mm) + self.reading_s())
     }
 
     /// Finding a surface of which nothing is known.

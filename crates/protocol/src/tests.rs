@@ -84,7 +84,7 @@ fn plan_of(text: &str) -> Plan {
 /// The keys that the three-direction protocol leaves to its aim, and a way to state them instead.
 const STATED: [(&str, &str); 6] = [
     ("[aim]\n", "\n"),
-    ("\nstiffness_percent = 3.4\n", "\n\n"),
+    ("\nstiffness_percent = 2.9\n", "\n\n"),
     ("# no_load = ", "no_load = "),
     ("# fine_step_mm = 0.016", "fine_step_mm = 0.015"),
     ("# target_sigma_hz = 0.02", "target_sigma_hz = 0.02"),

@@ -145,7 +145,7 @@ fn check_lists_the_steps_and_moves_nothing() {
     let text = stdout(&output);
     assert!(text.contains("main/3/left/30/1"), "{text}");
     assert!(text.contains("can run on simulated bench"), "{text}");
-    assert!(text.contains("110 touches, 19 no-load references, 20 prompts"), "{text}");
+    assert!(text.contains("110 touches, 21 no-load references, 20 prompts"), "{text}");
     let folder = TempDir::new().unwrap();
     let drawn = folder.path().join("drawn.toml");
     let shipped =

@@ -67,6 +67,8 @@ pub(crate) struct Descent {
     lowest_mm: Option<f64>,
     /// Every move, with the time of its record, µs.
     pub(crate) moves: Vec<(u64, f64)>,
+    /// The probe went down with a stream of readings.
+    pub(super) has_gone_down: bool,
     /// The end of the second move, if it is longer than a step of a search, as the way to a surface that is
     /// known from others may be. No reading comes before it. µs.
     pub(crate) way_down_us: Option<u64>,
@@ -299,7 +301,10 @@ impl Motion {
         let is_first = self.descent.as_ref().is_some_and(|descent| descent.moves.is_empty());
         let is_approach = self.descent.as_ref().is_some_and(|descent| descent.what == "approach");
         let is_up = before.is_some_and(|before| target > before);
-        let limit = if is_retract || is_first && is_approach || is_up {
+        let begin_mm = self.search_begins_mm(settings);
+        // The first way down of a run is made in steps.
+        let is_way_down = is_approach && begin_mm.is_some_and(|begin| begin <= target);
+        let limit = if is_retract || is_first && is_approach || is_up || is_way_down {
             limits.travel_speed_mm_per_s
         } else {
             limits.contact_speed_mm_per_s
@@ -340,6 +345,19 @@ impl Motion {
         }
     }
 
+    /// Where a search begins if nothing is known of the surface, at the last read tilt. A descent begins above the
+    /// highest surface.
+    fn search_begins_mm(&self, settings: &Settings) -> Option<f64> {
+        let Settings { rig, protocol } = settings;
+        let is_before_descent = protocol.approach.is_by_descent()
+            && self.descent.as_ref().is_some_and(|descent| !descent.has_gone_down);
+        let above_mm = protocol.approach.start_above_mm.map(|above| {
+            if is_before_descent { above.min(rig.surface_tolerance_mm()) } else { above }
+        });
+        let begin = self.rotary_deg.zip(above_mm);
+        begin.map(|(tilt, above)| rig.surface_mm(tilt) + above - TILT_MM)
+    }
+
     /// A move below the clear position.
     fn descended(
         &mut self,
@@ -350,6 +368,7 @@ impl Motion {
         findings: &mut Findings,
     ) {
         let tolerance = settings.rig.linear.tolerance_mm;
+        let begin_mm = self.search_begins_mm(settings);
         let Some(descent) = self.descent.as_mut().filter(|_| self.probe != Probe::Unknown) else {
             let what = "the probe was lowered without an intent, mm";
             findings.add(Check::Intent, seq, what, "an intent before it", target);
@@ -367,9 +386,6 @@ impl Motion {
             let start_mm = known.map(|(above, tilt)| settings.rig.surface_mm(tilt) + above - step);
             let is_way_down = descent.moves.len() == 1 && start_mm.is_some_and(|mm| mm <= target);
             // A search in steps after a descent begins where no surface is expected, as any other does.
-            let begin = self.rotary_deg.zip(settings.protocol.approach.start_above_mm);
-            let begin_mm =
-                begin.map(|(tilt, above)| settings.rig.surface_mm(tilt) + above - TILT_MM);
             let is_below = begin_mm.is_none_or(|begin| target < begin);
             let lowest = descent.lowest_mm.filter(|low| target < low - step - ROUNDING);
             if let Some(lowest) = lowest.filter(|_| is_below) {

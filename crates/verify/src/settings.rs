@@ -107,6 +107,11 @@ impl Rig {
         (edge + TURN_ROOM_MM).min(self.linear.clear_mm)
     }
 
+    /// The largest distance of a surface from where geometry puts it, mm.
+    pub(crate) const fn surface_tolerance_mm(&self) -> f64 {
+        self.geometry.surface_tolerance_mm
+    }
+
     /// The lowest height that any touch may need at this tilt, mm.
     pub(crate) fn floor_mm(&self, tilt_deg: f64) -> f64 {
         let below = self.geometry.surface_tolerance_mm + self.limits.max_indentation_mm;

@@ -76,7 +76,7 @@ pub(super) const CASES: &[Case] = &[
         change(sweep(forged, 2), "/outcome/circuit/quality_factor", |q| 4.0 * q);
     }),
     ("a standard deviation that is too small", Check::Sigma, |forged| {
-        loaded(forged, 2, |hz| hz, |sigma| sigma / 3.0);
+        loaded(forged, 2, |hz| hz, |sigma| sigma / 6.0);
     }),
     ("a standard deviation that is too large", Check::Sigma, |forged| {
         loaded(forged, 2, |hz| hz, |sigma| 12.0 * sigma);

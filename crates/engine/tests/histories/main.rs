@@ -13,6 +13,7 @@ mod level;
 mod out_of_contact;
 mod refusals;
 mod streams;
+mod way_down;
 mod world;
 
 use rig_engine::{Command, Event, Input, Operation, Report, RigState, RunStatus, TouchOutcome};
@@ -418,9 +419,11 @@ fn steps_lost_anywhere_leave_no_touch_at_a_wrong_depth() {
 #[test]
 fn a_free_resonance_that_drifts_during_a_touch_is_no_slip() {
     let mut world = World::new(None);
-    // 0.3 Hz, a tenth of the linewidth, in a touch of some 6 s with its dwell.
+    // 0.3 Hz, a tenth of the linewidth, from the baseline to the check of the surface.
     world.drift_hz_per_s = 0.05;
-    world.play();
+    let mut plan = plan();
+    plan.touch.dwell_s = 4.0;
+    world.play_plan(&plan);
     assert_eq!(world.endings(), [RunStatus::Completed], "{:?}", world.refused());
     let read_anew = |event: &&Event| match event {
         Event::SurfaceChecked { trail } => trail.len() == 4,

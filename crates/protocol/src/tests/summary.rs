@@ -70,8 +70,11 @@ fn the_expected_duration_is_the_sum_that_the_documentation_gives() {
     // Up by 0.5 + 0.025 + 0.1 mm, then down by 0.1 mm while it rings, and by 2 · 0.025 mm.
     let slip_s = short_s(0.625) + 3.0 * time_constant_s + 2.0 * reading_s - 0.005 + slow_s(0.05);
     let indented_s = slow_s(0.5) + 0.5 + contact_s + slip_s;
-    // From 45 mm to 0.71 mm above the surface at 20 mm, in steps of 0.1 mm, and in a pass of 10 finer ones.
-    let cold_s = long_s(24.29)
+    // From 45 mm to 0.71 mm above the surface at 20 mm in 61 steps of 0.4 mm, from there in steps of 0.1 mm, and in a
+    // pass of 10 finer ones.
+    let cold_s = short_s(0.0)
+        + 5.0 * time_constant_s
+        + 61.0 * (short_s(0.4) + reading_s)
         + reading_s
         + 7.1 * (reading_s + slow_s(0.1))
         + short_s(0.2)

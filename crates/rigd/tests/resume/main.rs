@@ -228,7 +228,7 @@ fn a_damaged_last_session_proves_nothing_of_the_probe() {
 
 #[test]
 fn a_run_that_is_given_up_does_not_go_on() {
-    let bench = Interrupted::behind(60);
+    let bench = Interrupted::behind(88);
     let given_up = bench.rigd(&["give-up", "latest"]);
     assert!(given_up.status.success(), "{}", String::from_utf8_lossy(&given_up.stderr));
     let refused = bench.rigd(&["run", "--resume", "latest", "--rig", &bench.rig]);
@@ -246,7 +246,7 @@ fn assert_sound(data: &Path) {
 
 #[test]
 fn the_sweeps_of_a_run_and_of_its_amendments_are_numbered_together() {
-    let bench = Interrupted::behind(60);
+    let bench = Interrupted::behind(88);
     let rig = bench.rig.as_str();
     for command in [
         &["redo", "latest", "main/1/front/30/1", "--why", "it slipped", "--rig", rig][..],
@@ -305,7 +305,7 @@ fn a_touch_is_measured_again_or_left_out_and_the_old_outcome_is_kept() {
 
 #[test]
 fn a_skipped_touch_is_not_measured_when_the_run_is_resumed() {
-    let bench = Interrupted::behind(60);
+    let bench = Interrupted::behind(88);
     let skipped = bench.rigd(&["skip", "latest", "blind/2", "--why", "not needed"]);
     assert!(skipped.status.success(), "{}", String::from_utf8_lossy(&skipped.stderr));
     let done = bench.rigd(&["run", "--resume", "latest", "--rig", &bench.rig, "--json"]);

@@ -108,9 +108,9 @@ pub(super) fn page(args: &Args, groups: &[Group], troubles: &[Group]) -> Page {
     let planned: usize = all().map(|one| one.summary.planned()).sum();
     page.text(format!(
         "Of all {planned} planned touches of this page, the sample was turned with the probe in it, or pressed deeper \
-         than it bears: {}. Stiffnesses that are wrong without notice: {}. A surface far above the place where the rig \
-         file has it, beyond its tolerance, is met on the way to the beginning of the search, where nothing is read: \
-         measure the place before the first run.",
+         than it bears: {}. Stiffnesses that are wrong without notice: {}. The way down to the first search of a run is \
+         made in steps with a reading after each, so that a surface far above the place where the rig file has it ends \
+         the run.",
         named(all(), Summary::violations),
         named(all(), Summary::wrong)
     ));

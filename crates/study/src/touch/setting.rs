@@ -76,7 +76,7 @@ const FASTEST: [Change; 7] = [
 ];
 
 /// Changes of one knob after the other, and some together; the first has none.
-pub(super) const SETTINGS: [Setting; 54] = [
+pub(super) const SETTINGS: [Setting; 53] = [
     one(SHIPPED, "", &[]),
     one(
         "before the aim",
@@ -88,8 +88,7 @@ pub(super) const SETTINGS: [Setting; 54] = [
             (Protocol, "no_load", "\"every-sample\""),
         ],
     ),
-    aimed("aim, %", "2.4", &[(Protocol, "aim.stiffness_percent", "2.4")]),
-    aimed("aim, %", "3", &[(Protocol, "aim.stiffness_percent", "3")]),
+    aimed("aim, %", "2.5", &[(Protocol, "aim.stiffness_percent", "2.5")]),
     aimed("aim, %", "3.5", &[(Protocol, "aim.stiffness_percent", "3.5")]),
     aimed("aim, %", "4", &[(Protocol, "aim.stiffness_percent", "4")]),
     aimed("aim, %", "8", &[(Protocol, "aim.stiffness_percent", "8")]),
@@ -112,7 +111,7 @@ pub(super) const SETTINGS: [Setting; 54] = [
     one("no-load sweep, Hz", "0.1", &[(Protocol, "no_load_sweep.target_sigma_hz", "0.1")]),
     one("no-load sweep, Hz", "0.2", &[(Protocol, "no_load_sweep.target_sigma_hz", "0.2")]),
     one("reference", "every touch", &[(Protocol, "no_load", "\"every-touch\"")]),
-    one("reference", "by drift", &[(Protocol, "no_load", "\"by-drift\"")]),
+    one("reference", "every sample", &[(Protocol, "no_load", "\"every-sample\"")]),
     one("reference", "once", &[(Protocol, "no_load", "\"once\"")]),
     one("survey, s", "20", &[(Protocol, "no_load_sweep.survey_s", "20")]),
     one(
@@ -222,7 +221,7 @@ pub(super) const SETTINGS: [Setting; 54] = [
 ];
 
 /// Benches on which the search for the surface has trouble.
-pub(super) const TROUBLES: [Setting; 33] = [
+pub(super) const TROUBLES: [Setting; 38] = [
     one("noise of ten cycles", "0.01", &[(Bench, "nuisances.impedance_rel", "0.01")]),
     one("noise of ten cycles", "0.02", &[(Bench, "nuisances.impedance_rel", "0.02")]),
     one("noise of ten cycles", "0.05", &[(Bench, "nuisances.impedance_rel", "0.05")]),
@@ -258,6 +257,11 @@ pub(super) const TROUBLES: [Setting; 33] = [
     one("relaxing part of the force", "0.6", &[(Bench, "contact.relaxation_part", "0.6")]),
     one("loss of the tissue", "0.3", &[(Bench, "contact.tissue_loss", "0.3")]),
     one("loss of the tissue", "1", &[(Bench, "contact.tissue_loss", "1")]),
+    one("debris on the tip, mm", "0.03", &[(Bench, "nuisances.debris_mm", "0.03")]),
+    one("debris on the tip, mm", "0.1", &[(Bench, "nuisances.debris_mm", "0.1")]),
+    one("debris on the tip, mm", "0.3", &[(Bench, "nuisances.debris_mm", "0.3")]),
+    one("edge of the sample, mm from the axis", "3.5", &[(Bench, "place.edge_mm", "3.5")]),
+    one("edge of the sample, mm from the axis", "3", &[(Bench, "place.edge_mm", "3")]),
     one("latency of the analyzer, s", "0.001", &[(Bench, "nuisances.analyzer_command_s", "0.001")]),
     one("latency of the analyzer, s", "0.01", &[(Bench, "nuisances.analyzer_command_s", "0.01")]),
 ];

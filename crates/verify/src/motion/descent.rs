@@ -59,6 +59,7 @@ impl Motion {
                 findings.within(Check::Depth, seq, what, floor, found, Some(tolerance.to_string()));
             }
             declared.follow(rig_us, read_back_mm);
+            declared.has_gone_down = true;
         } else {
             let what = "a descent without an intent to find a surface, mm";
             findings.add(Check::Intent, seq, what, "an intent before it", target_mm);
