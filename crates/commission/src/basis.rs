@@ -17,6 +17,7 @@ pub struct Basis {
     axes: Digest,
     geometry: Digest,
     limits: Digest,
+    nothing: Digest,
     drives: [String; 2],
 }
 
@@ -40,12 +41,19 @@ impl Basis {
         ]);
         let [of_linear, of_rotary] = drive_files;
         let drives = [drive(&rig.linear, rig, of_linear), drive(&rig.rotary, rig, of_rotary)];
-        Self { axes, geometry: digest(&keys), limits: digest(&limits), drives }
+        Self {
+            axes,
+            geometry: digest(&keys),
+            limits: digest(&limits),
+            nothing: digest(&[]),
+            drives,
+        }
     }
 
     /// SHA-256 of the keys on which a calibration rests.
     pub fn sha256(&self, kind: Kind) -> String {
         let digest = match kind {
+            kind if kind.rests_on_no_key() => &self.nothing,
             kind if kind.rests_on_geometry() => &self.geometry,
             kind if kind.rests_on_soft_limits() => &self.limits,
             _ => &self.axes,

@@ -78,11 +78,12 @@ impl BenchChange {
             Self::Drive => &Kind::ALL,
             Self::Stop => &[Kind::Stop],
             Self::Limits => &[Kind::Limits],
-            Self::Sensor | Self::Probe | Self::Holder => {
-                &[Kind::Geometry, Kind::Blocks, Kind::Touches, Kind::Check]
+            Self::Sensor | Self::Probe => {
+                &[Kind::Geometry, Kind::Blocks, Kind::Touches, Kind::Sensor, Kind::Check]
             }
+            Self::Holder => &[Kind::Geometry, Kind::Blocks, Kind::Touches, Kind::Check],
             // The daily check goes on, and shows what they have changed.
-            Self::Collision => &[Kind::Geometry, Kind::Blocks, Kind::Touches],
+            Self::Collision => &[Kind::Geometry, Kind::Blocks, Kind::Touches, Kind::Sensor],
             Self::Place => &[Kind::Blocks],
             Self::References => &[Kind::Check],
         }

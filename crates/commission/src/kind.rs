@@ -25,13 +25,15 @@ pub enum Kind {
     Blocks,
     /// Touches at one place of a hard block repeat.
     Touches,
+    /// The free sensor: its circuit, its drift, its linearity with the level of the drive, and no second mode.
+    Sensor,
     /// The bench is as it was at the checks before: the daily check.
     Check,
 }
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Stop,
         Self::Signs,
         Self::Geometry,
@@ -40,6 +42,7 @@ impl Kind {
         Self::Homing,
         Self::Blocks,
         Self::Touches,
+        Self::Sensor,
         Self::Check,
     ];
 
@@ -54,6 +57,7 @@ impl Kind {
             Self::Homing => "homing",
             Self::Blocks => "blocks",
             Self::Touches => "touches",
+            Self::Sensor => "sensor",
             Self::Check => "check",
         }
     }
@@ -66,6 +70,11 @@ impl Kind {
     /// Whether it rests on the soft limits of the axes too.
     pub(crate) const fn rests_on_soft_limits(self) -> bool {
         matches!(self, Self::Limits)
+    }
+
+    /// Whether it rests on no key of the rig file: what it shows is of the sensor and the analyzer.
+    pub(crate) const fn rests_on_no_key(self) -> bool {
+        matches!(self, Self::Sensor)
     }
 
     /// What a person does when it fails.
@@ -95,6 +104,10 @@ impl Kind {
             Self::Touches => {
                 "clean the block and the ball, see that the clamps of sensor and block are fast and the bench is warm, and run \
                  the protocol again"
+            }
+            Self::Sensor => {
+                "see that the clamp of the sensor is fast, its cable hangs free and the analyzer is warm, correct the cable anew, \
+                 and check again; after the sensor was clamped anew or exchanged, say so by `rigd commission changed sensor`"
             }
             Self::Check => "do what is said of each quantity, and check again",
         }

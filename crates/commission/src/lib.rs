@@ -28,6 +28,7 @@ pub mod procedure;
 mod question;
 mod record;
 pub mod repeatability;
+pub mod sensor;
 mod standing;
 mod step;
 

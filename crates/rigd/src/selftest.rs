@@ -1,10 +1,12 @@
 //! The self-test of a bench, in levels: the computer, the talk with each device, the analyzer at rest.
 //!
-//! Nothing moves, and nothing is written into a drive. Each check has a value, its uncertainty where it has
-//! one, a limit, and advice. What needs motion belongs to the commissioning of the bench.
+//! Up to these nothing moves, and nothing is written into a drive. The levels after them need a bench in service, and
+//! are led by the command; [`records`] says what the calibrations show. Each check has a
+//! value, its uncertainty where it has one, a limit, and advice.
 
 mod archive;
 mod electric;
+pub(crate) mod records;
 mod talk;
 
 use rig_files::rig_file::{AxisFile, RigFile};
@@ -60,7 +62,7 @@ pub(crate) struct Check {
 
 impl Check {
     /// A quantity that is a problem above its limit.
-    fn quantity(
+    pub(crate) fn quantity(
         part: &'static str,
         name: impl Into<String>,
         quantity: Quantity,
@@ -72,7 +74,18 @@ impl Check {
         Self { part, name: name.into(), level, quantity: Some(quantity), text: None, advice }
     }
 
-    fn problem(part: &'static str, name: &str, text: String, advice: &'static str) -> Self {
+    /// An observation that is well.
+    pub(crate) fn fact(part: &'static str, name: &str, text: String) -> Self {
+        let (level, quantity, advice) = (Level::Ok, None, None);
+        Self { part, name: name.into(), level, quantity, text: Some(text), advice }
+    }
+
+    pub(crate) fn problem(
+        part: &'static str,
+        name: &str,
+        text: String,
+        advice: &'static str,
+    ) -> Self {
         let (level, quantity) = (Level::Problem, None);
         Self { part, name: name.into(), level, quantity, text: Some(text), advice: Some(advice) }
     }

@@ -68,6 +68,23 @@ const fn default_level_v() -> f64 {
 #[error("{}", self.0.join("; "))]
 pub(crate) struct SweepFaults(Vec<String>);
 
+/// A sweep, for a bench with this analyzer.
+///
+/// # Errors
+/// [`SweepFaults`].
+pub(crate) fn checked(
+    request: SweepRequest,
+    analyzer: &AnalyzerRange,
+) -> Result<SweepRequest, SweepFaults> {
+    let faults = faults_of(&request, analyzer);
+    if faults.is_empty() { Ok(request) } else { Err(SweepFaults(faults)) }
+}
+
+fn faults_of(request: &SweepRequest, analyzer: &AnalyzerRange) -> Vec<String> {
+    let of_request = request.faults().into_iter().chain(analyzer.faults(request));
+    of_request.map(|fault| fault.to_string()).collect()
+}
+
 impl SweepForm {
     /// The sweep, for a bench with this analyzer.
     ///
@@ -87,8 +104,7 @@ impl SweepForm {
             settle_s: self.settle_s,
             level: DriveLevel { volt: self.level_v },
         };
-        let of_request = request.faults().into_iter().chain(analyzer.faults(&request));
-        let mut faults: Vec<String> = of_request.map(|fault| fault.to_string()).collect();
+        let mut faults = faults_of(&request, analyzer);
         if self.points.is_some() && self.survey_s.is_some() {
             faults.push("points and survey_s exclude each other: give one of them".to_owned());
         }

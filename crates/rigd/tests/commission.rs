@@ -411,3 +411,68 @@ fn a_drive_that_forgets_its_place_is_homed_and_one_that_homes_badly_is_refused()
         }
     }
 }
+
+/// A bench that needs no step of commissioning, with these values of its scene.
+fn described(seed: u64, nuisances: &[(&str, &str)]) -> Bench {
+    let truth = Truth { mm_per_step: 0.001, zero_mm: 0.0, deg_per_step: 0.01, zero_deg: 0.0 };
+    let bench = Bench::new(truth, seed, 0.0);
+    bench.edit("scene.toml", nuisances);
+    bench
+}
+
+#[test]
+fn a_sensor_that_drifts_or_softens_is_refused_and_one_that_has_changed_too() {
+    let soft = [("level_hz_per_v2 = 0", "level_hz_per_v2 = -0.02")];
+    let warm = [("warm_up_hz = 0.3", "warm_up_hz = 6")];
+    for (seed, nuisances, refused) in
+        [(2, &soft[..], "sensor.level is -"), (3, &warm[..], "sensor.drift is ")]
+    {
+        let bench = described(seed, nuisances);
+        let said = bench.rigd(&["commission", "sensor"]);
+        assert_eq!(said.status.code(), Some(1), "{}", stderr(&said));
+        assert!(stderr(&said).contains(refused), "{}", stderr(&said));
+        let found = bench.last_values("sensor-");
+        // The level from a half to five volts, by the scene.
+        let truth = if refused.contains("level") { -0.495 } else { 0.0 };
+        let (level, sigma) = found[2];
+        assert!((level - truth).abs() < 4.0 * sigma, "{level} ± {sigma}, {truth} in truth");
+    }
+    // Another sensor is not the one of the record before.
+    let bench = described(1, &[]);
+    let said = bench.rigd(&["commission", "sensor"]);
+    assert!(said.status.success(), "{}", stderr(&said));
+    bench.edit("scene.toml", &[("length_mm = 35", "length_mm = 34.8")]);
+    let said = bench.rigd(&["commission", "sensor"]);
+    assert_eq!(said.status.code(), Some(1));
+    assert!(stderr(&said).contains("sensor.resonance was 140."), "{}", stderr(&said));
+}
+
+#[test]
+fn a_selftest_moves_a_bench_in_service_alone_and_says_what_its_records_show() {
+    let bench = Bench::new(DESCRIBED, 5, 0.0);
+    let text = |args: &[&str]| {
+        let output = bench.rigd(args);
+        (output.status.code(), String::from_utf8(output.stdout).unwrap())
+    };
+    let (code, said) = text(&["selftest", "--level", "motion"]);
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("problem  bench, in service: "), "{said}");
+    assert!(said.contains("not commissioned") && !said.contains("rest beside"), "{said}");
+    assert!(said.contains("problem  calibrations, limits: no record that holds: never made"));
+    assert_eq!(bench.commission(), (1, 0));
+    assert!(bench.rigd(&["home"]).status.success());
+    let (code, said) = text(&["selftest", "--level", "motion"]);
+    assert_eq!(code, Some(0), "{said}");
+    for line in [
+        "ok       linear stage, rest beside the target, 10 moves: 0.00",
+        "ok       rotary stage, rest beside the target, 15 moves: ",
+        "ok       calibrations, limits: accepted ",
+        "ok       calibrations, linear stage after its power was off: 0.000",
+    ] {
+        assert!(said.contains(line), "{said}\ndoes not say: {line}");
+    }
+    let (code, said) = text(&["selftest", "--level", "metrology"]);
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("problem  calibrations, sensor: no record that holds"), "{said}");
+    assert!(said.contains("`rigd commission sensor`"), "{said}");
+}

@@ -317,6 +317,7 @@ impl World {
     pub(crate) fn scale_drive(&mut self, now: RigTime, factor: f64) {
         self.follow_plant(now);
         self.plant.scale_drive(factor);
+        self.follow_plant(now);
     }
 
     /// Sets or clears a fault of the contact sense.
@@ -507,7 +508,8 @@ impl World {
             Some(ContactFault::Blind) => None,
             Some(ContactFault::Stuck) => Some(STUCK),
         };
-        let shift_hz = self.drift.shift_hz(now);
+        let by_level_hz = self.scene.nuisances.level_hz_per_v2 * self.plant.drive().norm_sqr();
+        let shift_hz = self.drift.shift_hz(now) + by_level_hz;
         self.sensor.circuit(touched, shift_hz)
     }
 

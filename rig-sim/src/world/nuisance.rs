@@ -29,6 +29,8 @@ pub struct Nuisances {
     pub encoder_steps: f64,
     /// The drift of the free resonance.
     pub drift: Drift,
+    /// By how much the free resonance is higher for a square volt of the drive, Hz/V²; negative for a sensor that softens.
+    pub level_hz_per_v2: f64,
     /// Relative standard deviation of each part of an impedance integrated over ten cycles.
     pub impedance_rel: f64,
     /// Phase error of the analyzer, degrees.
@@ -54,6 +56,7 @@ impl Nuisances {
         homing_deg: 0.0,
         encoder_steps: 0.0,
         drift: Drift { warm_up_hz: 0.0, warm_up_s: 1.0, walk_hz_per_sqrt_hour: 0.0 },
+        level_hz_per_v2: 0.0,
         impedance_rel: 0.0,
         analyzer_phase_deg: 0.0,
         analyzer_command_s: 0.0,

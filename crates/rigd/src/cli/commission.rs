@@ -2,6 +2,7 @@
 
 mod blocks;
 mod guide;
+pub(super) mod sensor;
 mod touches;
 
 use std::path::{Path, PathBuf};
@@ -9,7 +10,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand, ValueEnum};
 use rig_commission::{
     Basis, BenchChange, Jog, JogAxis, Kind, Standing, Step, Verdict, metrology::NoGeometry,
-    procedure,
+    procedure, sensor::NoSensor,
 };
 use rig_files::rig_file::RigFile;
 use serde::Serialize;
@@ -58,6 +59,8 @@ enum CommissionCommand {
     Blocks(blocks::BlocksArgs),
     /// Judge how well the touches of a run on a hard block repeat
     Touches(touches::TouchesArgs),
+    /// Measure the free sensor, and judge its drift, its linearity and its change since the last time
+    Sensor(sensor::SensorArgs),
     /// Say that the bench was changed: what rests on it is asked for again
     Changed(ChangedArgs),
     /// List the changes of a bench, and what each one voids
@@ -153,6 +156,8 @@ pub(super) enum CommissionFailure {
     #[error("step {} failed: {why}", kind.name())]
     Failed { kind: Kind, why: String },
     #[error(transparent)]
+    NoSensor(#[from] NoSensor),
+    #[error(transparent)]
     NoGeometry(#[from] NoGeometry),
     #[error(transparent)]
     Check(#[from] CheckError),
@@ -178,6 +183,7 @@ impl CommissionFailure {
     pub(super) const fn advice(&self) -> Option<&'static str> {
         match self {
             Self::Failed { kind, .. } => Some(kind.remedy()),
+            Self::NoSensor(_) => Some(Kind::Sensor.remedy()),
             Self::NoGeometry(_) => Some(Kind::Blocks.remedy()),
             Self::Check(CheckError::Unmeasured(_)) => {
                 Some("`rigd show RUN` says why the touches were refused; make the check again")
@@ -201,6 +207,7 @@ pub(super) fn commission(args: &CommissionArgs) -> Result<(), Failure> {
         Some(CommissionCommand::Show(args)) => show(args),
         Some(CommissionCommand::Blocks(args)) => blocks::blocks(args),
         Some(CommissionCommand::Touches(args)) => touches::touches(args),
+        Some(CommissionCommand::Sensor(args)) => sensor::sensor(args),
         Some(CommissionCommand::Changed(args)) => changed(args),
         Some(CommissionCommand::Changes) => print(&changes()),
     }

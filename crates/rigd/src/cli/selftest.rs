@@ -1,5 +1,7 @@
 //! `rigd selftest`: checks a bench in levels, each with value, limit and advice, and an archive to send.
 
+mod motion;
+
 use std::{
     fs::File,
     io::{self, Write},
@@ -10,12 +12,15 @@ use clap::{Args, ValueEnum};
 
 use super::{
     Failure,
-    args::{OutputArgs, RigArgs},
+    args::{BenchArgs, OutputArgs},
+    commission::sensor::{FreeArgs, LEVEL_V, watch},
+    session::{LeftInContact, with_rig},
     table::{note, print, print_json},
 };
 use crate::{
+    calibrations,
     doctor::Level,
-    selftest::{Archive, Check, Depth, Quantity, selftest},
+    selftest::{Archive, Check, Depth, Quantity, Report, records, selftest},
 };
 
 #[derive(Debug, Args)]
@@ -27,14 +32,19 @@ pub(super) struct SelftestArgs {
     /// persons, and serial numbers are hashes
     #[arg(long, value_name = "FILE")]
     archive: Option<PathBuf>,
+    /// Hours of the level soak
+    #[arg(long, value_name = "H", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=24))]
+    hours: u32,
     #[command(flatten)]
-    rig: RigArgs,
+    free: FreeArgs,
+    #[command(flatten)]
+    bench: BenchArgs,
     #[command(flatten)]
     output: OutputArgs,
 }
 
 /// A level of the self-test.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
 enum LevelArg {
     /// The computer: permissions, names of adapters, programs that take ports
     Host,
@@ -42,15 +52,24 @@ enum LevelArg {
     Talk,
     /// The analyzer with the sensor or a capacitor: noise, and linearity with the level
     Electric,
+    /// Both axes, with the probe clear and a bench in service, and the records of limits and homing
+    Motion,
+    /// The records of touches on a block, of the geometry and of the sensor
+    Metrology,
+    /// The free sensor for a night
+    Soak,
 }
 
 pub(super) fn run(args: &SelftestArgs) -> Result<(), Failure> {
     let depth = match args.level {
         LevelArg::Host => Depth::Host,
         LevelArg::Talk => Depth::Talk,
-        LevelArg::Electric => Depth::Electric,
+        _ => Depth::Electric,
     };
-    let report = selftest(args.rig.load()?, depth)?;
+    let mut report = selftest(args.bench.rig.load()?, depth)?;
+    if LevelArg::Motion <= args.level {
+        in_service(args, &mut report)?;
+    }
     let archive = Archive::of(&report);
     if let Some(path) = &args.archive {
         let failed = |source: io::Error| Failure::File { path: path.clone(), source };
@@ -69,6 +88,50 @@ pub(super) fn run(args: &SelftestArgs) -> Result<(), Failure> {
     }
     let problems = report.count(Level::Problem);
     if problems > 0 { Err(Failure::Unfit { problems }) } else { Ok(()) }
+}
+
+/// The levels that need a bench in service. A bench that is not is a problem of the report.
+fn in_service(args: &SelftestArgs, report: &mut Report) -> Result<(), Failure> {
+    let (data, operator) = (args.bench.data.dir(), args.bench.operator.name());
+    let rig = args.bench.rig.load()?;
+    let (basis, limits) = (rig.basis(), rig.file.limits);
+    let is_described = rig.is_put_together_as_described();
+    let found = with_rig(rig, &data, &operator, LeftInContact::Refuse, async |session| {
+        let mut checks = motion::moves(session, &limits).await?;
+        if args.level == LevelArg::Soak {
+            let level_v = LEVEL_V.min(limits.analyzer.max_level_v);
+            let night =
+                watch(session, &args.free, 60 * args.hours, (level_v, &limits.analyzer), &data)
+                    .await?;
+            checks.extend(motion::soak(&night));
+        }
+        Ok(checks)
+    });
+    match found {
+        Ok(checks) => report.checks.extend(checks),
+        Err(failure @ (Failure::Interrupted | Failure::Aborted | Failure::Left { .. })) => {
+            return Err(failure);
+        }
+        Err(failure) => {
+            let advice = "`rigd doctor` says what is missing; a bench is in service after `rigd commission` and `rigd home`";
+            report.checks.push(Check::problem(
+                "bench",
+                "in service",
+                failure.to_string().replace('\n', "; "),
+                advice,
+            ));
+        }
+    }
+    let records = calibrations::read(&data).map_err(super::commission::CommissionFailure::from)?;
+    let now_s = jiff::Timestamp::now().as_second();
+    // A simulated bench that is put together as described has no steps behind it.
+    if !is_described {
+        report.checks.extend(records::of_motion(&records, &basis, now_s));
+    }
+    if LevelArg::Metrology <= args.level {
+        report.checks.extend(records::of_metrology(&records, &basis, now_s));
+    }
+    Ok(())
 }
 
 /// One line, with its advice below.
