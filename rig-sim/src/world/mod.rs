@@ -317,7 +317,9 @@ impl World {
     pub(crate) fn scale_drive(&mut self, now: RigTime, factor: f64) {
         self.follow_plant(now);
         self.plant.scale_drive(factor);
-        self.follow_plant(now);
+        if self.scene.nuisances.level_hz_per_v2 != 0.0 {
+            self.follow_plant(now);
+        }
     }
 
     /// Sets or clears a fault of the contact sense.
