@@ -15,15 +15,15 @@ const LEAST_SURVEYS: usize = 3;
 /// Share of sweeps that may be refused.
 const REFUSED: f64 = 0.2;
 
-/// Largest drift, Hz an hour, and largest shift between the lowest and the highest level, Hz. Both are what a touch of
-/// 0.01 MPa changes within some minutes.
-const DRIFT_HZ_PER_H: f64 = 1.0;
-const LEVEL_HZ: f64 = 0.2;
+/// Largest drift that is accepted, Hz an hour.
+pub const DRIFT_HZ_PER_H: f64 = 1.0;
+/// Largest shift between the lowest and the highest level that is accepted, Hz.
+pub const LEVEL_HZ: f64 = 0.2;
 
 /// A drift or a shift of so many of its standard deviations is none by chance.
 const CERTAIN: f64 = 3.0;
 
-/// Largest relative change against the record before: of the resonance a sensor that was clamped anew shows more.
+/// Largest relative changes against the record before.
 const CHANGES: [(&str, f64); 5] = [
     ("sensor.resonance", 0.005),
     ("sensor.quality", 0.15),

@@ -28,7 +28,7 @@ fn resonance_hz(depth_mm: f64, debris_mm: f64, edge_mm: f64) -> f64 {
     let scene = matched();
     let nuisances = Nuisances { debris_mm, ..Nuisances::NONE };
     let place = TrueGeometry { edge_mm, ..scene.place };
-    let mut world = World::new(Scene { nuisances, place, ..scene }, 1).unwrap();
+    let mut world = World::new(Scene { place, nuisances, ..scene }, 1).unwrap();
     world.place_sample(RigTime::ZERO, "3").unwrap();
     let target = below(&world, depth_mm);
     world.drive(RigTime::ZERO, AxisId::Linear).start(RigTime::ZERO, target, &FAST);

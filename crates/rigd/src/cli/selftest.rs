@@ -66,13 +66,19 @@ pub(super) fn run(args: &SelftestArgs) -> Result<(), Failure> {
         LevelArg::Talk => Depth::Talk,
         _ => Depth::Electric,
     };
+    let archive_failed =
+        |path: &PathBuf, source: io::Error| Failure::File { path: path.clone(), source };
+    // Told before a night of measurements.
+    if let Some(path) = args.archive.as_ref().filter(|path| path.exists()) {
+        return Err(archive_failed(path, io::ErrorKind::AlreadyExists.into()));
+    }
     let mut report = selftest(args.bench.rig.load()?, depth)?;
     if LevelArg::Motion <= args.level {
         in_service(args, &mut report)?;
     }
     let archive = Archive::of(&report);
     if let Some(path) = &args.archive {
-        let failed = |source: io::Error| Failure::File { path: path.clone(), source };
+        let failed = |source| archive_failed(path, source);
         let mut out = File::create_new(path).map_err(failed)?;
         let bytes = serde_json::to_vec_pretty(&archive).map_err(|error| failed(error.into()))?;
         out.write_all(&bytes).map_err(failed)?;

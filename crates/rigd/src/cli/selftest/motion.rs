@@ -1,7 +1,7 @@
 //! The levels of the self-test that need a bench in service: what moves goes through the engine and the interlock, with the
 //! probe clear.
 
-use rig_commission::sensor::{SensorSweeps, judge};
+use rig_commission::sensor::{DRIFT_HZ_PER_H, LEVEL_HZ, SensorSweeps, judge};
 use rig_engine::Command;
 use rig_model::{Position, RigLimits, Unit};
 
@@ -76,8 +76,7 @@ pub(super) fn soak(night: &SensorSweeps) -> Vec<Check> {
         unit: "%",
     };
     let name = format!("refused of {all} sweeps");
-    let advice =
-        "`rigd log` has the time of each: look at what was switched on then, and at the clamps";
+    let advice = "`rigd serve` lists the sweeps of the session with their times: look at what was switched on then";
     let mut checks = vec![Check::quantity("free sensor", name, refused, advice)];
     match judge(night, None) {
         Err(error) => {
@@ -89,13 +88,13 @@ pub(super) fn soak(night: &SensorSweeps) -> Vec<Check> {
                 (
                     "sensor.drift",
                     "drift",
-                    1.0,
+                    DRIFT_HZ_PER_H,
                     "warm up for longer, and keep the room at one temperature",
                 ),
                 (
                     "sensor.level",
                     "shift from the lowest level to the highest",
-                    0.2,
+                    LEVEL_HZ,
                     "measure at a lower level",
                 ),
             ];
@@ -114,7 +113,7 @@ pub(super) fn soak(night: &SensorSweeps) -> Vec<Check> {
         }
     }
     if let Some(why) = &night.survey_refused {
-        let advice = "look for a loose part at the sensor: a second mode is near the first";
+        let advice = "look at the clamp of the sensor and at its cable, and repeat the survey";
         checks.push(Check::problem("free sensor", "survey", why.clone(), advice));
     }
     checks
