@@ -59,7 +59,8 @@ mod tests {
         };
         let found = findings(&Ok(Standing::of(&[], &basis, 0)), &[unproven]);
         let told: Vec<_> = found.iter().map(|one| (one.level, one.text.as_str())).collect();
-        let missing = "missing: stop (never made), signs (never made), geometry (never made), scale (never made)";
+        let missing = "missing: stop (never made), signs (never made), geometry (never made), scale (never made), \
+                       limits (never made), homing (never made)";
         let instrument = "meter (analyzer) is unproven: reading";
         assert_eq!(told, [(Level::Warning, missing), (Level::Warning, instrument)]);
     }
