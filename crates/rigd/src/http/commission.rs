@@ -158,6 +158,17 @@ async fn abort(
 }
 
 async fn view(commissioning: &Commissioning) -> Result<CommissionView, Problem> {
+    // In this order: a step that is no longer under way has left its record.
+    let (under_way, question, said) = {
+        let progress = commissioning.progress();
+        let question = progress.question.map(|(number, question)| QuestionView {
+            number,
+            text: question.text(),
+            choices: question.asked().choices().iter().map(|choice| choice.name()).collect(),
+            expected: question.asked().expected(),
+        });
+        (progress.step.map(rig_commission::Step::name), question, progress.said.clone())
+    };
     let standing = commissioning.standing().await?;
     let step = |(step, found): &(rig_commission::Step, Result<rig_commission::Calibration, _>)| {
         let record = found.as_ref().ok();
@@ -173,18 +184,11 @@ async fn view(commissioning: &Commissioning) -> Result<CommissionView, Problem> 
             person: record.map(|record| record.person().to_owned()),
         }
     };
-    let progress = commissioning.progress();
-    let question = progress.question.map(|(number, question)| QuestionView {
-        number,
-        text: question.text(),
-        choices: question.asked().choices().iter().map(|choice| choice.name()).collect(),
-        expected: question.asked().expected(),
-    });
     Ok(CommissionView {
         steps: standing.steps.iter().map(step).collect(),
-        under_way: progress.step.map(rig_commission::Step::name),
+        under_way,
         question,
-        said: progress.said.clone(),
+        said,
     })
 }
 
