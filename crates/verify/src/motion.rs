@@ -354,7 +354,9 @@ impl Motion {
         let above_mm = protocol.approach.start_above_mm.map(|above| {
             if is_before_descent { above.min(rig.surface_tolerance_mm()) } else { above }
         });
-        let begin = self.rotary_deg.zip(above_mm);
+        // A step of the way may still end after a stop.
+        let tilt = self.rotary_deg.or(self.was_at.1);
+        let begin = tilt.zip(above_mm);
         begin.map(|(tilt, above)| rig.surface_mm(tilt) + above - TILT_MM)
     }
 
