@@ -54,8 +54,8 @@ struct Order {
 }
 
 /// The sweep and the state of the rig after it.
-struct Measurement {
-    sweep: Sweep,
+pub(super) struct Measurement {
+    pub(super) sweep: Sweep,
     status: Status,
 }
 
@@ -100,7 +100,8 @@ pub(super) fn measure(args: &MeasureArgs) -> Result<(), Failure> {
     show(args, measured)
 }
 
-async fn sweep(
+/// Makes a sweep in a session, and finds it in the journal.
+pub(super) async fn sweep(
     session: &mut Session,
     request: SweepRequest,
     data: &Path,

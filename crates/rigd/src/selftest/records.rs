@@ -34,7 +34,7 @@ const fn uncertainty(
     limit: f64,
     unit: &'static str,
 ) -> Row {
-    Row { kind, value, check, limit, unit, is_uncertainty: true }
+    Row { is_uncertainty: true, ..row(kind, value, check, limit, unit) }
 }
 
 /// What belongs to motion. The limits are those of the steps of commissioning.

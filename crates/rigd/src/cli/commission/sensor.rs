@@ -8,7 +8,7 @@ use rig_commission::{
     sensor::{FreeSweep, SensorSweeps, judge},
 };
 use rig_model::{AnalyzerRange, DriveLevel, SweepMethod, SweepRequest, Window};
-use rig_store::{Reader, SweepOutcome};
+use rig_store::SweepOutcome;
 
 use super::{CommissionFailure, blocks::rows, judged};
 use crate::{
@@ -16,12 +16,12 @@ use crate::{
     cli::{
         Failure,
         args::BenchArgs,
+        measure,
         screen::say,
         session::{LeftInContact, Session, with_rig},
         table::{facts, print},
     },
     sweep_form::{SweepFaults, checked},
-    sweeps,
 };
 
 /// Levels of the drive of a round, as parts of the highest one.
@@ -134,13 +134,16 @@ pub(in crate::cli) async fn watch(
         }
         for part in LEVELS {
             let request = free.request(part * level_v, SweepMethod::Adaptive, range)?;
-            match free_sweep(&outcome(session, request, data).await?, part * level_v) {
+            match free_sweep(
+                &measure::sweep(session, request, data).await?.sweep.outcome,
+                part * level_v,
+            ) {
                 Some(sweep) => all.sweeps.push(sweep),
                 None => all.refused += 1,
             }
         }
         let survey = free.request(level_v, SweepMethod::Survey { seconds: SURVEY_S }, range)?;
-        let surveyed = outcome(session, survey, data).await?;
+        let surveyed = measure::sweep(session, survey, data).await?.sweep.outcome;
         all.surveys.extend(free_sweep(&surveyed, level_v));
         if let SweepOutcome::Refused { reason } = surveyed {
             all.survey_refused.get_or_insert(reason);
@@ -164,16 +167,4 @@ fn free_sweep(outcome: &SweepOutcome, level_v: f64) -> Option<FreeSweep> {
         capacitance_f: circuit.static_capacitance_f,
         loss_tangent: circuit.loss_tangent,
     })
-}
-
-async fn outcome(
-    session: &mut Session,
-    request: SweepRequest,
-    data: &Path,
-) -> Result<SweepOutcome, Failure> {
-    let number = session.handle.sweep(request, session.operator()).await?;
-    let status = session.finished().await?;
-    let found = sweeps::find(&Reader::open(data)?, status.session, number)?;
-    let reason = || "the journal does not have the sweep".to_owned();
-    Ok(found.map_or_else(|| SweepOutcome::Refused { reason: reason() }, |sweep| sweep.outcome))
 }
