@@ -4,6 +4,7 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import { commissionedOnThePage } from "./commission.mjs";
+import { sensorOnThePage } from "./sensor.mjs";
 import { homedAfterALook } from "./home.mjs";
 import { button, config, keeper, look, run, serve, shots, state, visit } from "./support.mjs";
 
@@ -214,6 +215,7 @@ await run(async () => {
   await afterARefusal();
   await homedAfterALook();
   await commissionedOnThePage();
+  await sensorOnThePage();
   const [worst, best] = [Math.max(...latencies), Math.min(...latencies)];
   console.log(`state change to pixel: ${latencies.map((ms) => ms.toFixed(0)).join(", ")} ms; pictures: ${shots}`);
   // One change may come while this computer is busy with other work; the page itself takes less.

@@ -36,8 +36,8 @@ const SAID_MAX: usize = 100;
 #[derive(Debug, Clone)]
 pub(crate) struct Commissioned {
     file: RigFile,
-    basis: Basis,
-    data: PathBuf,
+    pub(crate) basis: Basis,
+    pub(crate) data: PathBuf,
 }
 
 impl Commissioned {

@@ -42,6 +42,7 @@ mod rig;
 pub(crate) mod room;
 mod route;
 mod runs;
+mod sensor_check;
 mod server;
 mod session;
 mod span;
@@ -84,6 +85,7 @@ use crate::{
     protocol_file::LoadedProtocol,
     rig::{RigHandle, Status},
     run_files::{self, RunFiles, RunFilesError},
+    sensor_check::SensorWatch,
 };
 use access::Access;
 pub(crate) use guard::FOREIGN_PAGE;
@@ -125,6 +127,8 @@ struct Inner {
     reloads: OnceLock<mpsc::Sender<ReloadRequest>>,
     /// The commissioning of the rig by clients.
     commissioning: OnceLock<Commissioning>,
+    /// The check of its free sensor by clients.
+    sensor: OnceLock<SensorWatch>,
     results: ResultsCache,
     /// Its blocking threads build the documents of runs.
     builders: Handle,
@@ -182,6 +186,7 @@ impl Shared {
             tls: OnceLock::new(),
             reloads: OnceLock::new(),
             commissioning: OnceLock::new(),
+            sensor: OnceLock::new(),
             results,
             builders,
             happened,

@@ -35,6 +35,7 @@ mod rig_view;
 pub mod run_files;
 mod selftest;
 mod sensitivity;
+mod sensor_check;
 mod shipper;
 pub mod simulation;
 mod sweep_form;

@@ -155,13 +155,107 @@ fn a_bench_is_commissioned_over_http_and_goes_into_service_without_a_new_start()
 
 /// A daemon on the bench of the daily check, which its rig file describes.
 fn daily() -> Daemon {
+    daily_with(&[])
+}
+
+/// The same with these values of its scene.
+fn daily_with(nuisances: &[(&str, &str)]) -> Daemon {
     let folder = TempDir::new().unwrap();
     let path = |name: &str| folder.path().join(name);
-    let scene = fs::read_to_string(config("scenes/daily.toml")).unwrap();
+    let mut scene = fs::read_to_string(config("scenes/daily.toml")).unwrap();
+    for (old, new) in nuisances {
+        assert!(scene.contains(old), "{old}");
+        scene = scene.replacen(old, new, 1);
+    }
     fs::write(path("scene.toml"), scene).unwrap();
     let rig = fs::read_to_string(config("rigs/simulated.toml")).unwrap();
     fs::write(path("rig.toml"), rig.replacen("../scenes/paper.toml", "scene.toml", 1)).unwrap();
     Daemon::serve(folder, "touches.toml")
+}
+
+impl Daemon {
+    fn sensor(&self) -> Value {
+        parts(&request(&self.address, "GET /api/v1/commission/sensor", "")).1
+    }
+
+    /// Begins a check of the sensor as soon as the rig is in service.
+    fn begin_sensor(&self, form: &str) {
+        let began = Instant::now();
+        loop {
+            let (status, view) = self.post("commission/sensor", form);
+            if status == 202 {
+                return assert_eq!(view["is_under_way"], true, "{view}");
+            }
+            assert!(status == 409 && began.elapsed() < PATIENCE, "{status}: {view}");
+        }
+    }
+
+    /// Waits until the check of the sensor is as wanted.
+    fn wait_for_sensor(&self, is_wanted: impl Fn(&Value) -> bool) -> Value {
+        let began = Instant::now();
+        loop {
+            let view = self.sensor();
+            if is_wanted(&view) {
+                return view;
+            }
+            assert!(began.elapsed() < PATIENCE, "gave up waiting: {view}");
+        }
+    }
+}
+
+#[test]
+fn the_free_sensor_is_checked_over_http_and_its_record_holds_if_it_is_accepted() {
+    for (level, verdict, truth) in [("0", "accepted", 0.0), ("-0.02", "failed", -0.495)] {
+        let level = format!("[nuisances]\nlevel_hz_per_v2 = {level}");
+        let daemon = daily_with(&[("[nuisances]", &level)]);
+        assert_eq!(daemon.sensor()["why"], "never made");
+        daemon.begin_sensor(r#"{"temperature_c": 21.5}"#);
+        let view = daemon.wait_for_sensor(|view| view["is_under_way"] == false);
+        let found = &view["found"];
+        assert_eq!((&found["verdict"], &view["refused"]), (&verdict.into(), &0.into()), "{view}");
+        let shift = &found["values"][2];
+        let [value, sigma] =
+            ["value", "standard_uncertainty"].map(|key| shift[key].as_f64().unwrap());
+        assert_eq!(shift["name"], "sensor.level");
+        assert!((value - truth).abs() < 4.0 * sigma, "{value} ± {sigma}, {truth} in truth");
+        let file = found["file"].as_str().unwrap();
+        let record = daemon.folder.path().join("data/calibrations").join(file);
+        let text = fs::read_to_string(record).unwrap();
+        assert!(text.contains("person = \"Ada\"") && text.contains("temperature_c = 21.5"));
+        match verdict {
+            "accepted" => assert_eq!(view["record"]["person"], "Ada", "{view}"),
+            _ => assert_eq!(view["why"], "failed", "{view}"),
+        }
+        daemon.end();
+    }
+}
+
+#[test]
+fn a_check_of_the_sensor_needs_a_clear_probe_and_an_idle_rig_and_an_abort_leaves_no_record() {
+    let daemon = daily_with(&[]);
+    let form = r#"{"minutes": 1440}"#;
+    let (status, why) = daemon.post("commission/sensor", r#"{"minutes": 0}"#);
+    assert_eq!(status, 422, "{why}");
+    assert_eq!(why["detail"], "minutes = 0: must lie between 1 and 1440 min");
+    let (status, why) = daemon.post("commission/sensor", r#"{"min_hz": 160, "max_hz": 120}"#);
+    assert_eq!(status, 422, "{why}");
+    assert_eq!(daemon.post("commission/sensor/abort", "").0, 409);
+    daemon.begin_sensor(form);
+    assert_eq!(daemon.post("commission/sensor", form).0, 409);
+    daemon.wait_for_sensor(|view| view["sweeps"].as_u64() >= Some(3));
+    assert_eq!(daemon.post("commission/sensor/abort", "").0, 202);
+    let view = daemon.wait_for_sensor(|view| view["is_under_way"] == false);
+    assert_eq!((&view["trouble"], &view["found"]), (&"aborted".into(), &Value::Null), "{view}");
+    assert!(!daemon.folder.path().join("data/calibrations").exists());
+    // Another command of a client takes the rig: a sweep of it, or the time between two.
+    daemon.begin_sensor(form);
+    daemon.wait_for_sensor(|view| view["sweeps"].as_u64() >= Some(1));
+    assert_eq!(daemon.post("stop", "").0, 200);
+    let view = daemon.wait_for_sensor(|view| view["is_under_way"] == false);
+    assert!(view["trouble"].is_string() && view["found"].is_null(), "{view}");
+    let (status, why) = daemon.post("commission/sensor", form);
+    assert_eq!(status, 409, "{why}");
+    daemon.end();
 }
 
 #[test]

@@ -3,6 +3,7 @@ import { useEffect, useState } from "preact/hooks";
 import { clock, fixed, setting } from "./format.ts";
 import { CommissionCard } from "./commission.tsx";
 import { Bench } from "./drawings.tsx";
+import { SensorCard } from "./sensor.tsx";
 import { FrameList, SweepCard, wallMs } from "./now.tsx";
 import { AskButton, Said } from "./shell.tsx";
 import { get, post, useAsking, type View } from "./store.ts";
@@ -37,6 +38,7 @@ export function RigPage({ view }: { view: View }) {
           <ol tabIndex={0} aria-label="What happened, newest first">{model.happenings.map((h) => <li key={h.key}><time>{rig.is_virtual_time ? `${fixed(h.rig_s, 1)} s` : clock(wallMs(rig, h.rig_s))}</time> <span class={h.tone === "bad" ? "bad-word" : h.tone === "ask" ? "ask-word" : ""}>{h.text}</span></li>)}</ol>
         )}
       </section>
+      <SensorCard off={off} />
       <SweepForm off={off} />
       <SweepCard model={model} />
       <Console rig={rig} />

@@ -51,6 +51,19 @@ export interface CommissionStep {
 }
 export interface CommissionQuestion { number: number; text: string; choices: string[]; expected: string }
 
+/** The check of the free sensor, and its record. */
+export interface SensorCheck {
+  is_under_way: boolean;
+  minutes: number;
+  sweeps: number;
+  refused: number;
+  trouble: string | null;
+  found: { verdict: string; reason: string | null; values: { name: string; value: number; standard_uncertainty: number; unit: string }[]; file: string } | null;
+  record: { made: string; person: string } | null;
+  why: string | null;
+  remedy: string;
+}
+
 /** A device, and what it has answered since rigd was started. */
 export interface Device { role: string; identity: string; health: Health }
 export interface Health { requests: number; retries: number; late: number; corrupt: number; refusals: number; last_round_trip_ms?: number }

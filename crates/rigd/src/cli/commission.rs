@@ -32,6 +32,7 @@ use crate::{
     loaded_rig::LoadedRig,
     operator::Operator,
     rig,
+    sensor_check::NoRecord,
 };
 
 /// Shows, step by step, that a bench is as its rig file says: the emergency stop, the sign and the scale of each
@@ -167,6 +168,15 @@ pub(super) enum CommissionFailure {
     Block(#[from] BlockRunError),
     #[error("{axis}: {trouble}")]
     NoStep { axis: &'static str, trouble: String },
+}
+
+impl From<NoRecord> for CommissionFailure {
+    fn from(error: NoRecord) -> Self {
+        match error {
+            NoRecord::Calibrations(error) => error.into(),
+            NoRecord::NoSensor(error) => error.into(),
+        }
+    }
 }
 
 impl CommissionFailure {

@@ -13,7 +13,7 @@ use clap::{Args, ValueEnum};
 use super::{
     Failure,
     args::{BenchArgs, OutputArgs},
-    commission::sensor::{FreeArgs, LEVEL_V, watch},
+    commission::sensor::{FreeArgs, SensorOfSession},
     session::{LeftInContact, with_rig},
     table::{note, print, print_json},
 };
@@ -105,10 +105,8 @@ fn in_service(args: &SelftestArgs, report: &mut Report) -> Result<(), Failure> {
     let found = with_rig(rig, &data, &operator, LeftInContact::Refuse, async |session| {
         let mut checks = motion::moves(session, &limits).await?;
         if args.level == LevelArg::Soak {
-            let level_v = LEVEL_V.min(limits.analyzer.max_level_v);
-            let night =
-                watch(session, &args.free, 60 * args.hours, (level_v, &limits.analyzer), &data)
-                    .await?;
+            let check = args.free.check(60 * args.hours, &limits.analyzer)?;
+            let night = check.watch(&mut SensorOfSession { session, data: &data }).await?;
             checks.extend(motion::soak(&night));
         }
         Ok(checks)

@@ -29,7 +29,7 @@ use super::{
     signals::Signals,
 };
 use crate::{
-    commissioning::{Commissioned, Commissioning},
+    commissioning::Commissioned,
     http::{
         self,
         access::{Access, Token},
@@ -158,7 +158,7 @@ impl Daemon {
             builders,
             closing.clone(),
         );
-        shared.open_commissioning(Commissioning::new(handle.clone(), commissioned));
+        shared.open_commissioning(&handle, commissioned);
         tokio::spawn(ended_runs::write(shared.clone(), handle.status(), data.clone()));
         show_certificate(&door, &shared);
         let opened = shared.open_queue(settings.release_queue.value).await;

@@ -81,7 +81,8 @@ async fn touches(
 }
 
 impl CalibrationView {
-    fn of(finding: Finding, file: String) -> Self {
+    /// The finding whose record is this file.
+    pub(super) fn of(finding: Finding, file: String) -> Self {
         let (verdict, reason) = match finding.verdict {
             Verdict::Accepted => ("accepted", None),
             Verdict::RigFile(changes) => {

@@ -17,8 +17,10 @@ use super::{
     route::{Content, Route, json},
 };
 use crate::{
-    commissioning::{Commissioning, CommissioningRefusal},
+    commissioning::{Commissioned, Commissioning, CommissioningRefusal},
     operator::Operator,
+    rig::RigHandle,
+    sensor_check::SensorWatch,
 };
 
 /// The commissioning as it is now.
@@ -193,9 +195,10 @@ async fn view(commissioning: &Commissioning) -> Result<CommissionView, Problem> 
 }
 
 impl Shared {
-    /// Lets clients commission the rig.
-    pub(crate) fn open_commissioning(&self, commissioning: Commissioning) {
-        _ = self.inner.commissioning.set(commissioning);
+    /// Lets clients commission the rig, and check its sensor.
+    pub(crate) fn open_commissioning(&self, rig: &RigHandle, of: Commissioned) {
+        _ = self.inner.sensor.set(SensorWatch::new(rig.clone(), of.clone()));
+        _ = self.inner.commissioning.set(Commissioning::new(rig.clone(), of));
     }
 
     fn commissioning(&self) -> Result<&Commissioning, Problem> {

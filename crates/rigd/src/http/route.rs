@@ -33,7 +33,7 @@ use super::{
     rig::{HomeForm, IdentifiedView},
     runs,
     runs::{AnswerOptions, BegunView, ListOptions, RunDetail, RunView},
-    session,
+    sensor_check, session,
     session::{ClientView, LinkView},
     sweeps,
     sweeps::{SweepLine, SweepView},
@@ -573,6 +573,7 @@ pub(super) fn all() -> impl Iterator<Item = Route> {
         .into_iter()
         .chain(commission::routes())
         .chain(block_runs::routes())
+        .chain(sensor_check::routes())
         .chain(checks::routes())
         .chain(of_measurements())
         .chain(of_runs())
