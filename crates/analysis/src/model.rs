@@ -7,6 +7,7 @@
 mod errors;
 mod evidence;
 mod fit;
+mod joint;
 mod judge;
 mod known;
 mod linear;

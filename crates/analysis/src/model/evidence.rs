@@ -2,12 +2,14 @@
 //!
 //! Each term is a column of the residuals, tested by Rao's score. Touches at one place of the stages share
 //! a part of their depth error, so that rows are first made independent by the Cholesky factor of their
-//! covariance. Then what the means of the samples and the learnt terms explain is taken out.
+//! covariance. Then what the means of the samples and the learnt terms explain is taken out. The tests of one
+//! cause are taken [together](super::joint).
 
 use super::{
     Term, Terms,
     fit::{Fit, State, Usable},
-    judge::{Evidence, Pattern, SlipNoticed, above, chi2_probability, one_sided},
+    joint::{self, Side, Test},
+    judge::{Evidence, Pattern, SlipNoticed, above, chi2_probability},
     linear::{self, Matrix},
 };
 
@@ -19,8 +21,6 @@ const SLIPPING: [usize; 5] = [1, 2, 4, 8, 16];
 const NOTICED: f64 = 0.95;
 /// A normal variable exceeds this five times in a hundred.
 const NORMAL_OF_FIVE_PERCENT: f64 = 1.644_854;
-/// Terms by which the evidence for a depth is looked for.
-pub(super) const DEPTH_TERMS: f64 = 2.0;
 
 /// The residuals as independent rows of unit variance.
 pub(super) struct Rows<'a> {
@@ -30,12 +30,20 @@ pub(super) struct Rows<'a> {
     /// Orthonormal columns of what was fitted.
     fitted: Matrix,
     residuals: Vec<f64>,
+    /// The friction that each touch needs.
+    needed: Vec<f64>,
+    /// The terms that are tried.
+    columns: Vec<Column>,
 }
 
-/// A column of a term that may lie in either direction, or in one.
-enum Column {
-    Either(Pattern, Vec<f64>),
-    Positive(Pattern, Vec<f64>),
+/// A column of a term.
+#[derive(Clone)]
+struct Column {
+    pattern: Pattern,
+    side: Side,
+    /// The part that it has of the chance of its cause.
+    weight: f64,
+    values: Vec<f64>,
 }
 
 impl<'a> Rows<'a> {
@@ -43,15 +51,18 @@ impl<'a> Rows<'a> {
     pub(super) fn new(touches: &'a Usable<'a>, fit: &'a Fit) -> Option<Self> {
         let factor = linear::cholesky(&touches.covariance(&fit.state))?;
         let residuals = linear::forward(&factor, &fit.state.residuals);
-        let mut rows = Self { touches, fit, factor, fitted: Vec::new(), residuals };
+        let needed = touches.needed_friction(&fit.state);
+        let columns = columns(touches, fit, &needed);
+        let fitted = Vec::new();
+        let mut rows = Self { touches, fit, factor, fitted, residuals, needed, columns };
         let samples = 0..touches.main.known_mpa.len();
         let free =
             fit.learnt.iter().zip(&fit.slopes).filter(|(term, _)| !term.is_at_end(&fit.terms));
-        let columns: Matrix = samples
+        let taken: Matrix = samples
             .map(|sample| touches.is_of(sample))
             .chain(free.map(|(_, slope)| slope.clone()))
             .collect();
-        for column in &columns {
+        for column in &taken {
             if let Some(column) = rows.beyond_fitted(column) {
                 rows.fitted.push(column);
             }
@@ -89,19 +100,6 @@ impl<'a> Rows<'a> {
         (after > LEFT_OVER * before).then(|| (rest.iter().map(|row| row / left).collect(), left))
     }
 
-    /// Rao's score of a term.
-    fn score(&self, column: &Column) -> Option<Evidence> {
-        let (Column::Either(pattern, values) | Column::Positive(pattern, values)) = column;
-        let direction = self.beyond_fitted(values)?;
-        let score = dot(&direction, &self.residuals);
-        let sigmas = score / self.score_sigma(&direction);
-        let (removed, probability) = match column {
-            Column::Either(..) => (score * score, chi2_probability(sigmas * sigmas, 1.0)),
-            Column::Positive(..) => (score.max(0.0).powi(2), above(sigmas)),
-        };
-        Some(Evidence { pattern: *pattern, chi2_removed: removed, probability })
-    }
-
     /// The standard deviation of the score in a direction. Without a common depth error the same weights give
     /// another one; it is the larger of both.
     fn score_sigma(&self, direction: &[f64]) -> f64 {
@@ -110,69 +108,104 @@ impl<'a> Rows<'a> {
         own.map(|(own, weight)| own * own / weight).sum::<f64>().max(1.0).sqrt()
     }
 
-    /// The exponent of the depth, by which the contact would grow otherwise than its law, that a score beyond this
-    /// many standard deviations shows in 95 % of the runs; `None` if nothing is left of it beyond the fitted terms.
-    pub(super) fn exponent_noticed(&self, beyond_sigmas: f64) -> Option<f64> {
+    /// The test of a term; `None` when nothing is left of it.
+    fn test(&self, column: &Column) -> Option<Test> {
+        let direction = self.beyond_fitted(&column.values)?;
+        Some(Test { side: column.side, weight: column.weight, direction })
+    }
+
+    /// The exponent of the depth, by which the contact would grow otherwise than its law, that these touches show in
+    /// 95 % of the runs, if a run is called strained when the tests of one cause have less than this probability; `None`
+    /// if nothing is left of it beyond the fitted terms.
+    pub(super) fn exponent_noticed(&self, strained_below: f64) -> Option<f64> {
+        let tests = || self.columns.iter().filter(|column| column.pattern == Pattern::Depth);
+        let tests: Vec<Test> = tests().filter_map(|column| self.test(column)).collect();
+        // The column of the logarithm is the last one for a depth.
+        let beyond_sigmas = *joint::limits_of(&tests, strained_below).last()?;
         let (direction, left) = self.left_of(&self.touches.log_depths()?)?;
         Some((beyond_sigmas + NORMAL_OF_FIVE_PERCENT) * self.score_sigma(&direction) / left)
     }
 
-    /// The evidence for each cause but the samples: the best of its terms.
+    /// The evidence for each cause but the samples, by all of its terms together.
     pub(super) fn evidence(&self) -> Vec<Evidence> {
-        let all: Vec<Evidence> =
-            self.columns().iter().filter_map(|column| self.score(column)).collect();
         let of = |pattern: Pattern| {
-            let tried: Vec<&Evidence> = all.iter().filter(|one| one.pattern == pattern).collect();
-            let best = tried.iter().max_by(|a, b| a.chi2_removed.total_cmp(&b.chi2_removed))?;
-            let least = tried.iter().map(|one| one.probability).fold(1.0, f64::min);
-            Some(Evidence { probability: (least * tried.len() as f64).min(1.0), ..**best })
+            let mut tests = Vec::new();
+            let (mut scores, mut chi2_removed) = (Vec::new(), 0.0_f64);
+            for column in self.columns.iter().filter(|column| column.pattern == pattern) {
+                let Some(test) = self.test(column) else { continue };
+                let score = dot(&test.direction, &self.residuals);
+                let is_for = test.side == Side::Either || score > 0.0;
+                chi2_removed = chi2_removed.max(if is_for { score * score } else { 0.0 });
+                scores.push(score / self.score_sigma(&test.direction));
+                tests.push(test);
+            }
+            let probability = joint::probability(&tests, &scores);
+            (!tests.is_empty()).then_some(Evidence { pattern, chi2_removed, probability })
         };
         [Pattern::Friction, Pattern::Arm, Pattern::Depth].into_iter().filter_map(of).collect()
     }
+}
 
-    /// The columns of the causes.
-    fn columns(&self) -> Vec<Column> {
-        let Self { touches, fit, .. } = *self;
-        let (terms, state) = (&fit.terms, &fit.state);
-        // Terms of the readings themselves would be drawn by the same noise as the residuals.
-        let Some(smooth) = touches.smoothed(terms, state) else { return Vec::new() };
-        let slope = |term: Term| smooth.slope(terms, term);
-        let angles: Vec<f64> =
-            touches.rows().map(|index| touches.touches[index].pose.angle_rad()).collect();
-        let mut splits = angles.clone();
-        splits.sort_by(f64::total_cmp);
-        splits.dedup();
-        let mut columns: Vec<Column> = Vec::new();
-        if let Some(ratio) = slope(Term::TangentialRatio) {
-            // A contact that slips from some angle on sticks at the angles below.
-            for split in splits.iter().skip(1) {
-                let below = ratio.iter().zip(&angles);
-                let below = below.map(|(slope, angle)| if angle < split { -*slope } else { 0.0 });
-                columns.push(Column::Positive(Pattern::Friction, below.collect()));
-            }
-            // The touches that need most friction slip first.
-            let needed = touches.needed_friction(state);
-            let mut most = needed.clone();
-            most.sort_by(|a, b| b.total_cmp(a));
-            for least in SLIPPING.iter().filter_map(|&count| most.get(count - 1)) {
-                let slips = |row: usize, touch: usize| {
-                    if needed[touch] >= *least { ratio[row] } else { 0.0 }
-                };
-                let rows = touches.rows().enumerate();
-                let slipping = rows.map(|(row, touch)| slips(row, touch)).collect();
-                columns.push(Column::Positive(Pattern::Friction, slipping));
-            }
-            columns.push(Column::Either(Pattern::Friction, ratio));
-        }
-        columns.extend(slope(Term::Arm).map(|column| Column::Either(Pattern::Arm, column)));
-        let other = Terms { deflects: !terms.deflects, ..*terms };
-        if let (Some(logs), Some(others)) = (smooth.logs(terms), smooth.logs(&other)) {
-            let change = others.iter().zip(&logs).map(|(other, log)| other - log).collect();
-            columns.push(Column::Either(Pattern::Depth, change));
-        }
-        columns.extend(touches.log_depths().map(|column| Column::Either(Pattern::Depth, column)));
-        columns
+/// The columns of the causes.
+fn columns(touches: &Usable<'_>, fit: &Fit, needed: &[f64]) -> Vec<Column> {
+    let (terms, state) = (&fit.terms, &fit.state);
+    // Terms of the readings themselves would be drawn by the same noise as the residuals.
+    let Some(smooth) = touches.smoothed(terms, state) else { return Vec::new() };
+    let slope = |term: Term| smooth.slope(terms, term);
+    let either =
+        |pattern: Pattern, values| Column { pattern, side: Side::Either, weight: 1.0, values };
+    let mut columns = slope(Term::TangentialRatio)
+        .map_or_else(Vec::new, |ratio| of_friction(touches, ratio, needed));
+    columns.extend(slope(Term::Arm).map(|column| either(Pattern::Arm, column)));
+    let other = Terms { deflects: !terms.deflects, ..*terms };
+    if let (Some(logs), Some(others)) = (smooth.logs(terms), smooth.logs(&other)) {
+        let change = others.iter().zip(&logs).map(|(other, log)| other - log).collect();
+        columns.push(either(Pattern::Depth, change));
     }
+    columns.extend(touches.log_depths().map(|column| either(Pattern::Depth, column)));
+    columns
+}
+
+/// The columns of a contact that is softer or stiffer along the surface, by the slope of each row over the tangential
+/// ratio.
+///
+/// A slip in a few touches has the weight of the coefficients of friction under which these touches slide and no
+/// others, as a part of the largest one that any touch needs. The other terms share the rest.
+fn of_friction(touches: &Usable<'_>, ratio: Vec<f64>, needed: &[f64]) -> Vec<Column> {
+    let column =
+        |side: Side, values| Column { pattern: Pattern::Friction, side, weight: 1.0, values };
+    let mut slips = Vec::new();
+    let mut most = needed.to_vec();
+    most.sort_by(|a, b| b.total_cmp(a));
+    let counts: Vec<usize> = SLIPPING.into_iter().filter(|count| *count < most.len()).collect();
+    for (at, &count) in counts.iter().enumerate() {
+        // A number of touches stands for all up to the next one that is tried.
+        let (least, next) =
+            (most[count - 1], most[counts.get(at + 1).map_or(count, |next| next - 1)]);
+        let rows = touches.rows().zip(&ratio);
+        let slipping = rows.map(|(touch, slope)| if needed[touch] >= least { *slope } else { 0.0 });
+        let weight = (least - next) / most[0];
+        if weight > 0.0 {
+            slips.push(Column { weight, ..column(Side::Positive, slipping.collect()) });
+        }
+    }
+    let angles: Vec<f64> =
+        touches.rows().map(|index| touches.touches[index].pose.angle_rad()).collect();
+    let mut splits = angles.clone();
+    splits.sort_by(f64::total_cmp);
+    splits.dedup();
+    // A contact that slips from some angle on sticks at the angles below.
+    let below = |split: &f64| {
+        let below = ratio.iter().zip(&angles);
+        below.map(|(slope, angle)| if angle < split { -*slope } else { 0.0 }).collect()
+    };
+    let mut others: Vec<Column> =
+        splits.iter().skip(1).map(|split| column(Side::Positive, below(split))).collect();
+    others.push(column(Side::Either, ratio));
+    let rest = 1.0 - slips.iter().map(|slip| slip.weight).sum::<f64>();
+    let share = rest / others.len() as f64;
+    slips.extend(others.into_iter().map(|other| Column { weight: share, ..other }));
+    slips
 }
 
 impl<'a> Rows<'a> {
@@ -192,33 +225,35 @@ impl<'a> Rows<'a> {
     /// The same rows with one more fitted column.
     fn beside(&self, column: Option<Vec<f64>>) -> Self {
         let fitted = self.fitted.iter().cloned().chain(column).collect();
-        Self { factor: self.factor.clone(), fitted, residuals: self.residuals.clone(), ..*self }
+        let (factor, residuals) = (self.factor.clone(), self.residuals.clone());
+        let (needed, columns) = (self.needed.clone(), self.columns.clone());
+        Self { factor, fitted, residuals, needed, columns, ..*self }
     }
 
     /// The same for smoothed touches, and for these fitted columns.
     fn of_slips(&self, smooth: &Usable<'a>, strained_below: f64) -> Option<SlipNoticed> {
-        let Self { touches, fit, .. } = *self;
+        let Self { touches, fit, ref needed, .. } = *self;
         let changes = smooth.changes_by_sliding(&fit.terms)?;
-        let needed = touches.needed_friction(&fit.state);
         let mut most = needed.clone();
         most.sort_by(|a, b| b.total_cmp(a));
-        let test = |column: &Column| {
-            let Column::Positive(Pattern::Friction, values) = column else { return None };
-            let direction = self.beyond_fitted(values)?;
-            let sigma = self.score_sigma(&direction);
-            Some(direction.iter().map(|one| one / sigma).collect())
-        };
-        let tests: Vec<Vec<f64>> = self.columns().iter().filter_map(test).collect();
+        let is_of_friction = |column: &&Column| column.pattern == Pattern::Friction;
+        let tests: Vec<Test> = (self.columns.iter().filter(is_of_friction))
+            .filter_map(|column| self.test(column))
+            .collect();
         if tests.is_empty() {
             return None;
         }
-        let beyond_sigmas = one_sided(strained_below / tests.len() as f64);
+        let limits = joint::limits_of(&tests, strained_below);
         let share = |least: f64| {
             let slips = |(row, touch)| if needed[touch] >= least { changes[row] } else { 0.0 };
             let pattern: Vec<f64> = touches.rows().enumerate().map(slips).collect();
             let pattern = self.rest(linear::forward(&self.factor, &pattern));
-            let score = tests.iter().map(|test| dot(test, &pattern)).fold(0.0, f64::max);
-            above(beyond_sigmas - score)
+            let beyond = |(test, limit): (&Test, &f64)| {
+                let score = dot(&test.direction, &pattern) / self.score_sigma(&test.direction);
+                score - limit
+            };
+            let tests = tests.iter().zip(&limits).filter(|(test, _)| test.side == Side::Positive);
+            above(-tests.map(beyond).fold(f64::NEG_INFINITY, f64::max))
         };
         let first = most.first().copied().filter(|needed| *needed > 0.0)?;
         let enough = most.iter().copied().find(|least| share(*least) >= NOTICED);

@@ -4,7 +4,7 @@
 //! finds a misfit that χ² alone would not, and names it.
 
 use super::{
-    evidence::{DEPTH_TERMS, Rows, samples},
+    evidence::{Rows, samples},
     fit::{Fit, State, Usable, weighted},
     known::Known,
 };
@@ -154,6 +154,9 @@ impl ModelCheck {
 const STRAINED_BELOW: f64 = 0.02;
 /// The same for a rejected model.
 const REJECTED_BELOW: f64 = 1e-4;
+/// The part that friction has of that probability: no rig file knows the friction of a sample, and what one touch of
+/// sixty shows must be told from chance. The other causes and χ² share the rest.
+const SHARE_OF_FRICTION: f64 = 0.5;
 
 /// A scatter beyond what was stated counts if chance makes as much in fewer runs: it is more than one standard
 /// deviation beyond. Below, it would widen one true run in two.
@@ -169,19 +172,27 @@ pub(super) fn judge(touches: &Usable<'_>, fit: &Fit) -> Option<ModelCheck> {
     let rows = Rows::new(touches, fit);
     let mut evidence = rows.as_ref().map_or_else(Vec::new, Rows::evidence);
     evidence.extend(samples(touches, state));
-    let tests = 1.0 + evidence.len() as f64;
+    let has_friction = evidence.iter().any(|one| one.pattern == Pattern::Friction);
+    let of_friction = if has_friction { SHARE_OF_FRICTION } else { 0.0 };
+    // χ² is one of the others.
+    let others = 1.0 + evidence.len() as f64 - f64::from(u8::from(has_friction));
+    let of_other = (1.0 - of_friction) / others;
+    let share = |one: &Evidence| {
+        if one.pattern == Pattern::Friction { of_friction } else { of_other }
+    };
     let main = touches.touches.len();
     let chi2 = weighted(&state.residuals[..main], &state.residuals[..main], &state.weights);
     let by_chi2 = shared_probability(chi2, freedom as f64, touches.overlap(state));
-    let least = evidence.iter().map(|one| one.probability).fold(by_chi2, f64::min);
+    let by_cause = evidence.iter().map(|one| one.probability / share(one));
+    let least = by_cause.fold(by_chi2 / of_other, f64::min);
     evidence.sort_by(|a, b| b.chi2_removed.total_cmp(&a.chi2_removed));
     // A wrong friction, arm or depth also sets known samples apart, and says more. The samples have three per cent
     // beyond their scatter, so that chance alone hardly alarms this test: it takes nothing from the others.
     let known = Known::of(touches, state);
     evidence.extend(known.evidence());
     let of_known = known.evidence().map_or(1.0, |one| one.probability);
-    let verdict = Verdict::of(tests * least.min(of_known));
-    let is_evident = |one: &&Evidence| tests * one.probability < STRAINED_BELOW;
+    let verdict = Verdict::of(least.min(of_known / of_other));
+    let is_evident = |one: &&Evidence| one.probability < share(one) * STRAINED_BELOW;
     let pattern = evidence.iter().find(is_evident).map(|one| one.pattern);
     let residual = |i: usize| Residual {
         touch: touches.indices[i],
@@ -207,10 +218,9 @@ pub(super) fn judge(touches: &Usable<'_>, fit: &Fit) -> Option<ModelCheck> {
         pattern: pattern.filter(|_| verdict != Verdict::Holds),
         evidence,
         residuals: (0..touches.touches.len()).map(residual).collect(),
-        exponent_noticed: if_it_holds.and_then(|rows| {
-            rows.exponent_noticed(one_sided(0.5 * STRAINED_BELOW / (tests * DEPTH_TERMS)))
-        }),
-        slip_noticed: if_it_holds.and_then(|rows| rows.slip_noticed(STRAINED_BELOW / tests)),
+        exponent_noticed: if_it_holds
+            .and_then(|rows| rows.exponent_noticed(of_other * STRAINED_BELOW)),
+        slip_noticed: if_it_holds.and_then(|rows| rows.slip_noticed(of_friction * STRAINED_BELOW)),
         added_rel,
     })
 }

@@ -270,7 +270,7 @@ fn samples_of_known_stiffness_that_disagree_are_noticed_and_widen_the_intervals(
 }
 
 /// Of 40 runs with the stated errors, at least as many as the check says notice that the touch slides that needs
-/// most friction; nearly all notice a slip below the coefficient that it names. Within four standard deviations.
+/// most friction, within four standard deviations. It says 95 of 100, so that every slip is noticed as often.
 #[test]
 fn a_slip_is_noticed_as_often_as_the_check_says() {
     const RUNS: u64 = 40;
@@ -301,24 +301,23 @@ fn a_slip_is_noticed_as_often_as_the_check_says() {
                 PosedTouch { shift_hz: found.shift_hz, ..*touch }
             })
             .collect();
-        model(&touches, ModelSource::Learnt).check().unwrap().clone()
+        model(&touches, ModelSource::Learnt)
     };
-    let slip = run(0, 9.0).slip_noticed.unwrap();
-    let below = slip.below.unwrap();
-    assert!((slip.begins_below - 1.2).abs() < 0.1 && below < slip.begins_below, "{slip:?}");
-    let noticed = |coefficient: f64| {
-        let found = (0..RUNS).map(|seed| run(seed, coefficient));
-        let noticed: Vec<ModelCheck> =
-            found.filter(|check| check.verdict != Verdict::Holds).collect();
-        // A model that does not hold says nothing of what it would show.
-        let is_silent =
-            |one: &ModelCheck| one.slip_noticed.is_none() && one.exponent_noticed.is_none();
-        assert!(noticed.iter().all(is_silent), "{noticed:?}");
-        noticed.len() as f64 / RUNS as f64
-    };
-    let (first, more) = (noticed(1.0), noticed(below - 1e-6));
+    let slip = run(0, 9.0).check().unwrap().slip_noticed.unwrap();
+    assert!((slip.begins_below - 1.2).abs() < 0.1, "{slip:?}");
     let expected = slip.share_of_first;
+    assert!(expected > 0.95 && slip.below == Some(slip.begins_below), "{slip:?}");
+    let found: Vec<RunModel> = (0..RUNS).map(|seed| run(seed, 1.0)).collect();
+    let noticed: Vec<&ModelCheck> = found
+        .iter()
+        .filter_map(RunModel::check)
+        .filter(|check| check.verdict != Verdict::Holds)
+        .collect();
+    let share = noticed.len() as f64 / RUNS as f64;
     let sigma = (expected * (1.0 - expected) / RUNS as f64).sqrt();
-    assert!(first > expected - 4.0 * sigma && expected > 0.7, "{first} instead of {expected}");
-    assert!(more > 0.95 - 4.0 * (0.95_f64 * 0.05 / RUNS as f64).sqrt(), "{more} of {slip:?}");
+    assert!(share > expected - 4.0 * sigma, "{share} instead of {expected}");
+    // A model that does not hold says nothing of what it would show.
+    let says =
+        |check: &&ModelCheck| check.slip_noticed.is_some() || check.exponent_noticed.is_some();
+    assert!(!noticed.iter().any(says), "{noticed:?}");
 }

@@ -4,7 +4,7 @@ use rig_chart::{Axis, Band, BandEdge, Chart, Point, Series};
 
 use super::{
     Args, TruthRuns,
-    budget::PartRuns,
+    budget::{OF_OTHER_LAW, PartRuns},
     summary::Summary,
     truth::{HALFWAY_MM, Truth},
 };
@@ -75,7 +75,7 @@ pub(super) fn page(args: &Args, all: &[TruthRuns], parts: &[PartRuns]) -> Page {
     halfway(&mut page, all);
     outside(&mut page);
     budget(&mut page, parts);
-    limits(&mut page, all);
+    limits(&mut page, all, parts);
     page
 }
 
@@ -164,7 +164,8 @@ fn budget(page: &mut Page, parts: &[PartRuns]) {
          ([decision 123](../decisions/0123-one-covariance-of-the-main-touches.md)). These are all parts that a \
          budget has; sweep and reference are tried together, because both err in the shift. The errors are those of \
          the simulation of this page and of known size: whether a real screw or clamp errs as its rig file states \
-         is not tried here. `cargo test -p rig-study the_parts_of_a_budget` tries the same with 20 runs.",
+         is not tried here. The last rows are those of samples whose contact law is not that of the budget. \
+         `cargo test -p rig-study the_parts_of_a_budget` tries the other rows with 20 runs.",
     );
     let mut table = Table::new(&["cause", "of each", "stated", "found", "found over stated"]);
     for PartRuns { part, of, predicted_rel, found_rel } in parts {
@@ -278,7 +279,7 @@ fn learnt(all: &[TruthRuns]) -> Table {
     table
 }
 
-fn limits(page: &mut Page, all: &[TruthRuns]) {
+fn limits(page: &mut Page, all: &[TruthRuns], parts: &[PartRuns]) {
     let within = || all.iter().filter(|one| one.truth.is_within).map(|one| &one.learnt);
     let least = |of: fn(&Summary) -> f64| within().map(of).fold(1.0, f64::min);
     let most = |of: fn(&Summary) -> f64| within().map(of).fold(0.0, f64::max);
@@ -302,16 +303,27 @@ fn limits(page: &mut Page, all: &[TruthRuns]) {
          tangential ratio in its place, and even the best test could not tell: the report of a run says which \
          exponent of the depth its touches would show, and that two depths show less. A ball that slips in a few \
          touches, those of the stiffest sample at the steepest angle, is looked for by the friction that each touch \
-         needs ([decision 124](../decisions/0124-what-a-run-can-notice.md)). At a coefficient of 1 it is one touch of \
-         sixty, that of sample 5 at 45° to the front. The error of this touch hides its slide in some runs, and the \
-         report of a run says below which coefficient its touches show a slip in 95 of 100 runs \
-         ([decision 134](../decisions/0134-what-a-run-can-notice-of-a-slip.md)).",
+         needs ([decision 124](../decisions/0124-what-a-run-can-notice.md)), with each number of slipping touches weighted by the \
+         coefficients that it stands for ([decision 163](../decisions/0163-the-forms-of-a-slip-are-weighted.md)). At a \
+         coefficient of 1 it is one touch of sixty, that of sample 5 at 45° to the front. The error of this touch hides \
+         its slide in some runs, and the report of a run says below which coefficient its touches show a slip in 95 of \
+         100 runs ([decision 134](../decisions/0134-what-a-run-can-notice-of-a-slip.md)).",
     );
-    page.text(
-        "A neo-Hookean contact grows less with depth than the analysis assumes, so that its intervals are a \
-         little wide. At one depth contact laws are not told apart: their residuals are those of another arm. \
+    let of_other_law = |name: &str| {
+        let part = parts.iter().find(|one| one.of == OF_OTHER_LAW && one.part == name);
+        part.map_or_else(String::new, |one| format!("{:.2}", one.found_rel / one.predicted_rel))
+    };
+    page.text(format!(
+        "A neo-Hookean contact grows less with depth than the analysis assumes. An error of the depth or of the surface \
+         changes its stiffness {} and {} times as much as the budget states, one of the angle {} times and one of the shift {} \
+         times (the last rows of the budget), so that its intervals are wide. At one depth contact laws are not told apart: \
+         their residuals are those of another arm, and a budget that knew this law would be too narrow for another one. \
          Two depths tell them apart, and the model is strained or rejected.",
-    );
+        of_other_law("depth"),
+        of_other_law("surface"),
+        of_other_law("angle"),
+        of_other_law("sweep and reference"),
+    ));
     page.text(
         "A stiffness that grows with depth looks at 45° like a softer sample, and to a learnt model like \
          another friction or arm: the depth along the normal changes with the angle alone. One depth cannot \

@@ -99,6 +99,11 @@ impl Truth {
         Self { nuisances, surface_mm, ..Self::MATCHED }
     }
 
+    /// The same with samples of this contact law.
+    pub(super) const fn of_law(self, law: ContactLaw) -> Self {
+        Self { law, ..self }
+    }
+
     /// The same truth on a bench without chance.
     pub(super) const fn without_nuisances(self) -> Self {
         Self { nuisances: Nuisances::NONE, surface_mm: 0.0, ..self }
