@@ -118,7 +118,7 @@ fn a_drive_of_any_phase_costs_the_flanks_and_a_little_time() {
 /// Sweeps from nothing, and sweeps of the same sensor after it has moved a little, when the phase of
 /// the drive is another after every change of frequency.
 #[test]
-fn a_circuit_that_is_nearly_known_is_not_looked_for_and_not_believed() {
+fn a_circuit_that_is_nearly_known_is_not_searched_for_and_not_assumed() {
     let request = SweepRequest { target_sigma_hz: 0.03, ..request(SweepMethod::Adaptive) };
     let jump = |plant: &mut Plant, _: f64, random: &mut Random| {
         plant.jump(random.between(0.0, 1.0));

@@ -145,7 +145,7 @@ enum CliCommand {
     Instrument(instrument::InstrumentArgs),
     /// Correct the analyzer for cable and fixture, or list its corrections
     Compensate(compensate::CompensateArgs),
-    /// Test a bench in levels, each check with its limit; nothing moves
+    /// Test a bench in levels, each check with its limit; up to `electric` nothing moves
     Selftest(selftest::SelftestArgs),
     /// Check that a bench is as it was, by touches on a block and references
     CheckBench(check_bench::CheckBenchArgs),

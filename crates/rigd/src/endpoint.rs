@@ -163,14 +163,14 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_others_could_have_changed_is_not_believed() {
+    fn a_file_that_others_could_have_changed_is_refused() {
         let data = TempDir::new().unwrap();
         let path = data.path().join(FILE);
         let endpoint = Endpoint::of("127.0.0.1:1".parse().unwrap(), None, None).unwrap();
         let _announced = endpoint.announce(data.path()).unwrap();
-        for (mode, is_believed) in [(0o600, true), (0o644, true), (0o620, false), (0o602, false)] {
+        for (mode, is_accepted) in [(0o600, true), (0o644, true), (0o620, false), (0o602, false)] {
             fs::set_permissions(&path, fs::Permissions::from_mode(mode)).unwrap();
-            assert_eq!(Endpoint::find(data.path()).is_ok(), is_believed, "{mode:o}");
+            assert_eq!(Endpoint::find(data.path()).is_ok(), is_accepted, "{mode:o}");
         }
     }
 }

@@ -271,7 +271,7 @@ fn what_rigd_exports_it_fits_again_and_finds_the_same() {
 }
 
 #[test]
-fn a_person_who_knows_better_than_the_file_is_believed() {
+fn what_a_person_states_has_precedence_over_the_file() {
     let folder = TempDir::new().unwrap();
     let dir = folder.path().to_str().unwrap();
     let measure = ["measure", "--min-hz", "120", "--max-hz", "165", "--csv", "--data", dir];

@@ -97,7 +97,7 @@ impl<U: Unit> Stage<U> {
     ///
     /// # Errors
     /// [`StageError::Unhomed`], [`StageError::BeyondTravel`], [`StageError::NotIdentified`].
-    pub fn believe_position(&self) -> Result<Position<U>, StageError<U>> {
+    pub fn trusted_position(&self) -> Result<Position<U>, StageError<U>> {
         let seen = self.seen.ok_or(StageError::NotIdentified)?;
         let (at, travel) = (self.scale.position(seen.position.into()), self.axis.travel());
         if !seen.is_homed {
@@ -124,7 +124,7 @@ impl<U: Unit> Stage<U> {
         speed_per_s: f64,
         stop: &StopSignal,
     ) -> Result<Position<U>, StageError<U>> {
-        self.believe_position()?;
+        self.trusted_position()?;
         let from = self.seen.ok_or(StageError::NotIdentified)?.position;
         let wanted = target.position();
         let order = Order::to(wanted, speed_per_s, self.map, &self.scale, &self.axis)?;

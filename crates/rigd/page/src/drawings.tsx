@@ -154,7 +154,7 @@ interface ShiftProps {
   touches: Touch[];
   /** The last good run of the same protocol, dashed. */
   before?: Touch[] | undefined;
-  /** The touch that is being measured, as it is believed now. */
+  /** The touch that is being measured, by its present estimate. */
   live?: LiveTouch | undefined;
   nowStep?: string | undefined;
   height: number;

@@ -79,7 +79,7 @@ function useLastGoodRun(model: Model): { name: string | undefined; touches: Touc
   return run && found.id === run.id ? found : { name: undefined, touches: [] };
 }
 
-/** What the touch under way gives as it is believed now. */
+/** The present estimate of the touch under way. */
 function liveTouch(model: Model): LiveTouch | undefined {
   const { sweep, run } = model;
   const free = run?.freeHz.at(-1);

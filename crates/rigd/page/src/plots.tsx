@@ -141,7 +141,7 @@ function markResonance(u: uPlot, sweep: LiveSweep): void {
   ctx.restore();
 }
 
-/** The resonance as it is believed now, or as it was found. */
+/** The present estimate of the resonance, or its result. */
 export function resonanceOf(sweep: LiveSweep): { hz: number; sigma: number } | undefined {
   const { outcome } = sweep;
   if (outcome) return "resonance_hz" in outcome ? { hz: outcome.resonance_hz, sigma: outcome.sigma_hz } : undefined;
@@ -159,7 +159,7 @@ export function NarrowingPlot({ sweep, height }: { sweep: LiveSweep; height: num
     estimates.map((e) => e.resonance_hz - 2 * e.sigma_hz),
     estimates.map((e) => e.resonance_hz),
   ];
-  // What was believed at first is far outside; the end is what is watched.
+  // The first estimates are far outside; the last ones are of interest.
   const late = estimates.slice(Math.floor(estimates.length / 2));
   const half = Math.max(6 * target_sigma_hz, ...late.map((e) => Math.abs(e.resonance_hz - final.hz) + 2 * e.sigma_hz));
   const limited = Math.min(half, 40 * target_sigma_hz + 4 * final.sigma);

@@ -68,7 +68,7 @@ impl Axes {
         if let Some(alarm) = status.alarm {
             return Err(StageError::Alarmed { alarm, at: status.position });
         }
-        let at = self.linear.believe_position()?;
+        let at = self.linear.trusted_position()?;
         if !status.is_moving {
             self.gate.read(Outcome::LinearAt(at));
         }
@@ -183,7 +183,7 @@ async fn prepare<U: Unit>(
     // Another device may answer now than before the fault.
     let status = stage.identify().await?;
     if status.is_homed {
-        stage.believe_position()?;
+        stage.trusted_position()?;
     }
     not_under_emergency_stop(&status, true)?;
     if status.alarm.is_some() {
@@ -193,7 +193,7 @@ async fn prepare<U: Unit>(
         stage.home(stop).await?;
     }
     stage.status().await?;
-    stage.believe_position()
+    stage.trusted_position()
 }
 
 /// Finds the linear stage again while the probe may be in contact. It is homed only if it has lost its
@@ -206,7 +206,7 @@ async fn find(
 ) -> Result<Report, StageError<Mm>> {
     let status = stage.identify().await?;
     if status.is_homed {
-        stage.believe_position()?;
+        stage.trusted_position()?;
     }
     not_under_emergency_stop(&status, may_reset_alarm)?;
     if let Some(alarm) = status.alarm {
@@ -217,10 +217,10 @@ async fn find(
     }
     if !status.is_homed && is_homing_up {
         stage.home_upwards(stop).await?;
-        return stage.believe_position().map(Report::LinearHomed);
+        return stage.trusted_position().map(Report::LinearHomed);
     }
     stage.status().await?;
-    stage.believe_position().map(Report::LinearAt)
+    stage.trusted_position().map(Report::LinearAt)
 }
 
 /// Refuses a drive whose emergency stop is pressed. Where it says so by an alarm, a reset shows whether it still

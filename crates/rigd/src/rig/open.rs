@@ -192,7 +192,7 @@ async fn find<U: Unit>(stage: &mut Stage<U>, proven: Proven) -> Result<(), Stage
         return stage.look().await.map(drop);
     }
     if stage.identify().await?.is_homed {
-        stage.believe_position()?;
+        stage.trusted_position()?;
     }
     Ok(())
 }

@@ -388,7 +388,7 @@ async fn nothing_moves_from_where_the_axis_cannot_be() {
                     12.0 * factor
                 )
             );
-            assert_eq!(stage.believe_position().unwrap_err().to_string(), error.to_string());
+            assert_eq!(stage.trusted_position().unwrap_err().to_string(), error.to_string());
             assert_eq!(drive.seen().len(), frames, "{}", make.map.name);
         }
         drive.forget_home();
@@ -416,7 +416,7 @@ async fn homing_ends_when_the_drive_knows_where_it_is() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_drive_that_was_switched_off_is_not_believed_before_it_is_identified_again() {
+async fn a_drive_that_was_switched_off_is_not_trusted_before_it_is_identified_again() {
     let stop = StopSignal::new();
     for make in MAKES {
         let (drive, mut stage) = ready(make).await;
