@@ -1,6 +1,6 @@
 //! The measurement of one frequency: number of triggers, and averages of each.
 
-use rig_files::instrument::dialect::{CommandSet, CyclesRule, Dialect, IntegrationRule};
+use rig_files::instrument::dialect::{CommandSet, Dialect, IntegrationRule};
 use rig_model::{Impedance, PointResult, ReadingFlag};
 use rig_scpi::{DataError, Datum};
 
@@ -33,11 +33,7 @@ impl Integration {
 
     /// The same by the rule of an instrument file, at this frequency.
     pub(crate) fn by_rule(cycles: u32, frequency_hz: f64, rule: &IntegrationRule) -> Self {
-        let per_average = match &rule.cycles {
-            CyclesRule::Fixed(cycles) => *cycles,
-            CyclesRule::Times(times) => whole_cycles(frequency_hz, times),
-        };
-        Self::new(cycles, per_average, rule.averages_max)
+        Self::new(cycles, rule.cycles.at(frequency_hz), rule.averages_max)
     }
 
     /// The cycles of one trigger.
@@ -57,19 +53,6 @@ pub fn integration_s(dialect: &Dialect, cycles: u32, frequency_hz: f64) -> f64 {
         }
     };
     cycles / frequency_hz
-}
-
-/// The whole cycles that fit in the measurement time at this frequency; the manuals print it at
-/// some frequencies, and it goes in straight lines between them on logarithmic scales.
-fn whole_cycles(frequency_hz: f64, times: &[(f64, f64)]) -> u32 {
-    let pairs = || times.windows(2);
-    let pair = pairs().find(|pair| frequency_hz <= pair[1].0).or_else(|| pairs().last());
-    let Some([(low_hz, low_s), (high_hz, high_s)]) = pair else { return 1 };
-    let share = ((frequency_hz / low_hz).ln() / (high_hz / low_hz).ln()).clamp(0.0, 1.0);
-    let time_s = low_s.powf(1.0 - share) * high_s.powf(share);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it is positive")]
-    let cycles = (time_s * frequency_hz).floor() as u32;
-    cycles.max(1)
 }
 
 /// The result of two data of an answer and their flag. If one of them is not a number, there is no
@@ -133,15 +116,6 @@ mod tests {
             let all = found.cycles_per_trigger() * f64::from(triggers);
             assert!(f64::from(cycles) <= all && averages <= max);
         }
-    }
-
-    #[test]
-    fn whole_cycles_follow_the_measurement_times() {
-        let times = [(20.0, 0.330), (100.0, 0.100), (1e3, 0.020), (1e4, 0.0077)];
-        let cycles = |frequency_hz| whole_cycles(frequency_hz, &times);
-        assert_eq!([cycles(20.0), cycles(100.0), cycles(1000.0)], [6, 10, 20]);
-        assert_eq!([cycles(140.0), cycles(300.0)], [11, 13]);
-        assert_eq!(cycles(2e6), 15_400);
     }
 
     #[test]

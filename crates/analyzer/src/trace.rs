@@ -51,11 +51,14 @@ pub(crate) struct Trace {
     pub(crate) points: usize,
     pub(crate) delay_s: f64,
     pub(crate) averages: u32,
+    /// Whether the last of its points alone is asked for.
+    pub(crate) is_last_alone: bool,
 }
 
 impl Trace {
     /// The longest trace that can be made of the first points, and how many these are. A single
-    /// point is a trace of two points at the same frequency.
+    /// point is a trace of two points at the same frequency. If it waits for longer than a measurement, the first of them
+    /// is a part of this wait.
     pub(crate) fn first_of(points: &[SweepPoint], resolution_hz: f64) -> (Self, usize) {
         let first = points[0];
         let is_alike =
@@ -69,12 +72,16 @@ impl Trace {
             *n < POINTS_MAX && (*n + 1) as f64 * point.duration_s() <= TRACE_MAX_S
         };
         let run = points.iter().enumerate().take_while(is_even).take_while(fits).count().max(1);
+        let averages = first.cycles.max(1);
+        let rest_s = first.settle_s - f64::from(averages) / first.frequency_hz;
+        let is_last_alone = run == 1 && 0.0 < rest_s;
         let trace = Self {
             start_hz: first.frequency_hz,
             stop_hz: points[run - 1].frequency_hz,
             points: run.max(2),
-            delay_s: first.settle_s,
-            averages: first.cycles.max(1),
+            delay_s: if is_last_alone { 0.5 * rest_s } else { first.settle_s },
+            averages,
+            is_last_alone,
         };
         (trace, run)
     }

@@ -65,17 +65,32 @@ impl Analyzer {
                 return Err(AnalyzerError::NotTaken { port, what, wanted, found });
             }
         }
-        // A single point was measured twice.
+        let integration_at = |n: usize| f64::from(trace.averages) / points[n].frequency_hz;
+        if let ([point], [_, last], true) = (&points[..run], &measured[..], trace.is_last_alone) {
+            // A flag of either point is one of the reading.
+            let measured = match mean(&measured) {
+                PointResult::Value(_) => *last,
+                flagged => flagged,
+            };
+            let settle_s = 2.0 * trace.delay_s + integration_at(0) + self.trace_overhead_s;
+            return Ok(vec![Reading {
+                frequency_hz: point.frequency_hz,
+                measured,
+                started: triggered_at,
+                settle_s,
+                integration_s: integration_at(0),
+            }]);
+        }
+        // Another single point was measured twice.
         let measured = if run == 1 { vec![mean(&measured)] } else { measured };
         let times = if run == 1 { 2.0 } else { 1.0 };
         let mut begins_s = 0.0;
         let reading = |(n, measured): (usize, PointResult)| {
-            let frequency_hz = points[n].frequency_hz;
-            let integration_s = f64::from(trace.averages) / frequency_hz;
+            let integration_s = integration_at(n);
             let started = triggered_at + Duration::from_secs_f64(begins_s);
             begins_s += trace.delay_s + integration_s + self.trace_overhead_s;
             Reading {
-                frequency_hz,
+                frequency_hz: points[n].frequency_hz,
                 measured,
                 started,
                 settle_s: trace.delay_s,

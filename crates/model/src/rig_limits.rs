@@ -98,6 +98,8 @@ pub struct AnalyzerRange {
     pub frequency_hz: (f64, f64),
     /// Highest level, in V.
     pub max_level_v: f64,
+    /// It integrates no shorter than this at [`RESONANCE_HZ`](Self::RESONANCE_HZ), s; 0 if that is not known.
+    pub shortest_integration_s: f64,
     /// Readings one after the other.
     pub stream: ReadingStream,
 }
@@ -128,6 +130,9 @@ impl ReadingStream {
 }
 
 impl AnalyzerRange {
+    /// A sensor of this bench resonates near this frequency, Hz.
+    pub const RESONANCE_HZ: f64 = 140.0;
+
     /// Every reason for which this analyzer cannot make the sweep.
     pub fn faults(&self, request: &SweepRequest) -> Vec<SweepRequestError> {
         let (min_hz, max_hz) = self.frequency_hz;
@@ -243,6 +248,7 @@ mod tests {
             analyzer: AnalyzerRange {
                 frequency_hz: (4.0, 1e6),
                 max_level_v: 5.0,
+                shortest_integration_s: 0.0,
                 stream: ReadingStream::of(AnalyzerMake::HiokiIm3536),
             },
         }

@@ -2,7 +2,9 @@
 
 use std::f64::consts::PI;
 
-use rig_model::{Deg, Mm, Position, RigLimits, Span, SweepMethod, SweepRequest, Unit};
+use rig_model::{
+    AnalyzerRange, Deg, Mm, Position, RigLimits, Span, SweepMethod, SweepRequest, Unit,
+};
 
 use crate::{
     Action, Approach, PartTimes, Plan, Pose, Prompt, Step, Touch, TouchSettings,
@@ -78,8 +80,18 @@ const REFINEMENT: f64 = 20.0;
 /// Overhead of a move: requests to the drive, s.
 const MOVE_S: f64 = 0.025;
 
-/// Overhead of a reading of the search: commands and answer on a serial line, s.
+/// Overhead of a reading of the search: commands and answer on a serial line, s. With an analyzer whose stream has
+/// another overhead than [`USUAL_OVERHEAD_S`] it is longer by the difference.
 const READING_S: f64 = 0.02;
+const USUAL_OVERHEAD_S: f64 = 0.01;
+
+/// Readings of an adaptive sweep, and the cycles of most of them. Their time is in [`AdaptiveTime`], for an analyzer
+/// that integrates no longer than it is asked to.
+const SWEEP_READINGS: f64 = 10.0;
+const SWEEP_CYCLES: u32 = 2;
+
+/// Readings of a clear probe before a search: the baseline, the self-test, and one of each change of frequency.
+const CLEAR_READINGS: f64 = 4.0;
 
 /// Time in which a stage is assumed to reach the travel speed and the speed of the rotary stage, s: that of the
 /// accelerations of the shipped rig files.
@@ -153,6 +165,8 @@ impl Plan {
     ///           finer passes, each of half of its steps after 3 τ; later ones from
     ///           4 σ above, σ = 0.13 of the surface tolerance for a new mounting and in the first ten touches, then 0.03
     /// slip      way up and 3 τ, 2 readings and the way between
+    /// reading   longer by what the analyzer integrates at least, and by its overhead beyond 0.01 s: 4 with the probe
+    ///           clear, each of the search, 2 of the slip, and 10 in an adaptive sweep
     /// sweep     uniform: points · (settle + cycles/f); adaptive, with the target σ:
     ///           1.8 τ + 4.8·10⁻⁴ s Hz²/σ² in contact, 1.25 τ + 4.4·10⁻⁵ s Hz²/σ² without
     /// ```
@@ -182,7 +196,7 @@ impl Plan {
                 Action::NoLoad(pose) => pose,
                 Action::Touch(Touch { pose, .. }) => {
                     summary.touches += 1;
-                    summary.halfway_s += self.halfway_s();
+                    summary.halfway_s += self.halfway_s(limits);
                     include(&mut summary.linear, self.touch.floor(limits, pose));
                     pose
                 }
@@ -207,18 +221,19 @@ impl Plan {
     }
 
     /// Expected time of a touch by what it is for: the terms of the sum in [`Plan::summary`] over the touches.
-    pub(crate) fn times(&self, course: &Course) -> PartTimes {
+    pub(crate) fn times(&self, limits: &RigLimits, course: &Course) -> PartTimes {
         let whole_s = course.durations_s.iter().sum::<f64>() / self.touches();
         let surface_s = course.surfaces_s / self.touches();
         let targets_hz = (self.contact_sweep.target_sigma_hz, self.no_load_sweep.target_sigma_hz);
         let known = PartTimes { surface_s, ..PartTimes::default() };
-        let known = self.with_targets(targets_hz, course.references(self), known);
+        let known = self.with_targets(limits, targets_hz, course.references(self), known);
         PartTimes { rest_s: whole_s - known.together_s(), ..known }
     }
 
     /// The same times with other targets of the sweeps, in contact and without, Hz, and the same references.
     pub(crate) fn with_targets(
         &self,
+        limits: &RigLimits,
         (contact_hz, no_load_hz): (f64, f64),
         references: usize,
         times: PartTimes,
@@ -229,8 +244,8 @@ impl Plan {
         let survey_s = self.survey_s.map_or(0.0, f64::from);
         let halfway_sweeps = f64::from(u8::from(self.touch.halfway_mm.is_some()));
         PartTimes {
-            sweep_s: (1.0 + halfway_sweeps) * sweep_s(&contact, CONTACT_TIME),
-            reference_s: (survey_s + no_loads as f64 * sweep_s(&no_load, NO_LOAD_TIME))
+            sweep_s: (1.0 + halfway_sweeps) * sweep_s(&contact, CONTACT_TIME, limits),
+            reference_s: (survey_s + no_loads as f64 * sweep_s(&no_load, NO_LOAD_TIME, limits))
                 / self.touches(),
             ..times
         }
@@ -246,7 +261,7 @@ impl Plan {
     pub(crate) fn course(&self, limits: &RigLimits) -> Course {
         let level = limits.rotary.rest_target().position();
         let rest = limits.linear.rest_target().position();
-        let check_s = if self.level_check { self.no_load_s() } else { 0.0 };
+        let check_s = if self.level_check { self.no_load_s(limits) } else { 0.0 };
         let mut survey_s = self.survey_s.map_or(0.0, f64::from) + check_s;
         let mut bench = Bench {
             tilt: level,
@@ -281,7 +296,7 @@ impl Plan {
                 // The drive has another frequency after a sweep.
                 bench.ringing_s = 0.0;
                 drift.measured();
-                std::mem::take(&mut survey_s) + self.no_load_s()
+                std::mem::take(&mut survey_s) + self.no_load_s(limits)
             } else {
                 let next = self.steps.get(index + 1).and_then(|next| match next.action {
                     Action::Prompt(_) => None,
@@ -311,7 +326,8 @@ impl Plan {
         let integration_s = f64::from(cycles) / middle_hz(&self.no_load_sweep);
         let clear_s = (BASELINE_TIME_CONSTANTS * time_constant_s - bench.ringing_s).max(0.0)
             + (TEST_TIME_CONSTANTS * time_constant_s - rotation_s).max(0.0)
-            + 2.0 * (integration_s + READING_S);
+            + 2.0 * (integration_s + READING_S)
+            + CLEAR_READINGS * longer_s(limits, integration_s);
         let highest = limits.highest_surface(pose.direction, pose.angle);
         let surface = limits.geometry.surface_at(pose.direction, pose.angle);
         bench.touches += 1;
@@ -320,13 +336,15 @@ impl Plan {
             (descent, None) => {
                 let way_mm = bench.height.value() - self.touch.start(limits, pose).value();
                 let search_s = match descent {
-                    Some(speed) => self.descent_s(self.touch.approach.start_above_mm, speed),
+                    Some(speed) => {
+                        self.descent_s(limits, self.touch.approach.start_above_mm, speed)
+                    }
                     None => self.cold_search_s(limits),
                 };
                 (bench.height, self.first_way_s(limits, way_mm) + search_s)
             }
             (Some(speed), Some(_)) => {
-                (highest, self.descent_s(highest.value() - surface.value(), speed))
+                (highest, self.descent_s(limits, highest.value() - surface.value(), speed))
             }
             (None, Some(is_known)) => {
                 let highest_mm = highest.value() - surface.value();
@@ -337,7 +355,7 @@ impl Plan {
         bench.surfaces_s += down_s + search_s;
         let contact_s = contact_move_s(limits, self.touch.indentation_mm)
             + self.touch.dwell_s
-            + self.contact_sweep_s();
+            + self.contact_sweep_s(limits);
         let rest = limits.linear.rest_target();
         let clear = next.map_or(rest, |next| {
             limits.clear_for_turn(bench.tilt, next.direction.rotary_position(next.angle))
@@ -349,14 +367,14 @@ impl Plan {
             + down_s
             + search_s
             + contact_s
-            + self.halfway_s()
+            + self.halfway_s(limits)
             + self.slip_check_s(limits)
             + up_s
     }
 
     /// The measurement of a touch halfway to its depth, s.
-    fn halfway_s(&self) -> f64 {
-        let one_s = self.touch.dwell_s + MOVE_S + self.contact_sweep_s();
+    fn halfway_s(&self, limits: &RigLimits) -> f64 {
+        let one_s = self.touch.dwell_s + MOVE_S + self.contact_sweep_s(limits);
         self.touch.halfway_mm.map_or(0.0, |_| one_s)
     }
 
@@ -369,36 +387,37 @@ impl Plan {
         let up_s = travel_s(limits, self.touch.indentation_mm + slip_mm + coarse_step_mm);
         let ringing_s = AFTER_CONTACT_TIME_CONSTANTS * time_constant_s(&self.no_load_sweep);
         let down_s = contact_move_s(limits, coarse_step_mm).max(ringing_s);
-        let readings_s = 2.0 * self.reading_s() - self.touch.approach.settle_s;
+        let readings_s = 2.0 * self.reading_s(limits) - self.touch.approach.settle_s;
         up_s + down_s + readings_s + contact_move_s(limits, 2.0 * slip_mm)
     }
 
     /// One reading of the search, without the move to its position, s.
-    fn reading_s(&self) -> f64 {
+    fn reading_s(&self, limits: &RigLimits) -> f64 {
         let Approach { settle_s, cycles, .. } = self.touch.approach;
-        settle_s + f64::from(cycles) / middle_hz(&self.no_load_sweep) + READING_S
+        let asked_s = f64::from(cycles) / middle_hz(&self.no_load_sweep);
+        settle_s + asked_s + READING_S + longer_s(limits, asked_s)
     }
 
     /// A continuous descent from above the surface.
-    fn descent_s(&self, above_mm: f64, speed_mm_per_s: f64) -> f64 {
-        above_mm / speed_mm_per_s + DESCENT_READINGS * self.reading_s() + MOVE_S
+    fn descent_s(&self, limits: &RigLimits, above_mm: f64, speed_mm_per_s: f64) -> f64 {
+        above_mm / speed_mm_per_s + DESCENT_READINGS * self.reading_s(limits) + MOVE_S
     }
 
     /// The way down to the first search of a run, with a reading after each step.
     fn first_way_s(&self, limits: &RigLimits, way_mm: f64) -> f64 {
         let step_mm = WAY_PART * limits.motion.max_indentation_mm;
         let ringing_s = SETTLED_TIME_CONSTANTS * time_constant_s(&self.no_load_sweep);
-        ringing_s + (way_mm / step_mm).ceil() * (travel_s(limits, step_mm) + self.reading_s())
+        ringing_s + (way_mm / step_mm).ceil() * (travel_s(limits, step_mm) + self.reading_s(limits))
     }
 
     /// Finding a surface of which nothing is known.
     fn cold_search_s(&self, limits: &RigLimits) -> f64 {
         let Approach { start_above_mm, coarse_step_mm, fine_step_mm, settle_s, .. } =
             &self.touch.approach;
-        let step_s = |step_mm: f64| self.reading_s() + contact_move_s(limits, step_mm);
+        let step_s = |step_mm: f64| self.reading_s(limits) + contact_move_s(limits, step_mm);
         let ringing_s = AFTER_CONTACT_TIME_CONSTANTS * time_constant_s(&self.no_load_sweep);
         let mut seconds =
-            self.reading_s() + start_above_mm / coarse_step_mm * step_s(*coarse_step_mm);
+            self.reading_s(limits) + start_above_mm / coarse_step_mm * step_s(*coarse_step_mm);
         // A finer pass begins a coarse step higher, to take up the backlash, and ends anywhere among its
         // steps, each as likely.
         let mut width_mm = *coarse_step_mm;
@@ -425,18 +444,18 @@ impl Plan {
         let fine = likely_mm / fine_step_mm + 0.5;
         let way_s = (above_mm - likely_mm).max(0.0) / limits.motion.contact_speed_mm_per_s;
         slow_s
-            + (1.0 + long + fine) * self.reading_s()
+            + (1.0 + long + fine) * self.reading_s(limits)
             + way_s
             + long * MOVE_S
             + fine * contact_move_s(limits, fine_step_mm)
     }
 
-    fn contact_sweep_s(&self) -> f64 {
-        sweep_s(&self.contact_sweep, CONTACT_TIME)
+    fn contact_sweep_s(&self, limits: &RigLimits) -> f64 {
+        sweep_s(&self.contact_sweep, CONTACT_TIME, limits)
     }
 
-    fn no_load_s(&self) -> f64 {
-        sweep_s(&self.no_load_sweep, NO_LOAD_TIME)
+    fn no_load_s(&self, limits: &RigLimits) -> f64 {
+        sweep_s(&self.no_load_sweep, NO_LOAD_TIME, limits)
     }
 }
 
@@ -506,15 +525,26 @@ fn include<U: Unit>(span: &mut Span<U>, position: Position<U>) {
     }
 }
 
-fn sweep_s(sweep: &SweepRequest, adaptive: AdaptiveTime) -> f64 {
+/// How much longer a reading takes that is to integrate this long than on an analyzer that does so, s.
+fn longer_s(limits: &RigLimits, asked_s: f64) -> f64 {
+    let AnalyzerRange { stream, shortest_integration_s, .. } = limits.analyzer;
+    // A trace has two points.
+    let overhead_s = stream.overhead_s.map_or(asked_s, |found| (found - USUAL_OVERHEAD_S).max(0.0));
+    (shortest_integration_s - asked_s).max(0.0) + overhead_s
+}
+
+fn sweep_s(sweep: &SweepRequest, adaptive: AdaptiveTime, limits: &RigLimits) -> f64 {
+    let longer_s = |cycles: u32| longer_s(limits, f64::from(cycles) / middle_hz(sweep));
     let planned_s = match sweep.method {
         SweepMethod::Adaptive | SweepMethod::Survey { .. } => {
             let AdaptiveTime { time_constants, s_hz2 } = adaptive;
-            time_constants * time_constant_s(sweep) + s_hz2 / sweep.target_sigma_hz.powi(2)
+            time_constants * time_constant_s(sweep)
+                + s_hz2 / sweep.target_sigma_hz.powi(2)
+                + SWEEP_READINGS * longer_s(SWEEP_CYCLES)
         }
         SweepMethod::Uniform { points } => {
             let integration_s = f64::from(sweep.cycles) / middle_hz(sweep);
-            f64::from(points) * (sweep.settle_s + integration_s)
+            f64::from(points) * (sweep.settle_s + integration_s + longer_s(sweep.cycles))
         }
     };
     planned_s.min(sweep.time_limit_s)

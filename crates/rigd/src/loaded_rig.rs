@@ -8,7 +8,7 @@ use rig_files::{
     Complaint, Faults, FileKind,
     rig_file::{Connection, Pace, RigFile, Simulation},
 };
-use rig_model::RigLimits;
+use rig_model::{AnalyzerRange, RigLimits};
 use rig_store::Source;
 
 use crate::files::read;
@@ -69,8 +69,10 @@ impl LoadedRig {
     /// [`FileError`], with every fault of the file.
     pub fn load(path: &Path) -> Result<Self, FileError> {
         let (name, text) = read(path, FileKind::Rig)?;
-        let file = RigFile::read(&name, &text).map_err(FileError::Faults)?;
+        let mut file = RigFile::read(&name, &text).map_err(FileError::Faults)?;
         let instruments = Instruments::load(path, &file)?;
+        file.limits.analyzer.shortest_integration_s =
+            instruments.analyzer.shortest_integration_s(AnalyzerRange::RESONANCE_HZ);
         let scene = file.scene(path).map(|scene| LoadedScene::load(&scene)).transpose();
         let scene = scene.map_err(|error| at_its_name(error, &name, &file.connection))?;
         if scene.is_some() {

@@ -154,6 +154,22 @@ async fn the_times_of_a_trace_do_not_depend_on_a_late_answer() {
     assert!((in_time_s - 8.0 / 140.0).abs() < 0.01, "{in_time_s} s");
 }
 
+/// A trace has two points, and waits before each: a single point does not wait twice as long as it was asked to.
+#[tokio::test(start_paused = true)]
+async fn the_first_point_of_a_trace_is_a_part_of_the_wait_of_a_single_one() {
+    let mut rig = bench(AnalyzerMake::KeysightE4990a);
+    let mut analyzer = analyzer_on(&mut rig, &KEYSIGHT_E4990A).await;
+    analyzer.configure(DriveLevel { volt: 1.0 }).await.unwrap();
+    let point = SweepPoint { settle_s: 0.5, ..point(140.0, 2) };
+    let began = tokio::time::Instant::now();
+    let reading = analyzer.measure(&[point], &StopSignal::new()).await.unwrap()[0];
+    let took_s = began.elapsed().as_secs_f64();
+    let whole_s = 0.5 + 2.0 / 140.0;
+    assert!((whole_s..whole_s + 0.1).contains(&took_s), "{took_s} s");
+    assert!((reading.settle_s - 0.5).abs() < 0.01, "{reading:?}");
+    assert!((reading.integration_s - 2.0 / 140.0).abs() < 1e-9, "{reading:?}");
+}
+
 #[tokio::test(start_paused = true)]
 async fn a_tonghui_is_left_alone_while_it_measures() {
     let mut rig = bench(AnalyzerMake::TonghuiTh283x);

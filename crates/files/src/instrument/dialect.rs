@@ -113,6 +113,17 @@ pub enum Handshake {
     EchoEachCharacter,
 }
 
+impl Dialect {
+    /// How long a reading integrates at least at this frequency, Hz, in s.
+    pub fn shortest_integration_s(&self, frequency_hz: f64) -> f64 {
+        let cycles = match &self.commands {
+            CommandSet::TraceE4990a => 1,
+            CommandSet::Points(commands) => commands.integration.cycles.at(frequency_hz),
+        };
+        f64::from(cycles) / frequency_hz
+    }
+}
+
 /// The commands that measure.
 #[derive(Debug, Clone, PartialEq)]
 pub enum CommandSet {
@@ -177,6 +188,28 @@ pub enum CyclesRule {
     /// The whole cycles that fit in the measurement time, s, by frequency, Hz, rising. Between two
     /// frequencies it goes in straight lines on logarithmic scales.
     Times(Vec<(f64, f64)>),
+}
+
+impl CyclesRule {
+    /// The cycles at this frequency, Hz.
+    pub fn at(&self, frequency_hz: f64) -> u32 {
+        let times = match self {
+            Self::Fixed(cycles) => return *cycles,
+            Self::Times(times) => times,
+        };
+        let pairs = || times.windows(2);
+        let pair = pairs().find(|pair| frequency_hz <= pair[1].0).or_else(|| pairs().last());
+        let Some([(low_hz, low_s), (high_hz, high_s)]) = pair else { return 1 };
+        let share = ((frequency_hz / low_hz).ln() / (high_hz / low_hz).ln()).clamp(0.0, 1.0);
+        let time_s = low_s.powf(1.0 - share) * high_s.powf(share);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "it is positive"
+        )]
+        let cycles = (time_s * frequency_hz).floor() as u32;
+        cycles.max(1)
+    }
 }
 
 /// The fields of an answer.
@@ -303,5 +336,15 @@ mod tests {
             assert_eq!(resolution.round(asked), expected, "{resolution:?} {asked}");
             assert!((asked - expected).abs() <= resolution.tolerance_hz(asked) + 1e-9);
         }
+    }
+
+    #[test]
+    fn whole_cycles_follow_the_measurement_times() {
+        let times = [(20.0, 0.330), (100.0, 0.100), (1e3, 0.020), (1e4, 0.0077)];
+        let rule = CyclesRule::Times(times.to_vec());
+        assert_eq!([20.0, 100.0, 1000.0].map(|hz| rule.at(hz)), [6, 10, 20]);
+        assert_eq!([140.0, 300.0].map(|hz| rule.at(hz)), [11, 13]);
+        assert_eq!(rule.at(2e6), 15_400);
+        assert_eq!(CyclesRule::Fixed(3).at(140.0), 3);
     }
 }

@@ -145,7 +145,14 @@ fn analyzer(table: &mut Table<'_>) -> AnalyzerRead {
     let overhead_s = overhead_s.map(|overhead_s| overhead_s.value).or(of_make);
     let stream = ReadingStream { overhead_s, latency_s, latency_sigma_s };
     let (frequency_hz, max_level_v) = (frequency_hz.value, max_level_v.value);
-    let range = AnalyzerRange { frequency_hz, max_level_v, stream };
+    // Another instrument says it in its own file.
+    let shortest_integration_s = match instrument.value {
+        Named::Shipped(make) => {
+            Dialect::of(make).shortest_integration_s(AnalyzerRange::RESONANCE_HZ)
+        }
+        Named::File { .. } => 0.0,
+    };
+    let range = AnalyzerRange { frequency_hz, max_level_v, shortest_integration_s, stream };
     AnalyzerRead {
         file: AnalyzerFile {
             instrument: instrument.value,

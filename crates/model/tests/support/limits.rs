@@ -52,6 +52,7 @@ pub(crate) fn limits() -> RigLimits {
         analyzer: AnalyzerRange {
             frequency_hz: (4.0, 1e6),
             max_level_v: 5.0,
+            shortest_integration_s: 0.0,
             stream: ReadingStream::of(AnalyzerMake::HiokiIm3536),
         },
     }

@@ -51,7 +51,7 @@ pub(crate) fn choose(
     };
     let mut searches = candidates.searches(protocol, limits, &plans, &sensitivities);
     let (settings, missed, plan, expected) = loop {
-        let (settings, missed) = match candidates.best(wanted.value, &searches) {
+        let (settings, missed) = match candidates.best(wanted.value, limits, &searches) {
             Ok(settings) => (settings, None),
             Err(OutOfReach { nearest, value }) => (nearest, Some(value)),
         };
@@ -107,13 +107,14 @@ impl Candidate<'_> {
     fn values<'b>(
         &'b self,
         candidates: &'b Candidates,
+        limits: &'b RigLimits,
     ) -> impl Iterator<Item = (AimSettings, Value)> + use<'b> {
         let Self { settings, plan, no_load_hz, expected } = self;
         let references = expected.course.references(plan);
         candidates.sigmas(no_load_hz).map(move |(contact_sigma_hz, no_load_sigma_hz)| {
             let settings = AimSettings { contact_sigma_hz, no_load_sigma_hz, ..*settings };
             let targets_hz = (contact_sigma_hz, no_load_sigma_hz);
-            let times = plan.with_targets(targets_hz, references, expected.times);
+            let times = plan.with_targets(limits, targets_hz, references, expected.times);
             let Expected { together, .. } = expected.errors.at(&settings);
             let seconds = times.together_s();
             (settings, Value { seconds, percent: together.all, worst_percent: together.worst })
@@ -138,7 +139,8 @@ struct Expectation {
 impl Expectation {
     fn of(plan: &Plan, limits: &RigLimits, sensitivities: &[Sensitivity]) -> Self {
         let course = plan.course(limits);
-        let (times, errors) = (plan.times(&course), Errors::of(plan, &course, sensitivities));
+        let (times, errors) =
+            (plan.times(limits, &course), Errors::of(plan, &course, sensitivities));
         Self { course, times, errors }
     }
 
@@ -256,8 +258,13 @@ impl Candidates {
 
     /// The best of the candidates. A policy of the reference that rests on what a run learns, or that costs more
     /// references, must save enough against the first one.
-    fn best(&self, wanted: Wanted, searches: &[Candidate<'_>]) -> Result<AimSettings, OutOfReach> {
-        let values = |search| Candidate::values(search, self);
+    fn best(
+        &self,
+        wanted: Wanted,
+        limits: &RigLimits,
+        searches: &[Candidate<'_>],
+    ) -> Result<AimSettings, OutOfReach> {
+        let values = |search| Candidate::values(search, self, limits);
         let found = best(wanted, searches.iter().flat_map(values))?;
         let is_first = |search: &&Candidate<'_>| search.settings.no_load == self.first.no_load;
         let first: Vec<_> = searches.iter().filter(is_first).flat_map(values).collect();

@@ -104,4 +104,14 @@ fn the_expected_duration_is_the_sum_that_the_documentation_gives() {
     assert!((longer.halfway_s - halfway_s).abs() < 1e-9 * halfway_s, "{longer:?}");
     let surveyed = Plan { survey_s: Some(20), ..plan_of(&text) }.summary(&limits());
     assert!((surveyed.duration_s - found - 20.0).abs() < 1e-9 * expected, "{surveyed:?}");
+
+    // An analyzer that integrates for 0.08 s at least, and takes 5 ms more beside that: 4 readings with the probe clear, 2
+    // of the slip and those of the search, in both touches, and 11 of each sweep, which are longer than 0.08 s.
+    let AnalyzerRange { stream, .. } = limits().analyzer;
+    let stream = ReadingStream { overhead_s: Some(0.015), ..stream };
+    let analyzer = AnalyzerRange { shortest_integration_s: 0.08, stream, ..limits().analyzer };
+    let slow = plan_of(&text).summary(&RigLimits { analyzer, ..limits() }).duration_s;
+    let readings = (6.0 + 61.0 + 1.0 + 7.1 + 5.5) + (6.0 + 2.0 + 4.4);
+    let longer_s = readings * (0.08 - 2.0 / 142.5 + 0.005) + 33.0 * 0.005;
+    assert!((slow - found - longer_s).abs() < 1e-5 * longer_s, "{} {longer_s}", slow - found);
 }
