@@ -87,13 +87,28 @@ impl ResultsView {
 
 const REPORT: &str = "report.html";
 
-/// The folder of the files of a run: the day of its beginning and its short name. Other characters than
-/// letters, digits, `-`, `_` and `.` are `_`.
+/// A longer name of a folder is cut, bytes. A file name has 255 at most, and while the folder is written it has more.
+const NAME_MAX: usize = 160;
+
+/// The folder of the files of a run: the day of its beginning and its short name. Other characters than letters, digits,
+/// `-`, `_` and `.` are `_`; such a name, and one that is cut, ends in a part of the run's id, because that of another run
+/// may read the same.
 pub(crate) fn folder(data: &Path, run: &Run) -> PathBuf {
     let day = run.started_at.get(..10).unwrap_or("unknown");
     let is_kept = |c: char| c.is_alphanumeric() || matches!(c, '-' | '_' | '.');
-    let name = run.short_name().replace(|c| !is_kept(c), "_");
+    let short = run.short_name();
+    let mut name = short.replace(|c| !is_kept(c), "_");
+    let end = (0..=NAME_MAX).rev().find(|end| name.is_char_boundary(*end)).unwrap_or(0);
+    name.truncate(end);
+    if name != short {
+        name = format!("{name}_{}", own_part(&run.id.to_string()));
+    }
     data.join("runs").join(format!("{day}_{name}"))
+}
+
+/// The random end of the id of a run: its beginning is the time.
+fn own_part(id: &str) -> &str {
+    id.rsplit('-').next().unwrap_or(id)
 }
 
 /// The report in the folder of a run.
@@ -172,8 +187,22 @@ pub fn write(data: &Path, run: RunId) -> Result<RunFiles, RunFilesError> {
     listed.push(FolderFile::new(RO_CRATE, &crate_metadata));
     let manifest = json(MANIFEST, &|| serde_json::to_vec_pretty(&origin.manifest(&listed)))?;
     files.extend([(RO_CRATE.to_owned(), crate_metadata), (MANIFEST.to_owned(), manifest)]);
+    keep_another_run(&folder, run.id)?;
     put(&folder, &files)?;
     Ok(RunFiles { results, verdict, report: folder.join(REPORT), data: folder })
+}
+
+/// Gives the folder of another run, such as one of a journal that was lost, a name with a part of its id.
+fn keep_another_run(folder: &Path, run: RunId) -> Result<(), RunFilesError> {
+    let Ok(text) = fs::read(folder.join(MANIFEST)) else { return Ok(()) };
+    let manifest: serde_json::Value = serde_json::from_slice(&text).unwrap_or_default();
+    let Some(other) = manifest["run_id"].as_str().filter(|other| *other != run.to_string()) else {
+        return Ok(());
+    };
+    let mut name = folder.file_name().unwrap_or_default().to_owned();
+    name.push(format!("_{}", own_part(other)));
+    let kept = folder.with_file_name(name);
+    fs::rename(folder, &kept).map_err(|source| RunFilesError::File { path: kept, source })
 }
 
 /// Puts files in the place of a folder.

@@ -216,3 +216,29 @@ fn one_or_several_runs_are_exported_in_every_form() {
     let none = export(&["smoke-1", "--format", "touchstone", "--sweep", "999"]);
     assert_eq!(none.status.code(), Some(3));
 }
+
+/// Names that read the same in a folder, one that is too long for it, and a run of a journal that was lost.
+#[test]
+fn no_folder_takes_the_place_of_that_of_another_run() {
+    let data = TempDir::new().unwrap();
+    let smoke = include_str!("../../../config/protocols/smoke.toml");
+    let protocol = data.path().join("protocol.toml");
+    let run = |name: &str| {
+        let named = smoke.replace("name = \"smoke\"", &format!("name = \"{name}\""));
+        assert!(named.contains(name), "{name}");
+        fs::write(&protocol, named).unwrap();
+        let run = rigd(data.path(), &["run", protocol.to_str().unwrap(), "--json"]);
+        let view: Value = serde_json::from_slice(&run.stdout).unwrap();
+        assert_eq!(view["is_sound"], true, "{view}");
+        PathBuf::from(view["data"].as_str().unwrap())
+    };
+    let long = "長".repeat(250);
+    let mut folders: Vec<PathBuf> = ["a b", "a+b", "a_b", &long].map(run).to_vec();
+    for file in ["rigd.db", "rigd.db-wal", "rigd.db-shm"] {
+        let _gone = fs::remove_file(data.path().join(file));
+    }
+    folders.push(run("a_b"));
+    assert_eq!(folders[2], folders[4], "the second of both has the name");
+    let found = fs::read_dir(data.path().join("runs")).unwrap().count();
+    assert_eq!(found, folders.len());
+}

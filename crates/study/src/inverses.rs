@@ -10,7 +10,7 @@ use std::{io::Write, path::PathBuf};
 
 use crate::{files::Folder, outcome::StudyError, page::Page, simulate::Nuisances};
 
-/// Uncertainty of a stiffness from one touch, from several, and from 0.005 to 3 MPa.
+/// Uncertainty of a stiffness from one touch, from several, and from 0.001 to 30 MPa.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Folder for `inverses.md`, `inverses.html` and the charts.

@@ -2,7 +2,7 @@
 
 use rig_record::Phase;
 
-use super::status::{Tally, TouchStatus};
+use super::status::Tally;
 use crate::data::{DIRECTIONS, RunData};
 
 /// The planned touches of the main phase at one angle of one sample.
@@ -19,11 +19,7 @@ impl GridRow {
     pub(crate) fn over_directions(&self) -> Tally {
         let mut all = Tally::default();
         for tally in self.directions.iter().filter(|tally| tally.planned > 0) {
-            all.add(match tally {
-                Tally { measured: 1.., .. } => TouchStatus::Measured,
-                Tally { refused: 1.., .. } => TouchStatus::Refused,
-                _ => TouchStatus::NotReached,
-            });
+            all.add(tally.status());
         }
         all
     }

@@ -69,13 +69,20 @@ impl Tally {
         tally
     }
 
+    /// That of all touches together: the best of those that were made, or why there is none.
+    pub(crate) const fn status(self) -> TouchStatus {
+        match self {
+            Self { measured: 1.., .. } => TouchStatus::Measured,
+            Self { refused: 1.., .. } => TouchStatus::Refused,
+            Self { not_reached: 1.., .. } => TouchStatus::NotReached,
+            Self { skipped: 1.., .. } => TouchStatus::Skipped,
+            _ => TouchStatus::NotReached,
+        }
+    }
+
     /// The words in place of a value when nothing was measured.
     pub(crate) const fn missing(self) -> &'static str {
-        match self {
-            Self { planned: 0, .. } => "–",
-            Self { refused: 0, .. } => TouchStatus::NotReached.describe(),
-            _ => TouchStatus::Refused.describe(),
-        }
+        if self.planned == 0 { "–" } else { self.status().describe() }
     }
 
     /// `2 of 3`; `None` when all planned touches were measured.
@@ -93,5 +100,21 @@ impl PlannedTouch {
             Some(Outcome::Skipped(_)) => TouchStatus::Skipped,
             None => TouchStatus::NotReached,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::TouchStatus::{Measured, NotReached, Refused, Skipped};
+    use super::*;
+
+    #[test]
+    fn what_stands_in_place_of_a_value_is_why_there_is_none() {
+        let missing = |statuses: &[TouchStatus]| Tally::of(statuses.iter().copied()).missing();
+        assert_eq!(missing(&[]), "–");
+        assert_eq!(missing(&[Skipped, Skipped]), "skipped");
+        assert_eq!(missing(&[Skipped, NotReached]), "not reached");
+        assert_eq!(missing(&[NotReached, Refused, Skipped]), "refused");
+        assert_eq!(Tally::of([Refused, Measured]).status(), Measured);
     }
 }
