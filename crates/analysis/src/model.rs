@@ -105,7 +105,7 @@ const RATIO_MAX: f64 = 1.5;
 const ARM_LEAST_MM: f64 = 0.1;
 const ARM_MOST_MM: f64 = 30.0;
 
-/// Standard deviation of the exponent of the depth by which a real contact grows otherwise than its law, where
+/// Standard deviation of the exponent of the depth by which a real contact deviates from its law, where
 /// the stage holds the depth: the sensor gives way to a stiff sample, which is then less deep than a soft one.
 /// Against Sneddon's law, neo-Hookean samples that relax by 10 % have an exponent of 0.08, and those of Hertz's
 /// law -0.1; this is an even distribution up to 0.1. The touches of one depth do not show it.

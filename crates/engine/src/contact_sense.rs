@@ -143,7 +143,7 @@ pub enum ContactSenseFault {
         /// Largest number of cycles.
         cycles_max: u32,
     },
-    /// The free resonance drifts so fast that a contact cannot be told from it.
+    /// The free resonance drifts so fast that a contact cannot be distinguished from it.
     #[error(
         "contact sense: the no-load resonance moves by {moved_hz:.2} Hz in {seconds:.1} s, as its measurements \
          show; three times that changes the impedance by {percent:.0} %, where at most {limit_percent:.0} %, twice \

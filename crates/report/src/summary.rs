@@ -192,7 +192,7 @@ pub struct ModelSummary {
     pub tangential_ratio: TermSummary,
     /// Length of the probe's arm, mm.
     pub arm_mm: TermSummary,
-    /// The least exponent of the depth, by which the contact grows otherwise than its law, that touches like these
+    /// The least exponent of the depth, by which the contact deviates from its law, that touches like these
     /// show in 95 % of the runs; `None` if they cannot show any, and unless the model holds.
     pub depth_exponent_noticed: Option<f64>,
     /// The coefficient of friction below which at least one main touch slides; `None` if the touches cannot show a

@@ -230,7 +230,10 @@ fn nothing_by_hand_goes_beyond_the_limits() {
         (&["move", "rotary", "51"], "outside the soft limits [-50.000 °, 50.000 °]"),
         (&[window.as_slice(), &["--at-mm", "8.5"]].concat(), "the deepest that a touch may go"),
         (&[window.as_slice(), &["--level-v", "6"]].concat(), "level_v = 6 is outside [0, 5]"),
-        (&["measure", "--min-hz", "165", "--max-hz", "120"], "not a rising range"),
+        (
+            &["measure", "--min-hz", "165", "--max-hz", "120"],
+            "min_hz must be positive and below max_hz",
+        ),
     ];
     for (args, reason) in refused {
         let output = rigd(&[args, &["--data", data.path().to_str().unwrap()]].concat());

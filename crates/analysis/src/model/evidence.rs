@@ -114,7 +114,7 @@ impl<'a> Rows<'a> {
         Some(Test { side: column.side, weight: column.weight, direction })
     }
 
-    /// The exponent of the depth, by which the contact would grow otherwise than its law, that these touches show in
+    /// The exponent of the depth, by which the contact would deviate from its law, that these touches show in
     /// 95 % of the runs, if a run is called strained when the tests of one cause have less than this probability; `None`
     /// if nothing is left of it beyond the fitted terms.
     pub(super) fn exponent_noticed(&self, strained_below: f64) -> Option<f64> {

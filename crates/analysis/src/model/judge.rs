@@ -122,7 +122,7 @@ pub struct ModelCheck {
     pub evidence: Vec<Evidence>,
     /// The residuals, in the order of the touches.
     pub residuals: Vec<Residual>,
-    /// The least exponent of the depth, by which the contact grows otherwise than its law, that these touches show
+    /// The least exponent of the depth, by which the contact deviates from its law, that these touches show
     /// in 95 % of the runs. Hertz's law and Sneddon's differ by about 0.1. `None` if they cannot show any, and unless the
     /// model holds.
     pub exponent_noticed: Option<f64>,

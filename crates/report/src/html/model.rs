@@ -73,8 +73,8 @@ fn not_told(check: &ModelCheck) -> String {
         ),
         Some(exponent) => {
             let seen = format!(
-                "Touches like these show, in 95 of 100 runs, a contact that grows with the depth otherwise than its law \
-                 by an exponent of {} or more; Hertz's law and Sneddon's differ by about {OTHER_LAW}.",
+                "Touches like these show, in 95 of 100 runs, a contact whose exponent of the depth differs from that of its law \
+                 by {} or more; Hertz's law and Sneddon's differ by about {OTHER_LAW}.",
                 fixed(exponent, 2)
             );
             if exponent > OTHER_LAW {

@@ -122,7 +122,9 @@ fn in_words(model: &ModelCheck) -> String {
     let ModelCheck { is_confirmed, chi2_per_dof, degrees_of_freedom, reason } = model;
     match (is_confirmed, chi2_per_dof, degrees_of_freedom) {
         (Some(true), Some(chi2), Some(degrees)) => {
-            format!("χ²/{degrees} = {chi2:.2} of its model is confirmed by another beam")
+            format!(
+                "χ²/{degrees} = {chi2:.2} of its model is confirmed by an independent beam model"
+            )
         }
         (_, Some(chi2), Some(degrees)) => {
             format!("χ²/{degrees} of its model is {chi2:.3} by another beam, unlike its results")
