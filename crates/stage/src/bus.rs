@@ -55,6 +55,7 @@ impl BusHandle {
     /// inside a tokio runtime.
     pub fn open(port: Port, settings: BusSettings) -> Self {
         let (orders, inbox) = mpsc::channel(16);
+        // No stop is refused or waits for room; each is taken out at the next exchange.
         let (halts, halts_inbox) = mpsc::unbounded_channel();
         let handle = Self {
             orders,

@@ -298,27 +298,14 @@ impl Motion {
         // Before 2026-11-25 a read-back above the clear position was not said to show the probe clear.
         let is_retract =
             (target - linear.clear_mm).abs() <= ROUNDING || is_clear && linear.clear_mm <= target;
-        let is_first = self.descent.as_ref().is_some_and(|descent| descent.moves.is_empty());
-        let is_approach = self.descent.as_ref().is_some_and(|descent| descent.what == "approach");
-        let is_up = before.is_some_and(|before| target > before);
-        let begin_mm = self.search_begins_mm(settings);
-        // The first way down of a run is made in steps.
-        let is_way_down = is_approach && begin_mm.is_some_and(|begin| begin <= target);
-        let limit = if is_retract || is_first && is_approach || is_up || is_way_down {
+        let limit = if is_retract {
             limits.travel_speed_mm_per_s
         } else {
-            limits.contact_speed_mm_per_s
+            self.speed_limit(target, before, settings)
         };
         let distance = before.map(|before| (read_back - before).abs() - 2.0 * linear.tolerance_mm);
         self.speed(seq, rig_us, distance, limit, findings);
-        let is_known = self.probe == Probe::Lowered;
-        let may_end = self.fault.is_none() || self.may_end;
-        let (was_at, was_tilted) = if may_end { self.was_at } else { (None, None) };
-        let (from, tilt) = (before.or(was_at), self.rotary_deg.or(was_tilted));
-        let is_from_below = from.is_some_and(|from| target > from);
-        let here = tilt.filter(|_| is_clear && is_from_below && is_known);
-        let lowest = here.map(|tilt| settings.rig.clear_mm(tilt) - ROUNDING);
-        let is_low_retract = !is_retract && lowest.is_some_and(|lowest| lowest <= target);
+        let is_low_retract = !is_retract && self.is_low_retract(moved, before, settings);
         if is_clear && !((is_retract || is_low_retract) && is_there) {
             let what = "a read-back elsewhere is said to show the probe clear, mm";
             let expected = linear.clear_mm;
@@ -343,6 +330,33 @@ impl Motion {
         if is_low_retract && is_there {
             (self.probe, self.descent) = (Probe::Clear, None);
         }
+    }
+
+    /// The largest speed of a move that is no retract, mm/s: that of travel upwards, on the first way of an approach, and
+    /// on the way down to the first search of a run, which is made in steps.
+    fn speed_limit(&self, target: f64, before: Option<f64>, settings: &Settings) -> f64 {
+        let limits = &settings.rig.limits;
+        let approach = self.descent.as_ref().filter(|descent| descent.what == "approach");
+        let is_first = approach.is_some_and(|descent| descent.moves.is_empty());
+        let is_up = before.is_some_and(|before| target > before);
+        let begin_mm = self.search_begins_mm(settings).filter(|_| approach.is_some());
+        if is_first || is_up || begin_mm.is_some_and(|begin| begin <= target) {
+            limits.travel_speed_mm_per_s
+        } else {
+            limits.contact_speed_mm_per_s
+        }
+    }
+
+    /// Whether a move leads up to where the probe is clear at this tilt, below the position of rest.
+    fn is_low_retract(&self, moved: &Moved, before: Option<f64>, settings: &Settings) -> bool {
+        let &Moved { target, is_clear, .. } = moved;
+        let may_end = self.fault.is_none() || self.may_end;
+        let (was_at, was_tilted) = if may_end { self.was_at } else { (None, None) };
+        let (from, tilt) = (before.or(was_at), self.rotary_deg.or(was_tilted));
+        let is_up = from.is_some_and(|from| target > from);
+        let is_known = is_clear && self.probe == Probe::Lowered;
+        tilt.filter(|_| is_known && is_up)
+            .is_some_and(|tilt| settings.rig.clear_mm(tilt) - ROUNDING <= target)
     }
 
     /// Where a search begins if nothing is known of the surface, at the last read tilt. A descent begins above the

@@ -259,7 +259,7 @@ const TOUCH: [Column; 47] = [
     number(
         "sigma_of_sample_mpa",
         "MPa",
-        "the part from the variation of the sample from one point to the next; 0 at a known angle",
+        "the part from the variation of the sample from one point to the next; 0 at a known angle, where the stiffness is that of the touched point",
     ),
     text("model_verdict", "whether the model behind it holds: `holds`, `strained` or `rejected`"),
     number(

@@ -166,6 +166,7 @@ pub(super) async fn open_rig(
     let patience = Duration::from_secs_f64(file.recovery_patience_s);
     let gate = Gate::new(&file.limits, proven, clock);
     let axes = Axes { linear, rotary, is_homing_up, gate: gate.clone() };
+    // A descent ends at its target at the latest, so that some hundred readings wait here at most.
     let (readings, streamed) = mpsc::unbounded_channel();
     let analyzer = GatedAnalyzer { analyzer, gate: gate.clone(), readings };
     let frames = axes.halt_frames().map_err(device("bus", &file.bus))?;
