@@ -53,7 +53,7 @@ pub enum RequestFault {
     Exception(u8),
     /// The connection breaks before it is carried out.
     Disconnect,
-    /// The same, and for this long no new connection can be made.
+    /// The connection ends, and for this long no new one can be made.
     Unplug(Duration),
 }
 

@@ -79,7 +79,7 @@ impl Budget {
         self.0.iter().sum::<f64>().sqrt()
     }
 
-    /// The same with another relative standard deviation of a part.
+    /// This budget with another relative standard deviation of a part.
     #[must_use]
     pub const fn with(mut self, part: Part, relative: f64) -> Self {
         self.0[part as usize] = relative * relative;

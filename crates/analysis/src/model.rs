@@ -199,7 +199,7 @@ impl RunModel {
         }
     }
 
-    /// The same with other indices of the residuals, in the order of the list of the caller.
+    /// This model with the residuals renumbered by the caller's list of touches.
     #[must_use]
     pub fn with_touches(mut self, indices: &[usize]) -> Self {
         for residual in self.check.iter_mut().flat_map(|check| &mut check.residuals) {
@@ -213,7 +213,7 @@ impl RunModel {
         &self.terms
     }
 
-    /// The same quantities by the rig file.
+    /// The terms as the rig file describes them.
     pub const fn described(&self) -> &Terms {
         &self.described
     }
@@ -290,7 +290,7 @@ impl Terms {
 }
 
 impl Compensation {
-    /// The same with other terms; `None` for an arm that no sensor of this length has.
+    /// This description with other terms; `None` for an arm that no sensor of this length has.
     fn with(&self, terms: &Terms) -> Option<Self> {
         let design = SensorDesign { arm_mm: terms.arm_mm, ..*self.models.sensor().design() };
         let sensor = Sensor::new(design).ok()?;

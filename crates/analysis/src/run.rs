@@ -58,7 +58,7 @@ pub struct RunSample {
     pub young_mpa: f64,
     /// Its standard deviation, those of calibration and model included, MPa.
     pub sigma_mpa: f64,
-    /// The same by cause.
+    /// The parts of that standard deviation by cause.
     pub budget: Budget,
     /// Standard deviation of the touches about it, MPa, when there are several.
     pub spread_mpa: Option<f64>,

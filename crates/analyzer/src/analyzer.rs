@@ -59,7 +59,7 @@ impl Analyzer {
         Self::open_with(port, dialect, TransportSettings::default())
     }
 
-    /// The same, with other transport settings.
+    /// Opens an analyzer with other transport settings than those of its dialect.
     pub fn open_with(port: Port, dialect: &'static Dialect, settings: TransportSettings) -> Self {
         Self {
             port: InstrumentPort::new(port, &dialect.transport, settings),

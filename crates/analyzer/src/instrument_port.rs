@@ -127,7 +127,7 @@ impl InstrumentPort {
         answer
     }
 
-    /// The same, without counting.
+    /// Sends a message and reads its answer, without counting it.
     pub(crate) async fn exchange(
         &mut self,
         message: &Message,

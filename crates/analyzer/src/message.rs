@@ -83,7 +83,7 @@ impl Message {
         program.finish(ending).expect("headers and data were checked when they were read")
     }
 
-    /// The same with the short form of each header, for a line on which every character waits.
+    /// The bytes with the short form of each header, for a line on which every character waits.
     pub(crate) fn short_bytes(&self, ending: Ending) -> Vec<u8> {
         let mut bytes = self.bytes(ending);
         let mut is_header = true;

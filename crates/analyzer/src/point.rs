@@ -31,7 +31,7 @@ impl Integration {
         Self { triggers, averages: averages.div_ceil(triggers), cycles_per_average }
     }
 
-    /// The same by the rule of an instrument file, at this frequency.
+    /// Spreads the cycles by the rule of an instrument file, at this frequency.
     pub(crate) fn by_rule(cycles: u32, frequency_hz: f64, rule: &IntegrationRule) -> Self {
         Self::new(cycles, rule.cycles.at(frequency_hz), rule.averages_max)
     }

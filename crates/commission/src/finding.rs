@@ -65,12 +65,12 @@ impl Finding {
         Self { verdict, values, covariance: Vec::new(), screw: ScrewMap::default() }
     }
 
-    /// The same with the covariance of its values.
+    /// This finding with the covariance of its values.
     pub fn with_covariance(self, covariance: Vec<Vec<f64>>) -> Self {
         Self { covariance, ..self }
     }
 
-    /// The same with the error of the linear screw.
+    /// This finding with the error of the linear screw.
     pub fn with_screw(self, screw: ScrewMap) -> Self {
         Self { screw, ..self }
     }

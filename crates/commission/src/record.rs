@@ -23,7 +23,7 @@ const HOLDS_S: i64 = 365 * 86_400;
 pub struct Circumstances {
     /// Time of its end, s since 1970.
     pub unix_s: i64,
-    /// The same for a person, UTC.
+    /// Time of its end as a person reads it, UTC.
     pub made: String,
     /// Name of the person who saw it.
     pub person: String,

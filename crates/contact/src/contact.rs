@@ -22,7 +22,7 @@ pub enum Depth {
 }
 
 impl Depth {
-    /// The same kind of depth, this many times as deep.
+    /// A depth of this kind, this many times as deep.
     pub(crate) const fn times(self, factor: f64) -> Self {
         match self {
             Self::Indentation { along_probe_mm } => {
@@ -130,7 +130,7 @@ impl Load {
         tangential_n_per_m: 0.0,
     };
 
-    /// The same contact with a tissue this many times as stiff.
+    /// This contact with a tissue this many times as stiff.
     pub(crate) fn stiffer(&self, factor: f64) -> Self {
         Self {
             normal_n_per_m: self.normal_n_per_m * factor,

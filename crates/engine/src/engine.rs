@@ -134,7 +134,7 @@ impl Engine {
         Self::with_patience(limits, RECOVERY_PATIENCE)
     }
 
-    /// The same, with the patience with a linear stage that does not answer on the way out of
+    /// An engine with another patience with a linear stage that does not answer on the way out of
     /// contact.
     pub const fn with_patience(limits: RigLimits, patience: Duration) -> Self {
         Self {

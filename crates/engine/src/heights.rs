@@ -19,7 +19,7 @@ const TOLERANCE_SIGMAS: f64 = 3.0;
 const ZERO_DEG: f64 = 0.5;
 /// Standard deviation of one touch before any is known, as a part of the tolerance.
 const TOUCH_PART: f64 = 0.05;
-/// The same at the least, mm: a few steps of a drive.
+/// The least standard deviation of one touch, mm: a few steps of a drive.
 const LEAST_TOUCH_MM: f64 = 0.003;
 /// A spread that is assumed counts as this many observations.
 const ASSUMED_COUNT: f64 = 2.0;

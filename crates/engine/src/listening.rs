@@ -83,7 +83,7 @@ impl Listening<'_> {
         self.measure(vec![self.point(TEST_LINEWIDTHS, settle_s), self.change_to(0.0)])
     }
 
-    /// The same in one operation: the self-test first, then the baseline.
+    /// Reads the self-test and then the baseline, in one operation.
     pub(crate) fn both(&self) -> Operation {
         let test_s = self.due_s(TEST_TIME_CONSTANTS, self.driven_since(TEST_LINEWIDTHS));
         let baseline_s = self.due_s(SETTLED_TIME_CONSTANTS, None);

@@ -167,7 +167,7 @@ impl Search {
         (search, SearchStep::MoveTo(start))
     }
 
-    /// The same after a descent, which may have ended in the sample.
+    /// Begins a search after a descent, which may have ended in the sample.
     pub(crate) fn begin_after_contact(
         approach: Approach,
         expected: Position<Mm>,
@@ -181,7 +181,7 @@ impl Search {
         (Self { is_after_contact: true, ..search }, step)
     }
 
-    /// The same close above a surface that is known from the touches before.
+    /// Begins a search just above the surface that the touches before predict.
     pub(crate) fn begin_near(
         approach: Approach,
         expected: Position<Mm>,

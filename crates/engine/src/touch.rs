@@ -324,7 +324,7 @@ impl TouchMachine {
         self.retract(TouchOutcome::Refused { contact: None, refusal }, context)
     }
 
-    /// The same, with readings of the clear probe.
+    /// Ends the touch, because the analyzer flags readings of the clear probe.
     fn clear_unreadable(
         &mut self,
         readings: &[Reading],

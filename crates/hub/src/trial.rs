@@ -144,7 +144,7 @@ impl Trial {
         Ok([certificate, key, authority.certificate()])
     }
 
-    /// The same, read.
+    /// Makes the certificate of a role, and reads it with its key and that of the authority.
     ///
     /// # Errors
     /// [`TrialError`].

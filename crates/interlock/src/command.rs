@@ -135,7 +135,7 @@ pub enum Word {
     ThisStep,
     /// A gauge has shown that the last step of the linear stage was about as long as its drive says.
     LinearStepSeen,
-    /// The same of the rotary stage.
+    /// A person has seen a step of the rotary stage.
     RotaryStepSeen,
     /// The cause of the fault is understood, and nothing is below the probe, down to the end of its travel.
     NothingBelow,

@@ -24,7 +24,7 @@ pub struct Health {
     pub faults: u64,
     /// From the sending of the last answered request to the end of its answer.
     pub last_round_trip: Option<Duration>,
-    /// The same of all answered requests.
+    /// Times of all answered requests.
     pub round_trips: Durations,
 }
 

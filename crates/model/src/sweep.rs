@@ -66,7 +66,7 @@ pub enum SweepMethod {
     /// of the drive. For any analyzer whose readings follow each other at times known to a
     /// millisecond.
     Adaptive,
-    /// The same, and then as many readings around the resonance as this time allows: they tell what
+    /// An adaptive sweep, and then as many readings around the resonance as this time allows: they tell what
     /// stays the same on the bench.
     Survey {
         /// Duration of these readings, s.

@@ -122,7 +122,7 @@ impl Plan {
         (Self { steps, ..self.clone() }, from)
     }
 
-    /// The same touches, the blind ones by mounting: with the fewest changes by hand.
+    /// This plan with the blind touches by mounting: with the fewest changes by hand.
     #[must_use]
     pub fn by_mounting(&self) -> Self {
         let touches = self.steps.iter().filter_map(|step| match step.action {

@@ -230,7 +230,7 @@ impl Plan {
         PartTimes { rest_s: whole_s - known.together_s(), ..known }
     }
 
-    /// The same times with other targets of the sweeps, in contact and without, Hz, and the same references.
+    /// These times with other targets of the sweeps, in contact and without, Hz, and the same references.
     pub(crate) fn with_targets(
         &self,
         limits: &RigLimits,

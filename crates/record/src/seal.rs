@@ -53,7 +53,7 @@ pub struct Stretch {
     pub epoch: u64,
     /// When it began: UTC, RFC 3339 with milliseconds.
     pub started_at: String,
-    /// The same on the rig's clock, µs.
+    /// When it began, on the rig's clock, µs.
     pub rig_us: u64,
 }
 

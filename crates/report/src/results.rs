@@ -41,7 +41,7 @@ pub struct RunResults {
     pub(crate) grid: Vec<GridRow>,
     /// The measured main touches, by sample, angle and direction.
     pub(crate) direction_means: Vec<DirectionMean>,
-    /// The same, averaged over the directions.
+    /// The shifts averaged over the directions.
     pub(crate) angle_means: Vec<AngleMean>,
     pub(crate) sensitivity: Option<SensitivityAt>,
     /// The no-load sweeps.
@@ -77,7 +77,7 @@ impl RunResults {
         Self::after(run, records, None)
     }
 
-    /// The same. The stiffness, whose model takes long to learn, is that of earlier results of the run if
+    /// Computes the results of a run that goes on. The stiffness, whose model takes long to learn, is that of earlier results of the run if
     /// no touch has come since.
     ///
     /// # Errors

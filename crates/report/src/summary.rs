@@ -123,7 +123,7 @@ pub struct StiffnessSummary {
     pub stiffness_mpa: Option<f64>,
     /// Its standard deviation, those of calibration and model included, MPa.
     pub sigma_mpa: Option<f64>,
-    /// The same by cause.
+    /// The parts of its standard deviation by cause.
     pub budget: Option<StiffnessBudget>,
     /// Known Young's modulus, MPa.
     pub known_mpa: Option<f64>,
@@ -203,7 +203,7 @@ pub struct ModelSummary {
     pub slip_noticed_below: Option<f64>,
     /// `indentation` or `stage`: whichever holds the depth.
     pub depth: &'static str,
-    /// The same by the rig file.
+    /// What holds the depth by the rig file.
     pub depth_described: &'static str,
 }
 

@@ -133,7 +133,7 @@ impl LoadedRig {
 }
 
 impl RigFacts {
-    /// The same for runs in a data directory, whose calibrations they cite.
+    /// These facts for runs in a data directory, whose calibrations they cite.
     #[must_use]
     pub fn with_data(self, data: &Path) -> Self {
         Self { data: Some(data.to_owned()), ..self }

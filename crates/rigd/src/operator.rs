@@ -27,7 +27,7 @@ impl Operator {
         Self::logged_in().0
     }
 
-    /// The same, with the variable that says it.
+    /// The person who is logged in, with the variable that says it.
     pub(crate) fn logged_in() -> (Self, Option<&'static str>) {
         let name = |variable| Some((env::var(variable).ok()?.parse().ok()?, Some(variable)));
         let named = ["LOGNAME", "USER"].into_iter().find_map(name);

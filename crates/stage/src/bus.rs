@@ -89,7 +89,7 @@ impl BusHandle {
         self.carry_out(unit, request, false).await
     }
 
-    /// The same, but on a line that is suspect the request also leaves at once, before silence is
+    /// Makes a request that also leaves a suspect line at once, before silence is
     /// waited for. For a stop, which may arrive twice and must not wait.
     ///
     /// # Errors

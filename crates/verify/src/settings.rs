@@ -91,7 +91,7 @@ impl Rig {
         self.edge_mm((from_deg.abs() + off_deg).max(to_deg.abs() + 2.0 * off_deg))
     }
 
-    /// The same where the rotary stage was read back.
+    /// The clear position where the rotary stage was read back.
     pub(crate) fn clear_mm(&self, tilt_deg: f64) -> f64 {
         self.edge_mm(tilt_deg.abs() + self.rotary.tolerance_deg)
     }

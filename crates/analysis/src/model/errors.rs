@@ -54,7 +54,7 @@ impl TouchErrors {
         self
     }
 
-    /// The same with these variances of touches that the fit did not use; `None` for a touch without a stiffness.
+    /// These errors with the variances of touches that the fit did not use; `None` for a touch without a stiffness.
     pub(crate) fn with_others(mut self, variances: &[Option<f64>]) -> Self {
         if self.measured.len() < variances.len() {
             self = Self::of_touches(variances.len(), self.of_point);

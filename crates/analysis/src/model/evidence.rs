@@ -230,7 +230,7 @@ impl<'a> Rows<'a> {
         Self { factor, fitted, residuals, needed, columns, ..*self }
     }
 
-    /// The same for smoothed touches, and for these fitted columns.
+    /// What these fitted columns let smoothed touches show of a slip.
     fn of_slips(&self, smooth: &Usable<'a>, strained_below: f64) -> Option<SlipNoticed> {
         let Self { touches, fit, ref needed, .. } = *self;
         let changes = smooth.changes_by_sliding(&fit.terms)?;

@@ -24,7 +24,7 @@ const STEP_TOLERANCE: f64 = 0.02;
 /// A term with a larger standard deviation is not identified: the information matrix has no rank for
 /// it. The tangential ratio is between 0 and 1 for most contacts.
 const RATIO_SIGMA_MAX: f64 = 0.2;
-/// The same of the arm, relative to the one described.
+/// The same limit for an arm, relative to the one described.
 const ARM_SIGMA_MAX_REL: f64 = 0.35;
 /// The share of the variance of the depth that touches at one place of the stages may have in common:
 /// a screw repeats its error.

@@ -89,7 +89,7 @@ pub struct Residual {
     pub touch: usize,
     /// Logarithm of its stiffness less the mean of its sample.
     pub log: f64,
-    /// The same in standard deviations.
+    /// The residual in standard deviations.
     pub sigmas: f64,
 }
 
@@ -152,7 +152,7 @@ impl ModelCheck {
 
 /// The probability of chance below which a model is strained; in all tests of a run together.
 const STRAINED_BELOW: f64 = 0.02;
-/// The same for a rejected model.
+/// A model is rejected when chance makes as much in fewer runs than this.
 const REJECTED_BELOW: f64 = 1e-4;
 /// The part that friction has of that probability: no rig file knows the friction of a sample, and what one touch of
 /// sixty shows must be told from chance. The other causes and χ² share the rest.

@@ -128,14 +128,14 @@ impl Series {
         Self { marker: None, stroke, ..Self::scatter(name, colour, points) }
     }
 
-    /// The same with its name beside the plot instead of in the legend.
+    /// This series with its name beside the plot instead of in the legend.
     #[must_use]
     pub fn named_at_end(mut self) -> Self {
         self.end = self.name.take();
         self
     }
 
-    /// The same in another colour.
+    /// This series in another colour.
     #[must_use]
     pub const fn coloured(mut self, colour: usize) -> Self {
         self.colour = colour;

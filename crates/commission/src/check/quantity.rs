@@ -13,7 +13,7 @@ pub enum Quantity {
     TiltDifference,
     /// The logarithm of the frequency shift, Hz, on the first reference sample.
     FirstReference,
-    /// The same on the second one.
+    /// The logarithm of the shift on the second reference sample.
     SecondReference,
     /// The logarithm of the shift on the second reference sample over that on the first.
     ReferenceRatio,

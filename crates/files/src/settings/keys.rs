@@ -55,7 +55,7 @@ pub(crate) enum KeyFault {
 pub(crate) enum Suggestion {
     /// A key of the same table.
     Key(&'static str),
-    /// The same key in another table.
+    /// The key belongs to another table.
     Table(String),
     /// No probable meaning; these are the keys of the table.
     OneOf(Vec<&'static str>),

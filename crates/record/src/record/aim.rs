@@ -52,7 +52,7 @@ pub struct AimPart {
     /// Root mean square of the standard deviations that it was expected to cause, %; `rest` causes none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub percent: Option<f64>,
-    /// The same of the worst touch, %.
+    /// The standard deviation that it was expected to cause in the worst touch, %.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub worst_percent: Option<f64>,
 }

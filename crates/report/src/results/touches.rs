@@ -75,7 +75,7 @@ pub struct TouchRow {
     pub stiffness_mpa: Option<f64>,
     /// Its standard deviation, those of calibration and model included, MPa.
     pub stiffness_sigma_mpa: Option<f64>,
-    /// The same by cause.
+    /// The parts of its standard deviation by cause.
     pub budget: Option<StiffnessBudget>,
     /// Whether the model behind the stiffness holds: `holds`, `strained` or `rejected`.
     pub model_verdict: Option<&'static str>,

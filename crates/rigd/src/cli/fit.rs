@@ -60,7 +60,7 @@ enum FileTiming {
     /// `time_s` is exact too, and the drive was continuous from point to point; readings need not
     /// settle
     Exact,
-    /// The same, and the sensor was at rest when the drive began with the first point
+    /// As `exact`, and the sensor was at rest when the drive began with the first point
     ExactFromRest,
     /// `time_s` is known to a millisecond, and the drive had any phase after each change of
     /// frequency; readings need not settle

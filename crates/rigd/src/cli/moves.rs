@@ -98,7 +98,7 @@ pub(super) fn linear_target(limits: &RigLimits, mm: f64) -> Result<Position<Mm>,
         .position())
 }
 
-/// The same for a tilt.
+/// The target of a tilt.
 pub(super) fn rotary_target(limits: &RigLimits, deg: f64) -> Result<Position<Deg>, Failure> {
     let target = limits.rotary.target(Position::new(deg));
     Ok(target

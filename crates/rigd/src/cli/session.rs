@@ -33,7 +33,7 @@ pub(super) struct Session {
 pub(super) enum LeftInContact {
     /// Retract: the command is there for it.
     Retract,
-    /// The same, and a person has stated that nothing is below the probe.
+    /// Home each lost axis and retract: the command is there for it, and a person has stated that nothing is below the probe.
     HomeWithNothingBelow,
     /// Leave it to `rigd home`.
     Refuse,

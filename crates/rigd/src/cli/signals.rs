@@ -35,7 +35,7 @@ impl Signals {
         Self::listen(true)
     }
 
-    /// The same for a daemon. Without a terminal that could be closed, SIGHUP asks it to read its configuration
+    /// The signals of a daemon. Without a terminal that could be closed, SIGHUP asks it to read its configuration
     /// again, and does not end it.
     pub(super) fn of_daemon() -> Result<(Self, Option<Signal>), Failure> {
         let has_terminal =

@@ -39,7 +39,7 @@ pub(super) fn facts(rows: &[(&str, String)]) -> String {
     lines.join("\n")
 }
 
-/// The same in lines of at most 80 columns.
+/// Rows of a name and a text, in lines of at most 80 columns.
 pub(super) fn wrapped(rows: &[(&str, String)]) -> String {
     let width = rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
     let mut text = Vec::new();

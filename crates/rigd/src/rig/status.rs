@@ -18,7 +18,7 @@ pub struct Status {
     pub snapshot: Snapshot,
     /// When this was so, on the rig's clock.
     pub now: RigTime,
-    /// The same by the clock of the computer.
+    /// When it was published, by the clock of the computer.
     pub published: Instant,
     /// The run under way or the last one.
     pub run: Option<RunView>,

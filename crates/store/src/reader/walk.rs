@@ -71,7 +71,7 @@ impl Reader {
         self.pages_of(id, [id].into())
     }
 
-    /// The same, with the ended amendments of the run behind its own records.
+    /// The records of a run with those of its ended amendments behind them.
     ///
     /// # Errors
     /// As for [`Reader::records`].

@@ -99,7 +99,7 @@ impl Truth {
         Self { nuisances, surface_mm, ..Self::MATCHED }
     }
 
-    /// The same with samples of this contact law.
+    /// This truth with samples of this contact law.
     pub(super) const fn of_law(self, law: ContactLaw) -> Self {
         Self { law, ..self }
     }

@@ -10,7 +10,7 @@ pub(super) struct Node {
     pub(super) log_young: f64,
     /// Variance of ln E.
     pub(super) variance: f64,
-    /// The same by cause, without one from the tilt: it is known here.
+    /// The variance by cause, without one from the tilt: it is known here.
     pub(super) variances: LogVariances,
     /// Sum of squared deviations over their variances, including the shared depth.
     pub(super) chi_squared: f64,

@@ -99,7 +99,7 @@ impl<'a> Depths<'a> {
 }
 
 impl MappedDepths {
-    /// The same as a sentence.
+    /// What was taken out of the depths, as a sentence.
     pub(crate) fn sentence(&self) -> String {
         let Self { file, touches: [mapped, all], errors_mm: [least, most], sigma_mm } = self;
         format!(

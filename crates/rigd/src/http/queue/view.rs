@@ -149,7 +149,7 @@ fn remaining_s(status: &Status, facts: &RigFacts) -> f64 {
         .map_or(0.0, |(run, progress)| run.remaining(progress.step, now).least_s)
 }
 
-/// The same by the clock of the computer: virtual time takes none.
+/// A duration by the clock of the computer: virtual time takes none.
 pub(super) const fn wall_s(facts: &RigFacts, duration_s: f64) -> f64 {
     if facts.is_virtual_time { 0.0 } else { duration_s }
 }
