@@ -198,6 +198,11 @@ mod tests {
             let said = read(&format!("[hub]\naddress = \"{wrong}\"\n{files}")).unwrap_err();
             assert!(said.contains(":2:11: address = "), "{said}");
         }
+        let live = |text| read(&format!("[hub]\naddress = \"h:1\"\n{files}live = \"{text}\""));
+        let hub = live("nats.lab.example:4222").unwrap().hub.unwrap().value;
+        assert_eq!(hub.live, Some(("nats.lab.example".to_owned(), 4222)));
+        let said = live("nats").unwrap_err();
+        assert!(said.contains("live = \"nats\"") && said.contains("example:4222"), "{said}");
         assert!(read("[hub]\naddress = \"h:1\"").unwrap_err().contains("`bench`"));
     }
 

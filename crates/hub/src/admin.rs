@@ -33,6 +33,12 @@ pub enum AdminError {
         /// The bench that was named.
         bench: String,
     },
+    /// There is no such viewer.
+    #[error("the hub has no viewer `{viewer}`")]
+    NoSuchViewer {
+        /// The viewer that was named.
+        viewer: String,
+    },
     /// There is no such journal.
     #[error("the hub has no quarantined journal `{journal}`")]
     NoSuchJournal {

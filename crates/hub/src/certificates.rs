@@ -84,34 +84,38 @@ impl Authority {
         self.directory.join(AUTHORITY)
     }
 
-    /// Writes `server.pem` and `server.key` for these names and addresses of the server into the directory of the
-    /// authority.
+    /// Writes `STEM.pem` and `STEM.key` for these names and addresses of a server into the directory of the authority.
     ///
     /// # Errors
     /// [`CertificateError`] names the file.
-    pub fn sign_server(&self, names: Vec<String>) -> Result<[PathBuf; 2], CertificateError> {
+    pub fn sign_server(
+        &self,
+        names: Vec<String>,
+        stem: &str,
+    ) -> Result<[PathBuf; 2], CertificateError> {
         let mut params = CertificateParams::new(names).map_err(|source| self.made(source))?;
         params.extended_key_usages.push(ExtendedKeyUsagePurpose::ServerAuth);
         params.distinguished_name.push(DnType::CommonName, "rigd-hub server");
-        self.sign(&params, &self.directory, "server")
+        self.sign(&params, &self.directory, stem)
     }
 
-    /// Writes `bench.pem`, `bench.key` and the certificate of the authority into `directory`, for a client with this
-    /// role.
+    /// Writes `STEM.pem`, `STEM.key` and the certificate of the authority into `directory`, for a client with this
+    /// common name.
     ///
     /// # Errors
     /// [`CertificateError`] names the file.
     pub fn sign_client(
         &self,
-        role: &str,
+        name: &str,
         directory: &Path,
+        stem: &str,
     ) -> Result<[PathBuf; 2], CertificateError> {
         fs::create_dir_all(directory)
             .map_err(|source| CertificateError::File { path: directory.to_path_buf(), source })?;
         let mut params = CertificateParams::default();
         params.extended_key_usages.push(ExtendedKeyUsagePurpose::ClientAuth);
-        params.distinguished_name.push(DnType::CommonName, role);
-        let files = self.sign(&params, directory, "bench")?;
+        params.distinguished_name.push(DnType::CommonName, name);
+        let files = self.sign(&params, directory, stem)?;
         let (from, to) = (self.certificate(), directory.join(AUTHORITY));
         if from != to {
             fs::copy(&from, &to).map_err(|source| CertificateError::File { path: to, source })?;

@@ -1,5 +1,6 @@
 //! The command line. Data goes to stdout, messages go to stderr.
 
+mod live;
 mod prune;
 mod text;
 mod trial;
@@ -31,7 +32,9 @@ use crate::{
     admin::{self, AdminError, DATABASE},
     connect,
     doctor::{self, Level},
-    is_local, judge, migrations, state,
+    is_local, judge,
+    live::LiveError,
+    migrations, state,
 };
 
 /// Keeps the records of many rigs in one PostgreSQL.
@@ -55,6 +58,11 @@ enum HubCommand {
     },
     /// Serve the page of the laboratory: rigs, and runs with search
     Serve(ServeArgs),
+    /// Set up live messages by NATS, or watch the rigs
+    Live {
+        #[command(subcommand)]
+        command: live::LiveCommand,
+    },
     /// Show what each bench has shipped, and the alarms
     Status(OutputArgs),
     /// Check the hub and advise on each problem
@@ -197,6 +205,11 @@ enum Failure {
     Prune(#[from] PruneError),
     #[error(transparent)]
     Storage(#[from] StorageError),
+    #[error(transparent)]
+    Live(#[from] LiveError),
+    /// There is no nats-server.
+    #[error("the hub has no live messages: call `rigd-hub live init`")]
+    NoLive,
     #[error("runtime or stdout")]
     System(#[from] io::Error),
     #[error("the output cannot be written as JSON")]
@@ -216,8 +229,10 @@ impl Failure {
     fn exit_code(&self) -> u8 {
         match self {
             Self::Words { .. } | Self::Open { .. } => 2,
+            Self::NoLive => 3,
             Self::Admin(
                 AdminError::NoSuchBench { .. }
+                | AdminError::NoSuchViewer { .. }
                 | AdminError::NoSuchJournal { .. }
                 | AdminError::NoSuchAlarm { .. },
             ) => 3,
@@ -256,6 +271,7 @@ async fn carry_out(command: HubCommand) -> Result<(), Failure> {
             say(&format!("{} may not ship any more", args.bench))
         }
         HubCommand::Serve(args) => serve(args).await,
+        HubCommand::Live { command } => live::carry_out(command).await,
         HubCommand::Status(args) => status(&args).await,
         HubCommand::Doctor(args) => doctor(&args).await,
         HubCommand::Acknowledge(args) => {
@@ -331,7 +347,7 @@ async fn init(args: InitArgs) -> Result<(), Failure> {
     if directory.join("server.pem").exists() {
         return say(&format!("{} is there already", directory.join("server.pem").display()));
     }
-    let [certificate, key] = authority.sign_server(args.host)?;
+    let [certificate, key] = authority.sign_server(args.host, "server")?;
     say(&format!(
         "in postgresql.conf:\nssl = on\nssl_cert_file = '{}'\nssl_key_file = '{}'\nssl_ca_file = '{}'",
         certificate.display(),
@@ -345,7 +361,7 @@ async fn add(args: AddArgs) -> Result<(), Failure> {
     // The certificate first: its files may be there.
     if let (Some(directory), Some(out)) = (&args.certificates, &args.out) {
         let [certificate, key] =
-            Authority::open(directory)?.sign_client(&args.bench.to_string(), out)?;
+            Authority::open(directory)?.sign_client(&args.bench.to_string(), out, "bench")?;
         say(&format!("{} and {}", certificate.display(), key.display()))?;
     }
     admin::add_bench(&client, &args.bench).await?;
@@ -357,7 +373,8 @@ async fn add(args: AddArgs) -> Result<(), Failure> {
 
 async fn status(args: &OutputArgs) -> Result<(), Failure> {
     let (client, _task) = args.database.connect().await?;
-    let state = state(&client).await?;
+    let mut state = state(&client).await?;
+    state.listen(&client).await?;
     if args.json { print_json(&state) } else { say(&text::status(&state)) }
 }
 

@@ -60,7 +60,8 @@ pub async fn findings(client: &Client) -> Result<Vec<Finding>, tokio_postgres::E
     if schema.level != Level::Ok {
         return Ok(vec![schema]);
     }
-    let state = state(client).await?;
+    let mut state = state(client).await?;
+    state.listen(client).await?;
     let mut all = vec![schema, durability(client).await?];
     all.extend(access(client).await?);
     all.push(backup(client).await?);
@@ -69,6 +70,7 @@ pub async fn findings(client: &Client) -> Result<Vec<Finding>, tokio_postgres::E
     all.push(unread(client).await?);
     all.push(unjudged(client).await?);
     all.push(pruning(&state));
+    all.push(live(&state));
     Ok(all)
 }
 
@@ -148,7 +150,10 @@ async fn access(client: &Client) -> Result<Vec<Finding>, tokio_postgres::Error> 
             "benches by certificate",
             !by_certificate.is_empty(),
             Level::Problem,
-            format!("{} rules in pg_hba.conf", by_certificate.len()),
+            match by_certificate.len() {
+                1 => "1 rule in pg_hba.conf".to_owned(),
+                count => format!("{count} rules in pg_hba.conf"),
+            },
             "add `hostssl rigd_hub +rigd_hub_bench all cert` to pg_hba.conf, above wider rules, and reload PostgreSQL",
         ),
         finding(
@@ -255,6 +260,24 @@ fn pruning(state: &State) -> Finding {
     let advice = "ship the runs of every bench by `rigd ship`, then `rigd-hub prune` names why a run stays; call both \
                   every day (docs/hub.md)";
     finding("pruning", is_well, Level::Warning, text, advice)
+}
+
+/// Nothing rests on live messages: what is missing is no problem.
+fn live(state: &State) -> Finding {
+    let Some(live) = &state.live else {
+        let text = "none: the hub has no nats-server".to_owned();
+        return Finding { check: "live messages", level: Level::Ok, text, advice: None };
+    };
+    let (address, unheard) = (&live.address, state.unheard());
+    let text = match &live.error {
+        Some(error) => error.clone(),
+        None if unheard.is_empty() => format!("rigs heard by {address}: {}", live.heard.len()),
+        None => format!("not heard by {address}: {}", unheard.join(", ")),
+    };
+    let advice = "records arrive all the same: look at the log of nats-server, give it the configuration of `rigd-hub live \
+                  config` anew, and name it by `live` in the section `[hub]` of the benches (docs/hub.md)";
+    let is_well = live.error.is_none() && unheard.is_empty();
+    finding("live messages", is_well, Level::Warning, text, advice)
 }
 
 async fn setting(client: &Client, name: &str) -> Result<String, tokio_postgres::Error> {

@@ -10,7 +10,7 @@
 //! (`sql/04-ingest.sql`) refuses gaps, checks each digest and seal, and puts aside what differs from what is there. The
 //! journal of a bench stays complete by itself, and what is here can be sent again from it.
 //!
-//! [`ship`] is the side of a bench; [`admin`] and [`doctor`] are what the program `rigd-hub` does for the administrator.
+//! [`ship`] is the side of a bench, and [`live`] tells viewers what it does; [`admin`] and [`doctor`] are what the program `rigd-hub` does for the administrator.
 
 pub mod admin;
 mod batch;
@@ -22,18 +22,21 @@ mod connect;
 pub mod doctor;
 mod inlet;
 mod judge;
+pub mod live;
 mod migrations;
 mod name;
 mod page;
 mod pem_files;
 mod prune;
 mod reproducibility;
+mod retry;
 mod serve;
 mod shipper;
 mod state;
 mod tls;
 mod trial;
 
+pub use admin::AdminError;
 pub use batch::Batch;
 pub use catalogue::{Catalogue, CatalogueError, FoundRun, Rig, Wanted};
 pub use certificates::{Authority, CertificateError};

@@ -11,7 +11,7 @@
 use std::{
     io,
     path::{Path, PathBuf},
-    time::{Duration, SystemTime},
+    time::Duration,
 };
 
 use rig_model::with_causes;
@@ -22,7 +22,10 @@ use tokio::{
 };
 use tokio_postgres::{Client, Config};
 
-use crate::{ConnectError, Identity, Inlet, InletError, TlsError, connect};
+use crate::{
+    ConnectError, Identity, Inlet, InletError, TlsError, connect,
+    retry::{Waits, closed},
+};
 
 /// Time limits of a connection, and of an answer: a batch is committed in milliseconds.
 const CONNECT_TIME: Duration = Duration::from_secs(10);
@@ -31,8 +34,7 @@ const ANSWER_TIME: Duration = Duration::from_secs(60);
 const GREET_EVERY: Duration = Duration::from_secs(30);
 /// What is recorded within this time is sent together.
 const TOGETHER: Duration = Duration::from_millis(200);
-/// Time to the second attempt. It doubles with each further one.
-const WAIT: Duration = Duration::from_secs(1);
+/// Longest time between two attempts.
 const WAIT_MAX: Duration = Duration::from_secs(300);
 
 /// Where a journal is shipped to, and as whom.
@@ -151,7 +153,7 @@ pub async fn ship<T>(
     mut news: watch::Receiver<T>,
     standing: &watch::Sender<Standing>,
 ) {
-    let mut wait = WAIT;
+    let mut waits = Waits::up_to(WAIT_MAX);
     loop {
         let before = standing.borrow().records;
         let Err(error) = passage(to, data, software, &mut news, standing).await else { return };
@@ -161,14 +163,13 @@ pub async fn ship<T>(
             standing.error = Some(with_causes(&error));
         });
         if standing.borrow().records > before {
-            wait = WAIT;
+            waits.begin_anew();
         }
         tokio::select! {
-            () = sleep(spread(wait)) => {}
+            () = sleep(waits.next()) => {}
             // What is left is sent when the journal is open again.
             () = closed(&mut news) => return,
         }
-        wait = (wait * 2).min(WAIT_MAX);
     }
 }
 
@@ -215,29 +216,6 @@ async fn passage<T>(
                 timeout(ANSWER_TIME, inlet.greet(software)).await??;
                 note(inlet.cursor().event, 0);
             }
-        }
-    }
-}
-
-async fn closed<T>(news: &mut watch::Receiver<T>) {
-    while news.changed().await.is_ok() {}
-}
-
-/// A time up to a quarter shorter, so that not all benches call at once after a failure of the hub.
-fn spread(wait: Duration) -> Duration {
-    let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-    wait.saturating_sub(wait / 4 * (since_1970.subsec_micros() % 1000) / 1000)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn waits_are_spread_over_a_quarter() {
-        for wait in [WAIT, WAIT_MAX] {
-            let spread = spread(wait);
-            assert!(spread <= wait && spread >= wait * 3 / 4, "{spread:?}");
         }
     }
 }

@@ -3,6 +3,11 @@
 use serde::Serialize;
 use tokio_postgres::Client;
 
+use crate::live::{self, LiveState, live_state};
+
+/// A shipper calls every half minute. One that has not called for longer is not there, s.
+const PRESENT_S: i64 = 60;
+
 /// The state of a hub.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct State {
@@ -14,6 +19,32 @@ pub struct State {
     pub alarms: Vec<Alarm>,
     /// The last call of `rigd-hub prune`.
     pub pruning: Option<Pruning>,
+    /// What is heard by NATS, if the hub has live messages and [`State::listen`] was called.
+    pub live: Option<LiveState>,
+}
+
+impl State {
+    /// Listens to the rigs by NATS, for 5 s at most.
+    ///
+    /// # Errors
+    /// The error of PostgreSQL. Where nothing can be heard, `live` says why.
+    pub async fn listen(&mut self, client: &Client) -> Result<(), tokio_postgres::Error> {
+        if let Some(setup) = live::setup(client).await? {
+            self.live = Some(live_state(&setup.server.broker(), &self.present()).await);
+        }
+        Ok(())
+    }
+
+    /// Benches whose shipper has called a moment ago, but are not heard by NATS.
+    pub fn unheard(&self) -> Vec<String> {
+        let heard = self.live.as_ref().map_or(&[][..], |live| &live.heard);
+        self.present().into_iter().filter(|bench| !heard.contains(bench)).collect()
+    }
+
+    fn present(&self) -> Vec<String> {
+        let is_present = |bench: &&BenchState| bench.seen_s_ago.is_some_and(|ago| ago <= PRESENT_S);
+        self.benches.iter().filter(is_present).map(|bench| bench.bench.clone()).collect()
+    }
 }
 
 /// A call of `rigd-hub prune`.
@@ -142,6 +173,7 @@ pub async fn state(client: &Client) -> Result<State, tokio_postgres::Error> {
         benches: benches.collect(),
         alarms: alarms.collect(),
         pruning: pruning(client).await?,
+        live: None,
     })
 }
 

@@ -34,6 +34,11 @@ pub enum TrialError {
         "there is no `initdb` in PATH or below {DEBIAN}: install the Debian package `postgresql`"
     )]
     NotInstalled,
+    /// The nats-server is not installed.
+    #[error(
+        "there is no `nats-server` in PATH or /usr/sbin: install the Debian package `nats-server`"
+    )]
+    NoNats,
     /// There is no user as whom it can run.
     #[error("PostgreSQL does not run as root, and there is no user `postgres` or `nobody`")]
     NoUser,
@@ -83,7 +88,7 @@ impl Trial {
         let port = free_port().map_err(|source| system(Path::new("127.0.0.1"), source))?;
         let certificates = directory.join("certificates");
         let authority = Authority::open_or_make(&certificates)?;
-        authority.sign_server(vec!["localhost".to_owned(), "127.0.0.1".to_owned()])?;
+        authority.sign_server(vec!["localhost".to_owned(), "127.0.0.1".to_owned()], "server")?;
         if let Some([uid, gid]) = user {
             for path in
                 [directory.to_path_buf(), certificates.clone(), certificates.join("server.key")]
@@ -140,7 +145,7 @@ impl Trial {
             give(&out, self.user)?;
         }
         let authority = Authority::open(&self.directory.join("certificates"))?;
-        let [certificate, key] = authority.sign_client(role, &out)?;
+        let [certificate, key] = authority.sign_client(role, &out, "bench")?;
         Ok([certificate, key, authority.certificate()])
     }
 
@@ -156,6 +161,11 @@ impl Trial {
     /// The directory of the database.
     pub fn data(&self) -> PathBuf {
         self.directory.join("data")
+    }
+
+    /// The directory of the authority.
+    pub fn certificates(&self) -> PathBuf {
+        self.directory.join("certificates")
     }
 
     /// Port on the loopback.
@@ -310,7 +320,7 @@ fn unprivileged() -> Result<[u32; 2], TrialError> {
 }
 
 /// A port of the loopback that nobody has now.
-fn free_port() -> io::Result<u16> {
+pub(crate) fn free_port() -> io::Result<u16> {
     Ok(TcpListener::bind("127.0.0.1:0")?.local_addr()?.port())
 }
 

@@ -19,6 +19,7 @@ mod export;
 mod failure;
 mod fit;
 mod guard;
+mod hub;
 mod identify;
 mod instrument;
 mod live;

@@ -67,7 +67,7 @@ use axum::{
     routing::get,
 };
 use futures_util::FutureExt;
-use rig_hub::Standing;
+use rig_hub::{Standing, live::LiveStanding};
 use rig_model::{panic_message, with_causes};
 use rig_store::{Reader, RunId, RunKind, RunStatus};
 use tokio::{
@@ -121,6 +121,8 @@ struct Inner {
     notifications: RwLock<Option<Arc<Post>>>,
     /// How the shipping of the journal to a hub stands, if there is one.
     shipping: OnceLock<watch::Receiver<Standing>>,
+    /// How the messages to viewers stand, if the hub has a nats-server.
+    live: OnceLock<watch::Receiver<LiveStanding>>,
     /// The TLS of the listener, if clients must speak it.
     tls: OnceLock<Tls>,
     /// To the task that reads the configuration again.
@@ -183,6 +185,7 @@ impl Shared {
             queue,
             notifications: RwLock::default(),
             shipping: OnceLock::new(),
+            live: OnceLock::new(),
             tls: OnceLock::new(),
             reloads: OnceLock::new(),
             commissioning: OnceLock::new(),
@@ -220,6 +223,17 @@ impl Shared {
     /// Shows how the shipping of the journal stands among the figures of the service.
     pub(crate) fn show_hub(&self, standing: watch::Receiver<Standing>) {
         _ = self.inner.shipping.set(standing);
+    }
+
+    /// Shows how the messages to viewers stand among the figures of the service.
+    pub(crate) fn show_live(&self, standing: watch::Receiver<LiveStanding>) {
+        _ = self.inner.live.set(standing);
+    }
+
+    /// The rig in this state, as `GET /api/v1/rig` describes it.
+    pub(crate) fn document(&self, status: &Status) -> String {
+        // A view has no map whose keys are not texts, which is all that JSON refuses.
+        serde_json::to_string(&rig::view(self, status)).unwrap_or_default()
     }
 
     /// Shows the notifications among the figures of the service.

@@ -4,6 +4,7 @@
 mod aim;
 mod archive;
 mod bench_check;
+mod beside;
 mod block_runs;
 pub mod calibrations;
 pub mod cli;
@@ -20,6 +21,7 @@ mod hint;
 pub mod http;
 mod instruments;
 mod interruption;
+mod live;
 pub mod loaded_rig;
 mod local_time;
 mod notify;

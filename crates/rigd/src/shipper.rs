@@ -6,31 +6,30 @@
 use std::{
     io,
     path::{Path, PathBuf},
-    thread,
-    time::Duration,
 };
 
 use rig_files::service_file::HubFile;
 use rig_hub::{Destination, Held, ShipperError, Standing, TlsError, ship};
 use rig_store::Reader;
-use tokio::{sync::watch, time::timeout};
-use tokio_util::sync::CancellationToken;
+use tokio::sync::watch;
 
-use crate::rig::Status;
+use crate::{
+    beside::{Beside, Words, tell},
+    rig::Status,
+};
 
 /// The version that the hub is told.
 const SOFTWARE: &str = concat!("rigd ", env!("CARGO_PKG_VERSION"));
-/// By how much the thread gives way to the rig thread.
-const NICE: i32 = 10;
-/// Time in which the end of the journal is shipped when the daemon ends. The rest is sent at its next start.
-const LAST_TIME: Duration = Duration::from_secs(2);
+const WORDS: Words = Words {
+    fails: "the journal is not shipped to the hub, and is tried on",
+    goes_on: "the journal is shipped to the hub again",
+};
 
 /// Ships for as long as it is kept.
 #[derive(Debug)]
 pub(crate) struct Shipper {
     standing: watch::Receiver<Standing>,
-    ending: CancellationToken,
-    thread: Option<thread::JoinHandle<()>>,
+    beside: Beside,
 }
 
 /// The hub of a service file.
@@ -56,26 +55,14 @@ impl Shipper {
         status: watch::Receiver<Status>,
     ) -> io::Result<Self> {
         let (sender, standing) = watch::channel(Standing::default());
-        let ending = CancellationToken::new();
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-        let end = ending.clone();
-        let work = move || {
-            if let Err(error) = rustix::process::nice(NICE) {
-                tracing::warn!(%error, "the thread of the hub has the priority of the rig thread");
+        let beside = Beside::start("hub", move || async move {
+            let told = tell(sender.subscribe(), |standing| standing.error.clone(), WORDS);
+            tokio::select! {
+                () = ship(&to, &data, SOFTWARE, status, &sender) => {}
+                () = told => {}
             }
-            runtime.block_on(async {
-                let ship = ship(&to, &data, SOFTWARE, status, &sender);
-                tokio::select! {
-                    () = ship => {}
-                    () = tell(sender.subscribe()) => {}
-                    () = end.cancelled() => {}
-                }
-            });
-            // A name that is being looked up cannot be interrupted; the program does not wait for it.
-            runtime.shutdown_background();
-        };
-        let thread = Some(thread::Builder::new().name("hub".to_owned()).spawn(work)?);
-        Ok(Self { standing, ending, thread })
+        })?;
+        Ok(Self { standing, beside })
     }
 
     /// For the figures of the service.
@@ -83,44 +70,9 @@ impl Shipper {
         self.standing.clone()
     }
 
-    /// Waits a short time for the end of the journal, once the rig has closed.
-    pub(crate) async fn finish(shipper: Option<Self>) {
-        let Some(mut shipper) = shipper else { return };
-        let mut standing = shipper.standing.clone();
-        let ended = async { while standing.changed().await.is_ok() {} };
-        if timeout(LAST_TIME, ended).await.is_err() {
-            shipper.ending.cancel();
-        }
-        shipper.join();
-    }
-
-    fn join(&mut self) {
-        if let Some(thread) = self.thread.take() {
-            _ = thread.join();
-        }
-    }
-}
-
-impl Drop for Shipper {
-    fn drop(&mut self) {
-        self.ending.cancel();
-        self.join();
-    }
-}
-
-/// Logs when shipping fails and when it goes on, not each attempt.
-async fn tell(mut standing: watch::Receiver<Standing>) {
-    let mut told = None;
-    while standing.changed().await.is_ok() {
-        let Standing { error, event, .. } = standing.borrow_and_update().clone();
-        match (&error, &told) {
-            (Some(error), None) => {
-                tracing::warn!(error, "the journal is not shipped to the hub, and is tried on");
-            }
-            (None, Some(_)) => tracing::warn!(event, "the journal is shipped to the hub again"),
-            _ => {}
-        }
-        told = error;
+    /// Waits a short time for the end of the journal, once the rig has closed. The rest is sent at the next start.
+    pub(crate) async fn finish(self) {
+        self.beside.finish(self.standing).await;
     }
 }
 

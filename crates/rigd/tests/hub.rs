@@ -11,12 +11,17 @@ use std::{
     net::TcpListener,
     path::{Path, PathBuf},
     process::{Command, Output},
+    sync::mpsc,
+    thread,
     time::Instant,
 };
 
 use program::{PATIENCE, Program, post, request};
-use rig_hub::{BenchState, Trial, admin, connect};
-use rig_store::{Reader, RunKind};
+use rig_hub::{
+    Authority, BenchState, Trial, admin, connect,
+    live::{self, HUB_NAME, Heard, LiveServer, NatsServer, Scope, Watch},
+};
+use rig_store::{Digest, Reader, RunKind};
 use rustix::process::Signal;
 use serde_json::Value;
 use tempfile::TempDir;
@@ -56,6 +61,22 @@ impl Hub {
 
     fn address(&self) -> String {
         format!("localhost:{}", self.server.port())
+    }
+
+    /// Starts a nats-server for live messages.
+    fn broadcast(&self) -> (NatsServer, LiveServer) {
+        let certificates = self.server.certificates();
+        let authority = Authority::open(&certificates).unwrap();
+        authority.sign_server(vec!["localhost".to_owned()], "nats").unwrap();
+        authority.sign_client(HUB_NAME, &certificates, "live").unwrap();
+        let port = NatsServer::free_port().unwrap();
+        let server = LiveServer { host: "localhost".to_owned(), port, certificates };
+        let setup = self.runtime.block_on(async {
+            let (client, _task) = connect(&self.server.admin(DATABASE), None).await.unwrap();
+            live::set_up(&client, &server).await.unwrap();
+            live::setup(&client).await.unwrap().unwrap()
+        });
+        (NatsServer::start(&server.certificates, &setup).unwrap(), server)
     }
 
     /// What the hub has of the bench.
@@ -128,6 +149,42 @@ fn counted(data: &Path) -> [i64; 3] {
     let sealed = runs.iter().filter(|run| run.is_sealed).count();
     let records: u64 = runs.iter().map(|run| run.records).sum();
     [runs.len().try_into().unwrap(), sealed.try_into().unwrap(), records.cast_signed()]
+}
+
+/// The last digest of the first run, which covers each time of the rig's clock.
+fn digest_of_run(data: &Path) -> Digest {
+    let reader = Reader::open(data).unwrap();
+    let runs = reader.runs().unwrap();
+    let first =
+        runs.iter().filter(|run| run.kind == RunKind::Run).min_by_key(|run| run.id).unwrap();
+    reader.last_digest(first.id).unwrap().unwrap()
+}
+
+/// Listens until a run has ended: the state before that, and its end.
+fn hear(server: &LiveServer) -> mpsc::Receiver<(Heard, Heard)> {
+    let (sender, receiver) = mpsc::channel();
+    let broker = server.broker();
+    let (is_open, opened) = mpsc::channel();
+    thread::spawn(move || {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+        runtime.block_on(async {
+            let mut watch = Watch::open(&broker, &Scope::All).await.unwrap();
+            is_open.send(()).unwrap();
+            let mut state = None;
+            loop {
+                let message = watch.next().await.unwrap();
+                match (message.kind.as_deref(), &state) {
+                    (None, _) => state = Some(message),
+                    (Some("run_finished"), Some(state)) => {
+                        return sender.send((state.clone(), message)).unwrap();
+                    }
+                    _ => {}
+                }
+            }
+        });
+    });
+    opened.recv_timeout(PATIENCE).unwrap();
+    receiver
 }
 
 fn doctor(folder: &Path, service: &str) -> Output {
@@ -206,11 +263,57 @@ fn a_hub_that_is_gone_or_never_answers_costs_a_run_nothing() {
         let service = address.map(|address| hub.section(&address.to_string()));
         let (daemon, of_daemon) = serve(folder.path(), &service.unwrap_or_default());
         play(&of_daemon);
-        let data = end(daemon);
-        let reader = Reader::open(&data).unwrap();
-        let run = reader.runs().unwrap().into_iter().find(|run| run.kind == RunKind::Run).unwrap();
-        // The digest covers each time of the rig's clock.
-        digests.push(reader.last_digest(run.id).unwrap().unwrap());
+        digests.push(digest_of_run(&end(daemon)));
+    }
+    assert!(digests.iter().all(|digest| *digest == digests[0]), "{digests:?}");
+}
+
+#[test]
+fn viewers_see_a_run_and_a_nats_server_that_is_frozen_silent_or_gone_costs_it_nothing() {
+    let hub = Hub::start();
+    let (nats, server) = hub.broadcast();
+    let silent = TcpListener::bind("127.0.0.1:0").unwrap();
+    let silent = format!("localhost:{}", silent.local_addr().unwrap().port());
+    let address = format!("localhost:{}", server.port);
+    let with_live = |live: &str| format!("{}live = \"{live}\"\n", hub.section(&hub.address()));
+    let is_shipped = |figure: &dyn Fn(&str) -> f64| {
+        figure("rigd_hub_connected") == 1.0 && figure("rigd_hub_events_behind") == 0.0
+    };
+    let mut digests = Vec::new();
+
+    let folder = TempDir::new().unwrap();
+    let heard = hear(&server);
+    let (daemon, of_daemon) = serve(folder.path(), &with_live(&address));
+    wait_for(&of_daemon, |figure| figure("rigd_live_connected") == 1.0);
+    play(&of_daemon);
+    let (last_state, ended) = heard.recv_timeout(PATIENCE).unwrap();
+    assert_eq!(last_state.bench.to_string(), BENCH);
+    let state: Value = serde_json::from_str(&last_state.document).unwrap();
+    assert!(state["state"].is_string() && state["devices"].is_array(), "{state}");
+    let event: Value = serde_json::from_str(&ended.document).unwrap();
+    assert_eq!(event["record"]["status"], "completed");
+    let found = findings(&doctor(folder.path(), &with_live(&address)));
+    assert!(found.len() == 2 && found.iter().all(|(level, _)| level == "ok"), "{found:?}");
+
+    digests.push(digest_of_run(&end(daemon)));
+
+    // The server stands still while a daemon is connected to it.
+    let folder = TempDir::new().unwrap();
+    let (daemon, of_daemon) = serve(folder.path(), &with_live(&address));
+    wait_for(&of_daemon, |figure| figure("rigd_live_connected") == 1.0);
+    nats.freeze().unwrap();
+    play(&of_daemon);
+    wait_for(&of_daemon, is_shipped);
+    digests.push(digest_of_run(&end(daemon)));
+    drop(nats);
+
+    for live in [None, Some(silent), Some(address)] {
+        let folder = TempDir::new().unwrap();
+        let service = live.map_or_else(|| hub.section(&hub.address()), |live| with_live(&live));
+        let (daemon, of_daemon) = serve(folder.path(), &service);
+        play(&of_daemon);
+        wait_for(&of_daemon, is_shipped);
+        digests.push(digest_of_run(&end(daemon)));
     }
     assert!(digests.iter().all(|digest| *digest == digests[0]), "{digests:?}");
 }

@@ -2,7 +2,7 @@
 
 use crate::{State, doctor::Finding};
 
-/// Each bench in a line, the last pruning, and each alarm.
+/// Each bench in a line, the last pruning, live messages, and each alarm.
 pub(super) fn status(state: &State) -> String {
     let mut lines = vec![format!(
         "{:<24} {:>20} {:>7} {:>7} {:>7} {:>10} {:>7}",
@@ -27,6 +27,13 @@ pub(super) fn status(state: &State) -> String {
             last.at, last.records, last.runs, last.keep_days, last.objects, last.stayed
         ),
     });
+    if let Some(live) = &state.live {
+        let heard = if live.heard.is_empty() { "no rig".to_owned() } else { live.heard.join(", ") };
+        lines.push(match &live.error {
+            Some(error) => format!("no live messages: {error}"),
+            None => format!("heard by {}: {heard}", live.address),
+        });
+    }
     for alarm in &state.alarms {
         lines.push(format!(
             "alarm {}: {} of {}, {} ({} times, last {}): {}",

@@ -3,12 +3,14 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use tokio_postgres::Client;
 
-use super::{Failure, ended, say};
+use super::{Failure, ended, live::make_certificates, say};
 use crate::{
     BenchName, Trial,
     admin::{self, DATABASE},
     connect,
+    live::{self, LiveServer, NatsServer},
 };
 
 #[derive(Debug, Args)]
@@ -18,6 +20,9 @@ pub(super) struct TrialArgs {
     /// LAB/NAME of a bench; may be repeated
     #[arg(long = "bench", default_value = "lab/left")]
     benches: Vec<BenchName>,
+    /// Run a nats-server too, for live messages
+    #[arg(long)]
+    live: bool,
 }
 
 /// Runs a PostgreSQL until the program is ended.
@@ -30,10 +35,15 @@ pub(super) async fn trial(args: TrialArgs) -> Result<(), Failure> {
     let (client, _task) = connect(&config, None).await?;
     for bench in &args.benches {
         admin::add_bench(&client, bench).await?;
+    }
+    let nats = if args.live { Some(start_nats(&trial, &client).await?) } else { None };
+    let live = nats.as_ref().map(|(port, _)| format!("live = \"localhost:{port}\"\n"));
+    let live = live.unwrap_or_default();
+    for bench in &args.benches {
         let [certificate, key, authority] = trial.certify(&bench.to_string())?;
         say(&format!(
             "# In the service file of a daemon:\n[hub]\naddress = \"localhost:{}\"\nbench = \"{bench}\"\n\
-             certificate = \"{}\"\nkey = \"{}\"\nauthority = \"{}\"\n",
+             certificate = \"{}\"\nkey = \"{}\"\nauthority = \"{}\"\n{live}",
             trial.port(),
             certificate.display(),
             key.display(),
@@ -47,4 +57,14 @@ pub(super) async fn trial(args: TrialArgs) -> Result<(), Failure> {
         trial.port(),
     ))?;
     Ok(ended().await?)
+}
+
+/// A nats-server beside the PostgreSQL, and its port.
+async fn start_nats(trial: &Trial, client: &Client) -> Result<(u16, NatsServer), Failure> {
+    let (port, certificates) = (NatsServer::free_port()?, trial.certificates());
+    make_certificates(&certificates, "localhost")?;
+    let server = LiveServer { host: "localhost".to_owned(), port, certificates };
+    live::set_up(client, &server).await?;
+    let setup = live::setup(client).await?.ok_or(Failure::NoLive)?;
+    Ok((port, NatsServer::start(&server.certificates, &setup)?))
 }

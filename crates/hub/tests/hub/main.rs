@@ -5,6 +5,7 @@
 mod access;
 mod forks;
 mod ingest;
+mod live;
 mod migrations;
 mod page;
 mod prune;

@@ -207,9 +207,9 @@ fn change(part: Part, name: &str) -> Change {
         (Part::Service, "tls") => Change::Restart(
             "the port speaks as it did at the start; renewed files of a certificate need no reload",
         ),
-        (Part::Service, name) if name.starts_with("hub.") => {
-            Change::Restart("the journal is shipped as it was said at the start")
-        }
+        (Part::Service, name) if name.starts_with("hub.") => Change::Restart(
+            "the journal is shipped, and viewers are told, as it was said at the start",
+        ),
         (Part::Service, "release_queue") => Change::Restart("it says what happens after a start"),
         (Part::Service, _) => Change::Restart("it is a flag of the program"),
         (Part::Directories, _) => Change::Restart("the rig and its journal are open"),

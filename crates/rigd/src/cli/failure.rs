@@ -128,6 +128,8 @@ pub(super) enum Failure {
     #[error("the hub")]
     Hub(#[from] rig_hub::TlsError),
     #[error(transparent)]
+    Bench(#[from] rig_hub::NameError),
+    #[error(transparent)]
     Target(#[from] TargetError),
     #[error(transparent)]
     Notify(#[from] NotifyError),
@@ -197,6 +199,7 @@ impl Failure {
             | Self::Token(_)
             | Self::Tls(_)
             | Self::Hub(_)
+            | Self::Bench(_)
             | Self::Target(_)
             | Self::Tokens(TokensError::Taken { .. } | TokensError::Unknown { .. })
             | Self::NoFile { .. }

@@ -10,7 +10,6 @@ use std::{
 use clap::Args;
 use jiff::Timestamp;
 use rig_files::service_file::TlsFile;
-use rig_hub::Destination;
 use rig_store::{Reader, StoreError};
 use tokio::runtime::Handle;
 use tokio_util::sync::CancellationToken;
@@ -21,6 +20,7 @@ use super::{
     door::{Door, Listening},
     ended_runs,
     guard::watch_over_http,
+    hub::{Hub, Telling},
     manager,
     reload::{Flags, InForce, Reloader, Told},
     screen::{say, say_clearly},
@@ -41,7 +41,6 @@ use crate::{
     operator::Operator,
     protocol_file::LoadedProtocol,
     queue,
-    shipper::{self, Shipper},
     tokens::{Secret, Tokens},
 };
 
@@ -114,7 +113,7 @@ struct Daemon {
     access: Access,
     secret: Secret,
     targets: Option<Targets>,
-    hub: Option<Destination>,
+    hub: Option<Hub>,
 }
 
 impl Daemon {
@@ -125,7 +124,7 @@ impl Daemon {
         let listening = Listening::of(settings.listen.value)?;
         let access = access(&settings, listening.address(), args.bench.operator.name(), &secret)?;
         let (tls, targets) = (tls(&settings, listening.address())?, settings.targets()?);
-        let hub = settings.hub.as_ref().map(shipper::destination).transpose()?;
+        let hub = settings.hub.as_ref().map(Hub::of).transpose()?;
         let rig = LoadedRig::load(&settings.rig.value)?;
         let flags = Flags { bench: args.bench.clone(), service: args.service.clone() };
         let in_force = InForce::new(&flags, &settings, &rig)?;
@@ -166,7 +165,7 @@ impl Daemon {
         // Ends what begins something by itself.
         let nothing_more = CancellationToken::new();
         tokio::spawn(shared.clone().run_queue(nothing_more.clone()));
-        let shipper = ship(hub, &shared, &data)?;
+        let to_hub = hub.map(|hub| hub.start(&shared, &data)).transpose()?;
         let reloader = Reloader::new(flags, in_force, shared.clone(), told);
         let reloading = tokio::spawn(reloader.serve(hangups, nothing_more.clone()));
         let telling = tokio::spawn(manager::feed(shared.clone()));
@@ -194,7 +193,7 @@ impl Daemon {
             () = signals.next() => return Err(left(&handle.status().borrow())),
         }
         thread.join();
-        Shipper::finish(shipper).await;
+        Telling::finish(to_hub).await;
         // The end of the last run is in the outbox then.
         drop(reloading.await);
         drop(announced);
@@ -208,19 +207,6 @@ impl Daemon {
         }
         Ok(())
     }
-}
-
-/// Begins to ship the journal, if there is a hub.
-fn ship(
-    hub: Option<Destination>,
-    shared: &http::Shared,
-    data: &Path,
-) -> Result<Option<Shipper>, Failure> {
-    let Some(to) = hub else { return Ok(None) };
-    let shipper = Shipper::start(to, data.to_path_buf(), shared.watch_status())
-        .map_err(|source| Failure::System { what: "thread of the hub", source })?;
-    shared.show_hub(shipper.standing());
-    Ok(Some(shipper))
 }
 
 /// Shows and watches when the certificate expires, where clients must speak TLS.

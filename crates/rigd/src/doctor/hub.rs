@@ -8,7 +8,7 @@ use rig_model::with_causes;
 use rig_store::StoreError;
 
 use super::{Finding, Findings, Level};
-use crate::shipper;
+use crate::{live::Audience, shipper};
 
 /// A hub with fewer events behind it is as a running daemon leaves it.
 const BEHIND_MAX: u64 = 1000;
@@ -58,6 +58,17 @@ pub(crate) fn findings(file: &HubFile, data: &Path) -> Vec<Finding> {
             let advice = "the rig measures on, and the journal is shipped later: look at network, certificate and \
                           `rigd-hub doctor`";
             found.problem("connection", format!("{host}:{port}: {}", with_causes(&error)), advice);
+        }
+    }
+    if let Ok(Some(audience)) = Audience::of(file) {
+        let address = audience.address();
+        match audience.try_out() {
+            Ok(()) => found.ok("live messages", format!("{address} takes messages of {bench}")),
+            Err(error) => {
+                let advice = "the rig measures on and its journal is shipped, and only viewers miss it: look at the log of \
+                              nats-server, and at `rigd-hub doctor`";
+                found.warning("live messages", with_causes(&error), advice);
+            }
         }
     }
     found.all

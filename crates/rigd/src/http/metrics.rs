@@ -144,6 +144,7 @@ pub(super) async fn show(State(shared): State<Shared>) -> Result<Response, Probl
     );
     of_the_notifications(&shared, &mut figures);
     of_the_hub(&shared, &mut figures).await?;
+    of_live_messages(&shared, &mut figures);
     of_the_devices(&status, &mut figures);
     of_the_journal(&happened, &mut figures);
     drop(happened);
@@ -272,6 +273,18 @@ async fn of_the_hub(shared: &Shared, figures: &mut Figures) -> Result<(), Proble
     figures.count("hub_records", help, standing.records);
     figures.count("hub_failures", "Attempts to ship that failed", standing.failures);
     Ok(())
+}
+
+/// What viewers are told by NATS.
+fn of_live_messages(shared: &Shared, figures: &mut Figures) {
+    let Some(standing) = shared.inner.live.get() else { return };
+    let standing = standing.borrow().clone();
+    let is_connected = f64::from(u8::from(standing.is_connected));
+    figures.gauge("live_connected", "1 while the nats-server answers", is_connected);
+    figures.count("live_messages", "Messages that were sent to viewers", standing.messages);
+    let help = "Events that viewers were not told, without a connection or because of their number or size";
+    figures.count("live_left_out", help, standing.left_out);
+    figures.count("live_failures", "Attempts to tell viewers that failed", standing.failures);
 }
 
 fn of_the_journal(happened: &Happened, figures: &mut Figures) {
