@@ -52,11 +52,6 @@ impl Identity {
             .map_err(unusable)?;
         Ok(Self(Arc::new(config)))
     }
-
-    /// For a client that makes its own handshake.
-    pub(crate) fn config(&self) -> ClientConfig {
-        ClientConfig::clone(&self.0)
-    }
 }
 
 /// Shakes hands with one server.

@@ -148,8 +148,16 @@ async fn init(args: InitArgs) -> Result<(), Failure> {
     let (client, _task) = args.database.connect().await?;
     let (host, port) = args.address;
     let certificates = std::path::absolute(&args.certificates)?;
-    for path in make_certificates(&certificates, &host)? {
+    let (made, of_server) =
+        (make_certificates(&certificates, &host)?, certificates.join(format!("{SERVER_STEM}.pem")));
+    for path in &made {
         say(&path.display().to_string())?;
+    }
+    if !made.contains(&of_server) {
+        say(&format!(
+            "{} is there already: if it is not for {host}, remove it with its key, and call this again",
+            of_server.display()
+        ))?;
     }
     live::set_up(&client, &LiveServer { host, port, certificates }).await?;
     say("the configuration of the nats-server is that of `rigd-hub live config`")

@@ -120,7 +120,8 @@ impl LiveSetup {
             "# Made by `rigd-hub live config`. Make it again after each change of benches and viewers.\n\
              port: {}\n\
              tls {{\n  cert_file: {}\n  key_file: {}\n  ca_file: {}\n\
-             \x20 # A certificate is a user, by its common name.\n  verify_and_map: true\n}}\n\
+             \x20 # A certificate is a user, by its common name.\n  verify_and_map: true\n\
+             \x20 # Seconds for a handshake: a bench that is busy needs more than the usual 2.\n  timeout: 10\n}}\n\
              accounts {{\n",
             self.server.port,
             file("nats.pem"),

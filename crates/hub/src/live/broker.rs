@@ -32,12 +32,12 @@ pub enum LiveError {
     #[error(transparent)]
     Tls(#[from] TlsError),
     /// No connection.
-    #[error("the nats-server {address} cannot be reached, or refuses")]
+    #[error("the nats-server {address} cannot be reached, or refuses: {cause}")]
     Connect {
         /// Its address.
         address: String,
-        /// The error of the library.
-        source: async_nats::ConnectError,
+        /// The error of the library, whose text has those behind it.
+        cause: async_nats::ConnectError,
     },
     /// No answer in time.
     #[error("the nats-server {address} has not answered within {} s", within.as_secs())]
@@ -104,7 +104,8 @@ impl Broker {
     /// # Errors
     /// [`TlsError`] names the file and its fault.
     pub fn check(&self) -> Result<(), TlsError> {
-        self.identity().map(drop)
+        let [certificate, key, authority] = &self.files;
+        Identity::read(certificate, key, authority).map(drop)
     }
 
     /// Connects, and ends the connection again.
@@ -115,18 +116,16 @@ impl Broker {
         self.connect().await.map(drop)
     }
 
-    fn identity(&self) -> Result<Identity, TlsError> {
-        let [certificate, key, authority] = &self.files;
-        Identity::read(certificate, key, authority)
-    }
-
     pub(super) async fn connect(&self) -> Result<Line, LiveError> {
-        let config = self.identity()?.config();
+        self.check()?;
+        let [certificate, key, authority] = self.files.clone();
         let (sender, trouble) = watch::channel(None);
         let options = ConnectOptions::new()
             .name("rigd")
             .require_tls(true)
-            .tls_client_config(config)
+            // With these, and not with a finished configuration, the library leaves the authorities of the system out.
+            .add_root_certificates(authority)
+            .add_client_certificate(certificate, key)
             .connection_timeout(CONNECT_TIME)
             .ping_interval(PING_EVERY)
             .client_capacity(WAITING_MAX)
@@ -142,7 +141,7 @@ impl Broker {
         let connected = timeout(CONNECT_TIME, options.connect(format!("tls://{address}"))).await;
         match connected {
             Ok(Ok(client)) => Ok(Line { client, address, trouble }),
-            Ok(Err(source)) => Err(LiveError::Connect { address, source }),
+            Ok(Err(cause)) => Err(LiveError::Connect { address, cause }),
             Err(_) => Err(LiveError::Silent { address, within: CONNECT_TIME }),
         }
     }
