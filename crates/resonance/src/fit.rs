@@ -157,7 +157,11 @@ fn judge(
     };
     let reason = doubt_existence(&found, gain)
         .or_else(|| (model.found.end == End::OutOfSteps).then_some(Reason::NotConverged))
-        .or_else(|| doubt_place(&found, window))
+        // Outside of the window a place is stated if it is known.
+        .or_else(|| {
+            let place = doubt_place(&found, window)?;
+            Some(doubt_precision(&found, model.sigma_by_noise_hz(&found)).unwrap_or(place))
+        })
         .or_else(|| doubt_circuit(&found, span))
         .or_else(|| doubt_resolution(&found, span, count))
         // A fit to many outliers does not determine the resonance.

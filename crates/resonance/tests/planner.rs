@@ -262,6 +262,30 @@ fn a_sensor_without_a_resonance_in_the_window_is_refused() {
     }
 }
 
+/// Far above the resonance there are a capacitor and noise: a second mode or the place of a resonance would be invented.
+/// Nearer, a place is stated if it is right.
+#[test]
+fn far_from_the_resonance_no_other_one_is_named() {
+    let mut bad = 0;
+    let found = Circuit { resonance_hz: 140.44, ..circuit(60.0, 0.1) };
+    for (min_hz, max_hz) in [(150.0, 200.0), (170.0, 220.0), (300.0, 360.0), (400.0, 450.0)] {
+        let window = Window { min_hz, max_hz };
+        for seed in 0..5 {
+            let request = SweepRequest { window, ..request(SweepMethod::Adaptive) };
+            let (verdict, ..) = run(&found, &request, None, seed);
+            let FitOutcome::Refused(refusal) = verdict else { panic!("{min_hz} Hz: accepted") };
+            bad += match refusal.reason {
+                Reason::OutsideWindow { estimate_hz, .. } => {
+                    u32::from((estimate_hz - found.resonance_hz).abs() > 2.0)
+                }
+                Reason::SecondMode { .. } => 1,
+                _ => 0,
+            };
+        }
+    }
+    assert_eq!(bad, 0);
+}
+
 #[test]
 fn a_planner_without_readings_ends_with_a_refusal() {
     for method in [SweepMethod::Adaptive, SweepMethod::Uniform { points: 20 }] {

@@ -100,7 +100,7 @@ pub(crate) struct Alternative {
     /// Variance of the logarithm of the resonance for noise of variance 1, with the cause as an
     /// unknown.
     pub(crate) variance: f64,
-    /// The same without the cause.
+    /// That variance without the cause.
     pub(crate) variance_without: f64,
     /// Size of the first pattern.
     pub(crate) size: f64,

@@ -51,7 +51,7 @@ pub(crate) struct Known {
     pub(crate) variance: f64,
     /// Standard deviation of the time between two readings of a stay, s.
     pub(crate) gap_sigma_s: f64,
-    /// The same of the time between the first two.
+    /// The uncertainty of the time between the first two.
     pub(crate) first_gap_sigma_s: f64,
 }
 
@@ -61,7 +61,7 @@ impl Known {
         Self { variance, gap_sigma_s: GAP_SIGMA_S, first_gap_sigma_s: GAP_SIGMA_S }
     }
 
-    /// The same if a survey found this error of the first gap, s. It varies by as much, because not every
+    /// These uncertainties if a survey found this error of the first gap, s. It varies by as much, because not every
     /// stay begins with the same settings.
     fn with_first_gap(self, first_gap_s: f64) -> Self {
         Self { first_gap_sigma_s: self.gap_sigma_s.hypot(first_gap_s), ..self }

@@ -112,7 +112,7 @@ impl Descent {
         self.run_while(start, normal_at, |_, _, _| true)
     }
 
-    /// The same minimum, but abandoned after a step if `is_wanted` rejects the unknowns, the cost there
+    /// Finds the minimum, and gives it up after a step if `is_wanted` rejects the unknowns, the cost there
     /// and the cost saved by the step.
     #[inline]
     pub(crate) fn run_while<T: Step<N>, const N: usize>(

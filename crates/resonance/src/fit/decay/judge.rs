@@ -154,17 +154,20 @@ fn judge(
     }
     let by_modes_hz = best.at.resonance_hz * widest.sqrt() / MODE_WIDENS;
     let curvature_hz = best.sigma_hz();
+    let roughly = resonance(stays, best, noise, curvature_hz);
     let doubt = if best.end == End::OutOfSteps {
         Some(Reason::NotConverged)
     } else if let Some(mode) = likeliest.filter(SecondMode::is_present) {
-        Some(Reason::SecondMode { near_hz: mode.resonance_hz })
+        // Beside nothing there is no second mode.
+        let alone = roughly.and_then(|found| doubt_existence(&found, gain(stays, best, &found)));
+        Some(alone.unwrap_or(Reason::SecondMode { near_hz: mode.resonance_hz }))
     } else {
         // NaN must be refused too.
         let is_described = scatter < allowed;
         (!is_described).then_some(Reason::Misfit { found: scatter, allowed })
     };
     if let Some(reason) = doubt {
-        return refused(reason, resonance(stays, best, noise, curvature_hz));
+        return refused(reason, roughly);
     }
     let sigma_hz = stays.profile_sigma_hz(best, expected).max(by_modes_hz);
     let by_phase_hz = stays.shift_by_phase_hz(best, expected);
@@ -172,13 +175,19 @@ fn judge(
     let Some(found) = resonance(stays, best, noise, sigma_hz) else {
         return refused(Reason::NotConverged, None);
     };
-    let unit = stays.unit_farad;
-    let gain = (best.at.c1 * unit).powi(2) / found.covariance[3][3];
-    doubt_existence(&found, gain)
-        .or_else(|| doubt_place(&found, window))
+    // Outside of the window a place is stated if it is known.
+    let outside = doubt_place(&found, window)
+        .map(|place| doubt_precision(&found, found.sigma_hz).unwrap_or(place));
+    doubt_existence(&found, gain(stays, best, &found))
+        .or(outside)
         .or_else(|| doubt_circuit(&found, window))
         .or_else(|| doubt_precision(&found, found.sigma_hz))
         .map_or(FitOutcome::Accepted(found), |reason| refused(reason, Some(found)))
+}
+
+/// Twice the log-likelihood that the resonance gains over a capacitor, to second order.
+fn gain(stays: &Stays, best: &Hypothesis, found: &Resonance) -> f64 {
+    (best.at.c1 * stays.unit_farad).powi(2) / found.covariance[3][3]
 }
 
 /// The circuit with its uncertainty; the standard deviation of the resonance is that of its profile

@@ -27,7 +27,7 @@ const NEARER: f64 = 1.4;
 /// Twice the log-likelihood that a second mode must gain to be accepted. Chance reaches it at some
 /// place in one sweep of thirty; such a sweep is continued.
 const GAIN: f64 = 7.0;
-/// The same where a survey has found none: chance reaches it in one sweep of two thousand.
+/// The gain that a second mode needs where a survey has found none: chance reaches it in one sweep of two thousand.
 const GAIN_AFTER_SURVEY: f64 = 16.0;
 /// Number of unknowns of the circuit and a second mode at each place.
 pub(crate) const WITH_MODES: usize = CIRCUIT + PLACES;
