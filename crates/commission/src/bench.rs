@@ -156,6 +156,9 @@ pub trait Bench: Send {
     /// A gauge has shown that the last step of an axis was about as long as its drive says: a longer one may follow.
     fn seen(&mut self, axis: JogAxis) -> impl Future<Output = Result<(), Self::Trouble>> + Send;
 
+    /// The power of the drives is about to go for a homing: what an interruption would leave unproven is kept on the disk first.
+    fn homing_begins(&mut self) -> impl Future<Output = Result<(), Self::Trouble>> + Send;
+
     /// Tells the person something.
     fn remark(&mut self, text: &str);
 }

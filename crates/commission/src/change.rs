@@ -24,11 +24,13 @@ pub enum BenchChange {
     Place,
     /// The block or a reference sample of the daily check was exchanged.
     References,
+    /// A drive has lost its zero, or a check of its homing did not end well: its zero may be at another place.
+    Zero,
 }
 
 impl BenchChange {
     /// All of them.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Drive,
         Self::Stop,
         Self::Limits,
@@ -38,6 +40,7 @@ impl BenchChange {
         Self::Collision,
         Self::Place,
         Self::References,
+        Self::Zero,
     ];
 
     /// Its name in commands and records.
@@ -52,6 +55,7 @@ impl BenchChange {
             Self::Collision => "collision",
             Self::Place => "place",
             Self::References => "references",
+            Self::Zero => "zero",
         }
     }
 
@@ -69,6 +73,9 @@ impl BenchChange {
             Self::Collision => "the probe was pressed into something",
             Self::Place => "the bench was moved, or its temperature has changed by more than 3 °C",
             Self::References => "the block or a reference sample of the daily check was exchanged",
+            Self::Zero => {
+                "a drive has lost its zero, or a check of its homing was interrupted or failed"
+            }
         }
     }
 
@@ -86,6 +93,7 @@ impl BenchChange {
             Self::Collision => &[Kind::Geometry, Kind::Blocks, Kind::Touches, Kind::Sensor],
             Self::Place => &[Kind::Blocks],
             Self::References => &[Kind::Check],
+            Self::Zero => &[Kind::Geometry, Kind::Limits, Kind::Homing, Kind::Blocks],
         }
     }
 }

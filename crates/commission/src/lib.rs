@@ -39,5 +39,5 @@ pub use finding::{Change, Finding, Value, Verdict};
 pub use kind::Kind;
 pub use question::{Answer, Asked, Choice, NotAnAnswer};
 pub use record::{Calibration, Circumstances, UnreadableCalibration, Unwritable, file_name};
-pub use standing::{Standing, Why, checks, holding};
+pub use standing::{Standing, Why, checks, holding, is_homing_begun};
 pub use step::Step;

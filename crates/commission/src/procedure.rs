@@ -81,7 +81,11 @@ async fn go_to<B: Bench>(
     while LEFT < (place - at).abs() {
         let by = (place - at).clamp(-axis.longest_step(), axis.longest_step());
         let next = jog(bench, axis, by).await?.at;
-        if (next - place).abs() >= (at - place).abs() {
+        let is_nearer = (next - place).abs() < (at - place).abs();
+        if !is_nearer && (next - place).abs() <= NEAR {
+            return Ok(next);
+        }
+        if !is_nearer {
             let (name, unit) = (axis.name(), axis.unit());
             return Err(Early::Failed(format!(
                 "{name}: it stays at {next:.3} {unit} on its way to {place:.3} {unit}"
@@ -94,6 +98,9 @@ async fn go_to<B: Bench>(
 
 /// A way that is not gone, in units of the axis: the counts of a drive, and the jitter of its encoder.
 const LEFT: f64 = 0.012;
+
+/// As near as a drive comes whose counts are as long as the way that is left, and whose encoder jitters.
+const NEAR: f64 = 0.03;
 
 /// Asks for a reading until enough agree.
 async fn agreed<B: Bench>(

@@ -15,6 +15,9 @@ const FORMAT: u32 = 1;
 /// The verdict after a change of the bench.
 const VOID: &str = "void";
 
+/// The verdict of a step that an interruption leaves unproven, until its end.
+const BEGUN: &str = "begun";
+
 /// How long a calibration holds, s: a year. What changes on the bench ends it earlier.
 const HOLDS_S: i64 = 365 * 86_400;
 
@@ -42,8 +45,8 @@ pub struct Calibration {
     format: u32,
     /// What it shows.
     pub kind: Kind,
-    /// `accepted`, `rig file` if that must be changed, `failed`, or `void` after a change of the bench; of a daily check
-    /// `accepted`, `look` or `not to be trusted`.
+    /// `accepted`, `rig file` if that must be changed, `failed`, `begun` while a homing is under way or after its interruption,
+    /// or `void` after a change of the bench; of a daily check `accepted`, `look` or `not to be trusted`.
     pub verdict: String,
     /// Why it failed, or what was changed.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -162,6 +165,12 @@ impl Calibration {
         Self { verdict: VOID.to_owned(), ..Self::new(kind, finding, basis, around) }
     }
 
+    /// The record that the power of the drives is about to go, and that the step has not ended.
+    pub fn begun(kind: Kind, basis: &Basis, around: Circumstances) -> Self {
+        let finding = Finding::failed("the step has not ended".to_owned());
+        Self { verdict: BEGUN.to_owned(), ..Self::new(kind, finding, basis, around) }
+    }
+
     /// The record of a daily check with protocols of this digest.
     pub fn check(
         values: CheckValues,
@@ -203,6 +212,11 @@ impl Calibration {
     /// Whether the bench was found as the rig file says.
     pub fn is_accepted(&self) -> bool {
         self.verdict == "accepted"
+    }
+
+    /// Whether it says that the step has not ended.
+    pub(crate) fn is_begun(&self) -> bool {
+        self.verdict == BEGUN
     }
 
     /// Whether it says that the bench was changed.

@@ -19,6 +19,8 @@ pub enum Why {
     Expired,
     /// The bench was changed since.
     Changed,
+    /// It was begun, and has not ended.
+    Begun,
 }
 
 impl Why {
@@ -34,6 +36,7 @@ impl Why {
             Self::RigFile => "it says that the rig file must be changed",
             Self::Expired => "expired",
             Self::Changed => "the bench was changed since",
+            Self::Begun => "begun, and not ended",
         }
     }
 }
@@ -107,11 +110,22 @@ pub fn holding<'a>(
         Ok(last)
     } else if last.is_void() {
         Err(Why::Changed)
+    } else if last.is_begun() {
+        Err(Why::Begun)
     } else if last.changes.is_empty() {
         Err(Why::Failed)
     } else {
         Err(Why::RigFile)
     }
+}
+
+/// Whether the power of these drives went for a homing that has not ended. The zero of a drive may be at another place
+/// since: what rests on it is to be shown anew, and the next homing shows only that the new zero stays.
+pub fn is_homing_begun(records: &[Calibration], basis: &Basis) -> bool {
+    let of_drives =
+        records.iter().filter(|record| record.kind == Kind::Homing && record.has_drives_of(basis));
+    // Keys of the rig file that were changed meanwhile do not bring a zero back.
+    of_drives.max_by_key(|record| record.made_unix_s()).is_some_and(Calibration::is_begun)
 }
 
 /// The daily checks since the bench was changed, the oldest first: those with the present keys and drives, and with
@@ -197,5 +211,21 @@ mod tests {
         records.push(accepted(Kind::Scale, &one, 40));
         assert_eq!(holding(Kind::Scale, &records, &one, 41).map(drop), Ok(()));
         assert_eq!(holding(Kind::Scale, &records, &other, 41).map(drop), Err(Why::Changed));
+    }
+
+    #[test]
+    fn a_homing_that_has_not_ended_is_seen_until_a_record_follows_also_with_other_keys() {
+        let (one, other) = (basis("0.001"), basis("0.002"));
+        let mut records = vec![accepted(Kind::Homing, &one, 10)];
+        assert!(!is_homing_begun(&records, &one));
+        records.push(Calibration::begun(Kind::Homing, &one, around(20)));
+        assert!(is_homing_begun(&records, &one) && is_homing_begun(&records, &other));
+        assert_eq!(holding(Kind::Homing, &records, &one, 21).map(drop), Err(Why::Begun));
+        let text = records[1].to_toml().unwrap();
+        assert_eq!(Calibration::read(&text).unwrap(), records[1]);
+        let void = Calibration::void(Kind::Homing, BenchChange::Zero, &other, around(30));
+        records.push(void);
+        assert!(!is_homing_begun(&records, &one));
+        assert_eq!(holding(Kind::Homing, &records, &one, 31).map(drop), Err(Why::Changed));
     }
 }

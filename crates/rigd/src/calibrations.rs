@@ -7,8 +7,8 @@ use std::{
 
 use jiff::Timestamp;
 use rig_commission::{
-    Basis, BenchChange, Calibration, Circumstances, Finding, Kind, Standing, UnreadableCalibration,
-    checks, file_name, holding,
+    Basis, BenchChange, Calibration, Circumstances, Finding, Kind, Standing, Step,
+    UnreadableCalibration, Verdict, checks, file_name, holding, is_homing_begun,
 };
 use rig_files::rig_file::RigFile;
 use rig_store::{CitedCalibration, Digest, RunStarted, ScrewMap, Source, make_directory};
@@ -185,6 +185,68 @@ pub fn void(
     let record = |around| Calibration::void(kind, change, basis, around);
     keep(data, kind, witness, record)
 }
+
+/// Writes the record of a step of commissioning that has just ended, and returns its path. A homing that did not end well, after
+/// the power of the drives went, takes along what rests on the zero of a drive.
+///
+/// # Errors
+/// [`CalibrationsError`].
+pub(crate) fn write_step(
+    basis: &Basis,
+    data: &Path,
+    (step, finding): (Step, Finding),
+    witness: Witness,
+) -> Result<PathBuf, CalibrationsError> {
+    if step == Step::Homing
+        && finding.verdict != Verdict::Accepted
+        && is_homing_begun(&read(data)?, basis)
+    {
+        // The record of the homing comes last: until then it is begun, and the others are voided again if this is interrupted.
+        for &kind in BenchChange::Zero.voids().iter().filter(|kind| **kind != Kind::Homing) {
+            void(basis, data, (kind, BenchChange::Zero), witness.clone())?;
+        }
+    }
+    write(basis, data, (step.into(), finding), witness)
+}
+
+/// Writes that the power of the drives is about to go for a homing.
+///
+/// # Errors
+/// [`CalibrationsError`].
+pub(crate) fn begin_homing(
+    basis: &Basis,
+    data: &Path,
+    witness: Witness,
+) -> Result<(), CalibrationsError> {
+    let record = |around| Calibration::begun(Kind::Homing, basis, around);
+    keep(data, Kind::Homing, witness, record).map(drop)
+}
+
+/// Voids what rests on the zero of a drive if a homing was interrupted, and returns whether one was.
+///
+/// # Errors
+/// [`CalibrationsError`].
+pub(crate) fn void_after_interrupted_homing(
+    basis: &Basis,
+    data: &Path,
+    witness: &Witness,
+) -> Result<bool, CalibrationsError> {
+    if !is_homing_begun(&read(data)?, basis) {
+        return Ok(false);
+    }
+    let kinds = BenchChange::Zero.voids();
+    // That of the homing is the last one.
+    let (homing, others): (Vec<Kind>, Vec<_>) =
+        kinds.iter().partition(|kind| **kind == Kind::Homing);
+    for kind in others.into_iter().chain(homing) {
+        void(basis, data, (kind, BenchChange::Zero), witness.clone())?;
+    }
+    Ok(true)
+}
+
+/// What is said after that.
+pub(crate) const HOMING_WAS_INTERRUPTED: &str = "A homing was interrupted: the zero of a drive may be at another place. The steps that rest \
+     on it are asked for again.";
 
 /// Writes a daily check, and returns the path of its record.
 ///

@@ -9,6 +9,8 @@
 //! ```
 
 mod remote;
+#[cfg(test)]
+mod tests;
 
 use std::{
     path::PathBuf,
@@ -97,6 +99,8 @@ enum Ended {
     Aborted,
     #[error(transparent)]
     Refused(#[from] RequestRefusal),
+    #[error(transparent)]
+    Record(#[from] Box<CommissioningRefusal>),
 }
 
 impl Commissioning {
@@ -185,6 +189,11 @@ impl Commissioning {
 
     /// Makes the steps that are missing, and says how it ended.
     async fn walk(&self, by: &str, temperature_c: Option<f64>, stop: CancellationToken) -> String {
+        match self.void_after_interrupted_homing(by, temperature_c).await {
+            Ok(true) => self.progress().say(calibrations::HOMING_WAS_INTERRUPTED.to_owned()),
+            Ok(false) => {}
+            Err(error) => return with_causes(&error),
+        }
         loop {
             let step = match self.standing().await {
                 Ok(standing) => standing.missing().next().map(|(step, _)| step),
@@ -194,7 +203,7 @@ impl Commissioning {
                 return "The rig is commissioned, and goes into service.".to_owned();
             };
             self.progress().step = Some(step);
-            let mut bench = Remote::new(self.clone(), by.to_owned(), stop.clone());
+            let mut bench = Remote::new(self.clone(), by.to_owned(), stop.clone(), temperature_c);
             let finding = match procedure::carry_out(step, &self.of.file, &mut bench).await {
                 Ok(finding) => finding,
                 Err(ended) => return format!("step {}: {}", step.name(), with_causes(&ended)),
@@ -229,12 +238,39 @@ impl Commissioning {
         person: String,
         temperature_c: Option<f64>,
     ) -> Result<(), CommissioningRefusal> {
-        let journal = vec![self.rig.status().borrow().session.to_string()];
-        let witness = Witness { person, journal, temperature_c };
+        let witness = self.witness(person, temperature_c);
         let Commissioned { basis, data, .. } = self.of.clone();
-        let write = move || calibrations::write(&basis, &data, (step.into(), finding), witness);
+        let write = move || calibrations::write_step(&basis, &data, (step, finding), witness);
         tokio::task::spawn_blocking(write).await??;
         Ok(())
+    }
+
+    /// Writes that the power of the drives is about to go.
+    async fn begin_homing(
+        &self,
+        person: String,
+        temperature_c: Option<f64>,
+    ) -> Result<(), CommissioningRefusal> {
+        let witness = self.witness(person, temperature_c);
+        let Commissioned { basis, data, .. } = self.of.clone();
+        let write = move || calibrations::begin_homing(&basis, &data, witness);
+        Ok(tokio::task::spawn_blocking(write).await??)
+    }
+
+    async fn void_after_interrupted_homing(
+        &self,
+        by: &str,
+        temperature_c: Option<f64>,
+    ) -> Result<bool, CommissioningRefusal> {
+        let witness = self.witness(by.to_owned(), temperature_c);
+        let Commissioned { basis, data, .. } = self.of.clone();
+        let void = move || calibrations::void_after_interrupted_homing(&basis, &data, &witness);
+        Ok(tokio::task::spawn_blocking(void).await??)
+    }
+
+    fn witness(&self, person: String, temperature_c: Option<f64>) -> Witness {
+        let journal = vec![self.rig.status().borrow().session.to_string()];
+        Witness { person, journal, temperature_c }
     }
 }
 

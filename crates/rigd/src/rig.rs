@@ -51,7 +51,7 @@ use rig_commission::{Answer, Asked, JogAxis, Jogged, Order};
 use rig_engine::{Command, CommandRefusal};
 use rig_link::Clock;
 use rig_model::{RigTime, SweepRequest, with_causes};
-use rig_store::{MemoryDisk, RunId, StoreError};
+use rig_store::{RunId, StoreError};
 use tokio::sync::{mpsc, oneshot, watch};
 
 pub use amend::{TouchOrder, skip};
@@ -73,7 +73,9 @@ pub use pace::{Pace, Remaining};
 pub use pulse::{Doing, Silence};
 pub(crate) use resume::{Outcomes, changes_since};
 pub use resume::{ResumeRefusal, SOFTWARE};
-pub use rig_loop::RigLoop;
+#[cfg(test)]
+pub(crate) use rig_loop::open_in;
+pub use rig_loop::{RigLoop, open_in_memory};
 pub(crate) use shell::{CLOCK_WAS_SET, HELD_UP};
 pub(crate) use space::{RESERVE_BYTES, free_bytes};
 pub use status::{DeviceIdentity, RunView, Status};
@@ -299,25 +301,6 @@ fn open_for(
         Ok(Err(error)) => Err(error),
         Err(_) => Err(OpenError::Gone),
     }
-}
-
-/// Opens a simulated rig on the runtime of the caller, with its journal in memory: for campaigns of
-/// many rigs. `bench` is the bench of a rig that was open before on the same runtime.
-///
-/// Returns when every device has answered. [`RigLoop::serve`] must be polled for anything else to
-/// happen.
-///
-/// # Errors
-/// As for [`open`].
-pub async fn open_in_memory(
-    rig: LoadedRig,
-    disk: &MemoryDisk,
-    bench: Option<SimHandle>,
-) -> Result<(RigHandle, RigLoop), OpenError> {
-    let (requests, inbox) = mpsc::channel(REQUESTS_MAX);
-    let (rig, status, simulation) = RigLoop::open(rig, disk, bench, inbox).await?;
-    // Nothing watches over a loop that its caller polls.
-    Ok((RigHandle { requests, status, simulation, pulse: Weak::new() }, rig))
 }
 
 impl RigThread {

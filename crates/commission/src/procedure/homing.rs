@@ -56,6 +56,7 @@ pub(super) async fn carry_out<B: Bench>(
         Place::of(bench, JogAxis::Rotary, &rig.limits.rotary).await?,
     ];
     confirm(bench, Asked::SetIndicators).await?;
+    bench.homing_begins().await?;
     for cycle in 0..HOMINGS {
         let is_power = cycle < POWER_CYCLES;
         if !is_power && places.iter().all(|place| !place.is_homing) {

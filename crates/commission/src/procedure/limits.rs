@@ -21,6 +21,10 @@ const STOPS: usize = 3;
 const BEFORE: f64 = 1.0;
 const BEYOND: [f64; 2] = [0.9, 2.7];
 
+/// How far an axis goes towards the middle of its travel before the step begins, mm and degrees: the next step of commissioning
+/// needs room on both sides.
+const FREE: f64 = 5.0;
+
 /// Largest distance of the stops at one end from each other, mm and degrees.
 const SCATTER: [f64; 2] = [0.05, 0.3];
 
@@ -40,8 +44,8 @@ pub(super) async fn carry_out<B: Bench>(
 ) -> Result<Finding, Early<B::Trouble>> {
     confirm(bench, Asked::NoSample).await?;
     let (linear, rotary) = (&rig.limits.linear, &rig.limits.rotary);
-    let (begin, turn) =
-        (jog(bench, JogAxis::Linear, 0.0).await?.at, jog(bench, JogAxis::Rotary, 0.0).await?.at);
+    let begin = free(bench, JogAxis::Linear, linear).await?;
+    let turn = free(bench, JogAxis::Rotary, rotary).await?;
     let mut found = Vec::new();
     let upper = end(bench, JogAxis::Linear, (linear.travel().max.value(), 1.0)).await?;
     found.push(End { name: "linear.upper_end", key: UPPER_MM, sense: 1.0, at: upper });
@@ -107,6 +111,23 @@ impl End {
         let to = self.sense * (inside * 10.0).floor() / 10.0;
         is_outside.then(|| Change { key: self.key, from: soft, to: rounded(to, 4) })
     }
+}
+
+/// Takes an axis a step towards the middle of its travel, and gives where it is then. An interrupted step has left it at an
+/// end, perhaps with the alarm of that.
+async fn free<B: Bench, U: Unit>(
+    bench: &mut B,
+    axis: JogAxis,
+    limits: &Axis<U>,
+) -> Result<f64, Early<B::Trouble>> {
+    let middle = f64::midpoint(limits.travel().min.value(), limits.travel().max.value());
+    let at = jog(bench, axis, 0.0).await?.at;
+    let by = (middle - at).clamp(-FREE, FREE);
+    if let Ok(made) = bench.drive(Order::Step(Jog { axis, by })).await? {
+        return Ok(made.at);
+    }
+    order(bench, Order::ClearAlarm(axis)).await?;
+    Ok(jog(bench, axis, by).await?.at)
 }
 
 /// Drives into an end several times, and gives where the axis was stopped.

@@ -5,17 +5,15 @@ mod guide;
 pub(super) mod sensor;
 mod touches;
 
-use std::path::{Path, PathBuf};
-
 use clap::{Args, Subcommand, ValueEnum};
 use rig_commission::{
-    Basis, BenchChange, Jog, JogAxis, Kind, Standing, Step, Verdict, metrology::NoGeometry,
-    procedure, sensor::NoSensor,
+    BenchChange, Jog, JogAxis, Kind, Standing, Step, Verdict, metrology::NoGeometry, procedure,
+    sensor::NoSensor,
 };
 use rig_files::rig_file::RigFile;
 use serde::Serialize;
 
-use self::guide::Guide;
+use self::guide::{Guide, Records};
 use super::{
     Failure,
     args::{BenchArgs, DataArgs, OutputArgs, RigArgs},
@@ -227,32 +225,30 @@ pub(super) fn commission(args: &CommissionArgs) -> Result<(), Failure> {
 const COMMISSIONED: &str =
     "The rig is commissioned. `rigd home` brings it into service: it retracts the probe first.";
 
-/// The bench that is commissioned, and where its records are.
-struct CommissionedBench {
-    file: RigFile,
-    basis: Basis,
-    data: PathBuf,
-}
-
 /// Makes the steps that are missing, or one step again.
 fn walk(args: &WalkArgs, again: Option<Step>) -> Result<(), Failure> {
     let (data, operator) = (args.bench.data.dir(), args.bench.operator.name());
     let rig = args.bench.rig.load()?;
-    let bench =
-        CommissionedBench { file: rig.file.clone(), basis: rig.basis(), data: data.clone() };
-    with_bench(rig, &data, &operator, args.yes, &args.answer, async |guide| {
+    let (file, basis) = (rig.file.clone(), rig.basis());
+    let records =
+        Records { basis: basis.clone(), data: data.clone(), temperature_c: args.temperature };
+    with_bench(rig, records, &operator, (args.yes, &args.answer), async |guide| {
+        let voided = calibrations::void_after_interrupted_homing(&basis, &data, &guide.witness());
+        if voided.map_err(CommissionFailure::from)? {
+            say_clearly(&indented(calibrations::HOMING_WAS_INTERRUPTED, 0));
+        }
         if let Some(step) = again {
-            return guide.step(step, &bench, args.temperature).await;
+            return guide.step(step, &file).await;
         }
         loop {
             let standing =
-                calibrations::standing(&bench.basis, &data).map_err(CommissionFailure::from)?;
+                calibrations::standing(&basis, &data).map_err(CommissionFailure::from)?;
             let Some((step, why)) = standing.missing().next() else {
                 say(COMMISSIONED);
                 return Ok(());
             };
             say_clearly(&format!("Missing: {} ({}).", step.name(), why.text()));
-            guide.step(step, &bench, args.temperature).await?;
+            guide.step(step, &file).await?;
         }
     })
 }
@@ -264,7 +260,8 @@ fn jog(args: &JogArgs) -> Result<(), Failure> {
         AxisName::Rotary => JogAxis::Rotary,
     };
     let rig = args.bench.rig.load()?;
-    with_bench(rig, &data, &operator, args.yes, &[], async |guide| {
+    let records = Records { basis: rig.basis(), data, temperature_c: None };
+    with_bench(rig, records, &operator, (args.yes, &[]), async |guide| {
         guide.single(Jog { axis, by: args.by }).await
     })
 }
@@ -272,10 +269,9 @@ fn jog(args: &JogArgs) -> Result<(), Failure> {
 /// Opens a bench without bringing it into service, does `work` with it, and closes it.
 fn with_bench(
     rig: LoadedRig,
-    data: &Path,
+    records: Records,
     operator: &Operator,
-    is_confirmed: bool,
-    given: &[String],
+    given: (bool, &[String]),
     work: impl AsyncFnOnce(&mut Guide) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread()
@@ -284,9 +280,9 @@ fn with_bench(
         .map_err(|source| Failure::System { what: "runtime", source })?;
     let outcome = runtime.block_on(async {
         let mut signals = Signals::new()?;
-        let data = data.to_owned();
+        let data = records.data.clone();
         let (handle, thread) = open_by(rig::open_to_commission, rig, data, &mut signals).await?;
-        let mut guide = Guide::new(handle, operator.clone(), signals, is_confirmed, given)?;
+        let mut guide = Guide::new(handle, operator.clone(), signals, records, given)?;
         let outcome = work(&mut guide).await;
         guide.close().await;
         thread.join();
@@ -403,26 +399,20 @@ fn judged(kind: Kind, verdict: Verdict) -> Result<(), Failure> {
 
 impl Guide {
     /// Makes a step and writes its record, also that of a step that failed.
-    async fn step(
-        &mut self,
-        step: Step,
-        bench: &CommissionedBench,
-        temperature_c: Option<f64>,
-    ) -> Result<(), Failure> {
+    async fn step(&mut self, step: Step, file: &RigFile) -> Result<(), Failure> {
         let (name, shows) = (step.name(), step.shows());
         say_clearly("");
         say(&indented(&format!("Step {name}: {shows}. Accepted when {}.", step.limit()), 0));
         say(step.picture());
-        let finding = procedure::carry_out(step, &bench.file, self).await?;
+        let finding = procedure::carry_out(step, file, self).await?;
         let verdict = finding.verdict.clone();
         for value in &finding.values {
             let unit = if value.unit == "1" { String::new() } else { format!(" {}", value.unit) };
             let (name, value, sigma) = (value.name, value.value, value.standard_uncertainty);
             say(&format!("{name} = {value:.4} ± {sigma:.4}{unit}"));
         }
-        let journal = vec![self.session()];
-        let witness = Witness { person: self.person(), journal, temperature_c };
-        let path = calibrations::write(&bench.basis, &bench.data, (step.into(), finding), witness)
+        let Records { basis, data, .. } = &self.records;
+        let path = calibrations::write_step(basis, data, (step, finding), self.witness())
             .map_err(CommissionFailure::from)?;
         say(&format!("Record: {}", path.display()));
         self.read_calibrations().await?;

@@ -41,6 +41,7 @@ pub(super) struct Remote {
     commissioning: Commissioning,
     by: String,
     stop: CancellationToken,
+    temperature_c: Option<f64>,
     is_simulated: bool,
 }
 
@@ -49,8 +50,9 @@ impl Remote {
         commissioning: Commissioning,
         by: String,
         stop: CancellationToken,
+        temperature_c: Option<f64>,
     ) -> Self {
-        Self { commissioning, by, stop, is_simulated: false }
+        Self { commissioning, by, stop, temperature_c, is_simulated: false }
     }
 
     /// Who answered.
@@ -120,6 +122,11 @@ impl Bench for Remote {
 
     async fn seen(&mut self, axis: JogAxis) -> Result<(), Ended> {
         Ok(self.commissioning.rig.step_seen(axis, &self.by).await?)
+    }
+
+    async fn homing_begins(&mut self) -> Result<(), Ended> {
+        let begun = self.commissioning.begin_homing(self.person(), self.temperature_c);
+        Ok(begun.await.map_err(Box::new)?)
     }
 
     fn remark(&mut self, text: &str) {

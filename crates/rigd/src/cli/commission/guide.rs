@@ -1,12 +1,13 @@
 //! The bench as `rigd commission` sees it: the person at the terminal, or the simulated one, and the rig.
 
-use std::collections::VecDeque;
+use std::{collections::VecDeque, path::PathBuf};
 
-use rig_commission::{Answer, Asked, Bench, Jog, JogAxis, Jogged, Order};
+use rig_commission::{Answer, Asked, Basis, Bench, Jog, JogAxis, Jogged, Order};
 use rig_engine::Command;
 
 use super::CommissionFailure;
 use crate::{
+    calibrations::{self, Witness},
     cli::{
         Failure,
         prompt::Terminal,
@@ -20,10 +21,19 @@ use crate::{
 /// The name in the record of a step that the simulated person has answered.
 const SIMULATED_PERSON: &str = "simulated person";
 
+/// What its records rest on, and where they are.
+pub(super) struct Records {
+    pub(super) basis: Basis,
+    pub(super) data: PathBuf,
+    /// Temperature at the bench, °C, if it was told.
+    pub(super) temperature_c: Option<f64>,
+}
+
 /// A bench in the middle of a step.
 pub(super) struct Guide {
     handle: RigHandle,
     operator: Operator,
+    pub(super) records: Records,
     signals: Signals,
     terminal: Terminal,
     /// Answers from the command line, in their order.
@@ -39,13 +49,14 @@ impl Guide {
         handle: RigHandle,
         operator: Operator,
         signals: Signals,
-        is_confirmed: bool,
-        given: &[String],
+        records: Records,
+        (is_confirmed, given): (bool, &[String]),
     ) -> Result<Self, Failure> {
         let terminal =
             Terminal::open().map_err(|source| Failure::System { what: "terminal", source })?;
         let given = given.iter().cloned().collect();
-        Ok(Self { handle, operator, signals, terminal, given, is_confirmed, is_simulated: false })
+        let is_simulated = false;
+        Ok(Self { handle, operator, records, signals, terminal, given, is_confirmed, is_simulated })
     }
 
     /// One step of one axis.
@@ -60,14 +71,18 @@ impl Guide {
     }
 
     /// Who answered.
-    pub(super) fn person(&self) -> String {
+    fn person(&self) -> String {
         let person = if self.is_simulated { SIMULATED_PERSON } else { self.operator.as_str() };
         person.to_owned()
     }
 
-    /// The session of the journal.
-    pub(super) fn session(&self) -> String {
-        self.handle.status().borrow().session.to_string()
+    /// Who sees it, and in which session of the journal.
+    pub(super) fn witness(&self) -> Witness {
+        Witness {
+            person: self.person(),
+            journal: vec![self.handle.status().borrow().session.to_string()],
+            temperature_c: self.records.temperature_c,
+        }
     }
 
     /// Has the rig see what has been shown.
@@ -149,6 +164,12 @@ impl Bench for Guide {
 
     async fn seen(&mut self, axis: JogAxis) -> Result<(), Failure> {
         Ok(self.handle.step_seen(axis, self.operator.as_str()).await?)
+    }
+
+    async fn homing_begins(&mut self) -> Result<(), Failure> {
+        let Records { basis, data, .. } = &self.records;
+        let begun = calibrations::begin_homing(basis, data, self.witness());
+        Ok(begun.map_err(CommissionFailure::from)?)
     }
 
     fn remark(&mut self, text: &str) {
