@@ -49,6 +49,22 @@ impl fmt::Display for Fault {
     }
 }
 
+/// Largest number of faults in the keys of a file that are reported. A file written by hand has fewer.
+const FAULTS_MAX: usize = 50;
+
+/// Faults beyond the largest number.
+#[derive(Debug, thiserror::Error)]
+#[error("the file has {more} more faults from here on")]
+struct More {
+    more: usize,
+}
+
+impl Complaint for More {
+    fn suggestion(&self) -> Option<String> {
+        Some("correct these first".to_owned())
+    }
+}
+
 /// All faults of a file, in the order of its lines.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Faults {
@@ -89,6 +105,16 @@ impl Faults {
     /// The faults in the order of the lines.
     pub fn iter(&self) -> std::slice::Iter<'_, Fault> {
         self.list.iter()
+    }
+
+    /// Keeps the first faults of a file that is full of them, and says how many more it has.
+    pub(crate) fn shorten(&mut self) {
+        let more = self.list.len().saturating_sub(FAULTS_MAX);
+        if let (1.., Some(first)) = (more, self.list.get(FAULTS_MAX)) {
+            let location = first.location;
+            self.list.truncate(FAULTS_MAX);
+            self.refuse(location, &More { more });
+        }
     }
 
     /// Adds the faults of another file at the end.

@@ -57,11 +57,14 @@ use source::Source;
 
 /// Reads the TOML `text` of the file `file` with `reader`, which gets the table at the root.
 ///
-/// Returns the value of the reader and the faults of the file. The value has a placeholder for each
+/// Returns the value of the reader and the faults of the file: the first fifty, and the number of the
+/// others. The value has a placeholder for each
 /// faulty setting; [`Faults::finish`] returns it only without faults.
 pub fn read<T>(file: &str, text: &str, reader: impl FnOnce(&mut Table<'_>) -> T) -> (T, Faults) {
     let (source, tree) = Source::parse(file, text);
     let root = Table::new(&source, String::new(), Location::START, Some(tree.get_ref()));
     let value = root.read(reader);
-    (value, source.into_faults())
+    let mut faults = source.into_faults();
+    faults.shorten();
+    (value, faults)
 }

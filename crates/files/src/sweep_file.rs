@@ -6,6 +6,7 @@
 //! resonance. `rig-resonance` fits the readings.
 
 mod cells;
+mod collector;
 mod column_head;
 mod csv;
 mod fault;
@@ -24,7 +25,8 @@ use num_complex::Complex64;
 use rig_model::{Reading, Window};
 use rig_resonance::{Bench, Circuit, FitOptions, NoisePrior, Timing};
 
-use crate::{Complaint, Faults, Location};
+use crate::{Faults, Location};
+use collector::FaultCollector;
 use fault::SweepFileFault;
 use quantity::Quantity;
 
@@ -61,8 +63,11 @@ pub struct LeftOut {
 /// Why a row was left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LeftOutReason {
-    /// A value is missing: `NaN`, `N/A` or `---`.
-    Missing,
+    /// The file has a word for no number in place of a value.
+    NoNumber {
+        /// The word: `NaN`, `N/A`, `#N/A` or `---`.
+        word: &'static str,
+    },
     /// The row repeats another one in every value. To count it twice would make the uncertainty too
     /// small.
     Repeated {
@@ -75,7 +80,7 @@ impl fmt::Display for LeftOut {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "line {} was left out: ", self.line)?;
         match self.reason {
-            LeftOutReason::Missing => f.write_str("a value is missing"),
+            LeftOutReason::NoNumber { word } => write!(f, "it has `{word}` in place of a number"),
             LeftOutReason::Repeated { first_line } => {
                 write!(f, "it repeats line {first_line} in every value")
             }
@@ -109,8 +114,9 @@ pub struct SweepFile {
     pub sweeps: Vec<FileSweep>,
 }
 
-/// Largest number of reported faults. More of them rarely help a person.
-const FAULTS_MAX: usize = 20;
+/// Largest number of readings in a sweep. The longest sweeps of network analyzers have about as many, and a fit of
+/// more takes minutes.
+const READINGS_MAX: usize = 101_000;
 
 const FREQUENCY_HZ: RangeInclusive<f64> = 1e-6..=1e12;
 const IMPEDANCE_OHM: RangeInclusive<f64> = -1e15..=1e15;
@@ -120,20 +126,36 @@ impl SweepFile {
     /// whose text is ambiguous. `sweep` selects a sweep by its number; `None` selects all.
     ///
     /// # Errors
-    /// The faults of the file, at most twenty, and a last one if there are more.
+    /// The faults of the file: at most twenty different ones, each with the number of its repetitions,
+    /// and a last one if there are more.
     pub fn read(name: &str, text: &str, sweep: Option<u64>) -> Result<Self, Faults> {
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-        let mut faults = FaultCollector { list: Faults::new(name) };
+        let mut faults = FaultCollector::default();
+        if let Some(at) = text.find('\0') {
+            let line = 1 + text[..at].matches('\n').count();
+            faults.refuse(Location { line, column: 1 }, SweepFileFault::NotText);
+            return Err(faults.into_faults(name));
+        }
         let sweeps = if touchstone::is_it(name, text) {
             vec![FileSweep::of(touchstone::read(text, &mut faults))]
         } else {
             csv::read(text, sweep, &mut faults)
         };
-        let is_empty = sweeps.iter().all(|sweep| sweep.readings.is_empty());
-        if is_empty && faults.list.is_empty() {
-            faults.refuse(Location::START, &SweepFileFault::Empty);
+        if let Some(found) = sweeps.iter().map(|sweep| sweep.readings.len()).max()
+            && found > READINGS_MAX
+        {
+            let max = READINGS_MAX;
+            faults.refuse(Location::START, SweepFileFault::TooManyReadings { found, max });
         }
-        faults.list.finish(Self { sweeps })
+        if let Some((readings, frequency_hz)) = sweeps.iter().find_map(FileSweep::only_frequency_hz)
+        {
+            faults.refuse(Location::START, SweepFileFault::OneFrequency { readings, frequency_hz });
+        }
+        let is_empty = sweeps.iter().all(|sweep| sweep.readings.is_empty());
+        if is_empty && faults.is_empty() {
+            faults.refuse(Location::START, SweepFileFault::Empty);
+        }
+        faults.into_faults(name).finish(Self { sweeps })
     }
 
     /// The text of a file: UTF-8, UTF-16 with a byte order mark, or otherwise Latin-1, which older
@@ -164,6 +186,17 @@ impl FileSweep {
         Self { number, readings, has_dwell, has_time, begins_s, fit, given_up, left_out }
     }
 
+    /// The number of readings and their frequency, if all of them have the same one. Of fewer readings the fit says that
+    /// they are too few, and a numbered sweep of rigd may have ended early.
+    fn only_frequency_hz(&self) -> Option<(usize, f64)> {
+        const READINGS_MIN: usize = 7;
+        let first = self.readings.first()?.frequency_hz;
+        let is_single = self.number.is_none()
+            && READINGS_MIN <= self.readings.len()
+            && self.readings.iter().all(|reading| reading.frequency_hz == first);
+        is_single.then_some((self.readings.len(), first))
+    }
+
     /// The options for the fit of this sweep. An unknown dwell makes the fit allow for readings that
     /// have not settled.
     pub fn fit_options(&self) -> FitOptions {
@@ -171,25 +204,6 @@ impl FileSweep {
         let guessed = if self.has_dwell { Timing::Waited } else { Timing::Unknown };
         let timing = timing.unwrap_or(guessed);
         FitOptions { window, noise, timing, always_loss, near, bench }
-    }
-}
-
-/// The faults found so far, up to a limit.
-struct FaultCollector {
-    list: Faults,
-}
-
-impl FaultCollector {
-    fn refuse(&mut self, location: Location, fault: &SweepFileFault) {
-        match self.list.len() {
-            0..FAULTS_MAX => self.list.refuse(location, fault as &dyn Complaint),
-            FAULTS_MAX => self.list.refuse(location, &SweepFileFault::More { shown: FAULTS_MAX }),
-            _ => {}
-        }
-    }
-
-    fn is_full(&self) -> bool {
-        self.list.len() > FAULTS_MAX
     }
 }
 

@@ -1,7 +1,8 @@
 //! Opens the files that a person names.
 
 use std::{
-    fs, io,
+    fs::File,
+    io::{self, Read},
     path::{Path, PathBuf},
 };
 
@@ -26,6 +27,17 @@ pub enum FileError {
         /// Error of the operating system.
         source: io::Error,
     },
+    /// The file is too large to be one of its kind.
+    #[error(
+        "{}: larger than {} MB, the limit for a {}", path.display(), limit_bytes(*kind) / MEGABYTE,
+        kind.name()
+    )]
+    TooLarge {
+        /// The file, or `stdin`.
+        path: PathBuf,
+        /// The expected kind.
+        kind: FileKind,
+    },
     /// The file has faults.
     #[error(transparent)]
     Faults(Faults),
@@ -33,16 +45,33 @@ pub enum FileError {
 
 /// The name of a file for its faults, and its text of the expected kind.
 pub(crate) fn read(path: &Path, kind: FileKind) -> Result<(String, String), FileError> {
-    let (name, bytes) = read_bytes(path)?;
+    let (name, bytes) = read_bytes(path, kind)?;
     let text = rig_files::settings::text(&name, &bytes).map_err(FileError::Faults)?.to_owned();
     kind.expect(&name, &text).map_err(FileError::Faults)?;
     Ok((name, text))
 }
 
+const MEGABYTE: u64 = 1_000_000;
+
+/// Largest accepted size of a file, bytes. A person writes settings of some kilobytes; the readings of a
+/// run of weeks take some tens of megabytes.
+const fn limit_bytes(kind: FileKind) -> u64 {
+    match kind {
+        FileKind::Sweep => 100 * MEGABYTE,
+        FileKind::Rig
+        | FileKind::Protocol
+        | FileKind::Scene
+        | FileKind::Service
+        | FileKind::Analyzer
+        | FileKind::Drive => MEGABYTE,
+    }
+}
+
 /// The name of a file for its faults, and its bytes.
-pub(crate) fn read_bytes(path: &Path) -> Result<(String, Vec<u8>), FileError> {
-    match fs::read(path) {
-        Ok(bytes) => Ok((path.display().to_string(), bytes)),
+pub(crate) fn read_bytes(path: &Path, kind: FileKind) -> Result<(String, Vec<u8>), FileError> {
+    match File::open(path).and_then(|file| read_to_limit(file, kind)) {
+        Ok(Some(bytes)) => Ok((path.display().to_string(), bytes)),
+        Ok(None) => Err(FileError::TooLarge { path: path.to_path_buf(), kind }),
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             Err(FileError::Missing { path: path.to_path_buf(), instead: instead(path) })
         }
@@ -52,6 +81,24 @@ pub(crate) fn read_bytes(path: &Path) -> Result<(String, Vec<u8>), FileError> {
         }
         Err(source) => Err(FileError::Unreadable { path: path.to_path_buf(), source }),
     }
+}
+
+/// The bytes on the standard input, under the name `stdin`.
+pub(crate) fn read_stdin(kind: FileKind) -> Result<(String, Vec<u8>), FileError> {
+    let name = "stdin";
+    match read_to_limit(io::stdin().lock(), kind) {
+        Ok(Some(bytes)) => Ok((name.to_owned(), bytes)),
+        Ok(None) => Err(FileError::TooLarge { path: name.into(), kind }),
+        Err(source) => Err(FileError::Unreadable { path: name.into(), source }),
+    }
+}
+
+/// All bytes, or `None` if there are more than a file of this kind has.
+fn read_to_limit(source: impl Read, kind: FileKind) -> io::Result<Option<Vec<u8>>> {
+    let limit = limit_bytes(kind);
+    let mut bytes = Vec::new();
+    source.take(limit + 1).read_to_end(&mut bytes)?;
+    Ok((bytes.len() as u64 <= limit).then_some(bytes))
 }
 
 /// The existing files beside a missing one.
@@ -71,7 +118,8 @@ fn instead(path: &Path) -> String {
 fn listed(folder: &Path, extension: Option<&std::ffi::OsStr>) -> String {
     /// A person reads so short a list.
     const SHOWN: usize = 8;
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let entries =
+        std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let is_like = |path: &PathBuf| {
         extension.is_none_or(|extension| path.is_file() && path.extension() == Some(extension))
     };
@@ -92,6 +140,8 @@ fn listed(folder: &Path, extension: Option<&std::ffi::OsStr>) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]
@@ -109,6 +159,16 @@ mod tests {
         assert_eq!(said("c.csv"), "DIR/c.csv: no such file; DIR has no files of this kind");
         assert_eq!(said("x/c.toml"), "DIR/x/c.toml: no such file; there is no directory DIR/x");
         assert_eq!(said(""), "DIR/: a directory, no file; DIR/ holds a.toml, b.toml, notes.txt");
+        for (kind, limit) in [(FileKind::Protocol, MEGABYTE), (FileKind::Sweep, 100 * MEGABYTE)] {
+            // A sparse file takes no space.
+            File::create(path("large.txt")).unwrap().set_len(limit + 1).unwrap();
+            let error = read_bytes(&path("large.txt"), kind).unwrap_err().to_string();
+            let limit =
+                format!("larger than {} MB, the limit for a {}", limit / MEGABYTE, kind.name());
+            assert!(error.ends_with(&limit), "{error}");
+            File::create(path("large.txt")).unwrap().set_len(1000).unwrap();
+            assert_eq!(read_bytes(&path("large.txt"), kind).unwrap().1.len(), 1000);
+        }
         for n in 0..20 {
             fs::write(path(&format!("n{n}.toml")), "").unwrap();
         }

@@ -319,7 +319,7 @@ fn a_meter_in_its_default_mode_gives_the_same_fit_and_rows_that_are_left_out_are
     assert_eq!((hz(&view), &view["readings"]), (hz(&whole), &whole["readings"]), "{view}");
     let said = [
         "line 64 was left out: it repeats line 3 in every value",
-        "line 65 was left out: a value is missing",
+        "line 65 was left out: it has `NaN` in place of a number",
     ];
     assert_eq!(view["left_out"], serde_json::json!(said));
     assert!(said.iter().all(|said| text(&output.stderr).contains(said)), "{output:?}");

@@ -28,6 +28,8 @@ pub(super) enum RigFileFault {
     UnreadParity,
     #[error("tcp = \"{address}\" is not of the form host:port")]
     NotAnAddress { address: String },
+    #[error("tcp = \"{address}\": the port {port} does not exist")]
+    NoSuchPort { address: String, port: String },
     #[error("serial = \"{address}\" is an address, not a device file")]
     NotADevice { address: String },
     #[error("the analyzer and the bus cannot share the port {port}")]
@@ -42,7 +44,7 @@ pub(super) enum RigFileFault {
     LevelBeyondDialect { found: f64, limit: f64, make: AnalyzerMake },
 
     // The axes.
-    #[error(transparent)]
+    #[error("{}", of_linear(.0))]
     Linear(#[from] AxisError<Mm>),
     #[error(transparent)]
     Rotary(#[from] AxisError<Deg>),
@@ -64,7 +66,7 @@ pub(super) enum RigFileFault {
         "clear_mm = {clear} is not above {highest}, to which the edge of a sample rises within the \
          soft limits of the rotary stage"
     )]
-    NotClear { clear: f64, highest: Position<Mm> },
+    NotClear { clear: f64, highest: Position<Mm>, reach_mm: Option<f64> },
     #[error(
         "surface_mm = {found} is less than {room} mm above the lower soft limit {limit} mm of the \
          linear stage: no room for surface_tolerance_mm and max_indentation_mm"
@@ -90,6 +92,7 @@ impl Complaint for RigFileFault {
                     .into()
             }
             Self::NotADevice { address } => format!("write {{ tcp = \"{address}\" }}"),
+            Self::NoSuchPort { .. } => "use the port of the device, from 1 to 65535".into(),
             Self::NotAnAddress { address } if address.starts_with('/') => {
                 format!("write {{ serial = \"{address}\", baud = … }}")
             }
@@ -129,10 +132,8 @@ impl Complaint for RigFileFault {
                     .map(|_| format!("; if it is in metres, write [{}, {}]", 1e3 * min, 1e3 * max));
                 format!("give the range of the mechanics{}", meant.unwrap_or_default())
             }
-            Self::NotClear { clear, highest } => {
-                let advice = format!("use more than {:.3}", highest.value());
-                let is_right = |mm| highest.value() < mm && mm <= LONGEST_MM;
-                with_unit_hint(advice, "clear_mm", *clear, is_right)
+            Self::NotClear { clear, highest, reach_mm } => {
+                clear_advice(*clear, *highest, *reach_mm)
             }
             Self::NoRoomBelow { found, limit, room } => {
                 let is_right = |mm| limit + room <= mm && mm <= LONGEST_MM;
@@ -145,6 +146,31 @@ impl Complaint for RigFileFault {
             }
         };
         Some(suggestion)
+    }
+}
+
+/// Advice for a clear position that is too low, which the linear stage may not reach.
+fn clear_advice(clear: f64, highest: Position<Mm>, reach_mm: Option<f64>) -> String {
+    if let Some(reach_mm) = reach_mm.filter(|reach_mm| *reach_mm <= highest.value()) {
+        return format!(
+            "the soft limits of the linear stage end at {reach_mm} mm, which is too low: check surface_mm and \
+             sample_half_width_mm, or narrow soft_limits_deg of [rotary]"
+        );
+    }
+    let is_right = |mm| highest.value() < mm && mm <= LONGEST_MM;
+    with_unit_hint(format!("use more than {:.3}", highest.value()), "clear_mm", clear, is_right)
+}
+
+/// A fault of the linear axis, in the words of its keys.
+fn of_linear(fault: &AxisError<Mm>) -> String {
+    match fault {
+        AxisError::RestOutOfReach { rest, soft, .. } => {
+            format!(
+                "clear_mm = {} is outside the soft limits {soft} of the linear stage",
+                rest.value()
+            )
+        }
+        other => other.to_string(),
     }
 }
 

@@ -1,5 +1,7 @@
 //! The keys of a port.
 
+use std::num::NonZeroU16;
+
 use rig_model::{LineSettings, Parity, StopBits};
 
 use super::{PortFile, fault::RigFileFault};
@@ -28,8 +30,8 @@ pub(super) fn port(table: &mut Table<'_>, parity: Result<Parity, RigFileFault>) 
         }
         (Some(serial), None) if baud.is_none() => table.refuse(serial, &RigFileFault::NoBaud),
         (None, Some(tcp)) => {
-            if tcp.sound().is_some_and(|address| !is_address(address)) {
-                table.refuse(tcp, &RigFileFault::NotAnAddress { address: tcp.value.clone() });
+            if let Some(fault) = tcp.sound().and_then(|address| address_fault(address)) {
+                table.refuse(tcp, &fault);
             }
             let serial_only = [
                 location(baud.as_ref()),
@@ -65,7 +67,22 @@ fn location<T>(setting: Option<&Setting<T>>) -> Option<(&'static str, Location)>
     setting.map(|setting| (setting.key, setting.location))
 }
 
+/// Why this is not a host and a port of TCP.
+fn address_fault(address: &str) -> Option<RigFileFault> {
+    let port = |(host, port): (&'_ str, &str)| {
+        let is_number = !port.is_empty() && port.bytes().all(|byte| byte.is_ascii_digit());
+        (!host.is_empty() && is_number).then(|| port.to_owned())
+    };
+    let address = address.to_owned();
+    match address.rsplit_once(':').and_then(port) {
+        None => Some(RigFileFault::NotAnAddress { address }),
+        Some(port) if port.parse::<NonZeroU16>().is_err() => {
+            Some(RigFileFault::NoSuchPort { address, port })
+        }
+        Some(_) => None,
+    }
+}
+
 fn is_address(address: &str) -> bool {
-    let parts = address.rsplit_once(':');
-    parts.is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok())
+    address_fault(address).is_none()
 }

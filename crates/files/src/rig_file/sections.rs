@@ -287,7 +287,8 @@ fn heights(
     if let (Some(&clear), Some(&(min, max))) = (linear.rest.sound(), rotary.soft_limits.sound()) {
         let highest = geometry.geometry.highest_sample_point(f64::max(min.abs(), max.abs()));
         if clear <= highest.value() {
-            table.refuse(&linear.rest, &RigFileFault::NotClear { clear, highest });
+            let reach_mm = linear.soft_limits.sound().map(|&(_, max)| max);
+            table.refuse(&linear.rest, &RigFileFault::NotClear { clear, highest, reach_mm });
         }
     }
     if let (Some(&depth), Some(&(limit, _))) =

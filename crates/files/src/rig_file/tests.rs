@@ -85,6 +85,8 @@ fn a_port_takes_the_settings_of_its_device() {
     );
     check("{ serial = \"a\" }", Err("a serial port needs the key baud"));
     check("{ tcp = \"a\" }", Err("tcp = \"a\" is not of the form host:port"));
+    check("{ tcp = \"a:99999\" }", Err("tcp = \"a:99999\": the port 99999 does not exist"));
+    check("{ tcp = \"a:0\" }", Err("tcp = \"a:0\": the port 0 does not exist"));
     check("{ tcp = \"a:1\", baud = 9600 }", Err("baud is for a serial port"));
 }
 
@@ -135,6 +137,28 @@ fn a_rig_that_contradicts_itself_is_refused() {
         ("contact_speed_mm_per_s = 1", "contact_speed_mm_per_s = 25"),
         ("rotary_speed_deg_per_s = 40", "rotary_speed_deg_per_s = 50"),
     ]));
+}
+
+#[test]
+fn advice_about_the_clear_position_can_be_followed() {
+    let said = |changes: &[(&str, &str)]| {
+        let text = changes.iter().fold(SIMULATED.to_owned(), |text, (from, to)| {
+            assert!(text.contains(from), "{from}");
+            text.replacen(from, to, 1)
+        });
+        RigFile::read("rig.toml", &text).unwrap_err().to_string()
+    };
+    let high = said(&[("surface_mm = 10", "surface_mm = 44")]);
+    let advice =
+        "the soft limits of the linear stage end at 45 mm, which is too low: check surface_mm";
+    assert!(high.contains(advice) && !high.contains("use more than"), "{high}");
+    let outside = said(&[("clear_mm = 24.5", "clear_mm = 47")]);
+    assert!(
+        outside.contains(
+            "clear_mm = 47 is outside the soft limits [8.000 mm, 45.000 mm] of the linear stage"
+        ),
+        "{outside}"
+    );
 }
 
 #[test]

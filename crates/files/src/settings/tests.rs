@@ -326,3 +326,16 @@ fn values_in_force_have_their_place_also_those_that_the_file_leaves_out() {
     let last = values.last().unwrap();
     assert_eq!((last.name.as_str(), last.text.as_deref()), ("samples", Some("[]")));
 }
+
+#[test]
+fn a_file_full_of_faults_gives_the_first_of_them_and_the_number_of_the_others() {
+    let keys = (0..1000).map(|n| format!("k{n} = 1\n")).collect::<Vec<_>>().concat();
+    let ((), faults) = read("a.toml", &keys, |_| ());
+    let said: Vec<_> = faults.iter().map(ToString::to_string).collect();
+    assert_eq!(said.len(), 51);
+    assert!(said[49].starts_with("a.toml:50:1: `k49` is not a key"), "{said:?}");
+    assert_eq!(
+        said[50],
+        "a.toml:51:1: the file has 950 more faults from here on; correct these first"
+    );
+}

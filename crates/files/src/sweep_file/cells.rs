@@ -20,6 +20,14 @@ impl Separator {
         matches!(self, Self::Tab | Self::Semicolon)
     }
 
+    /// A line without the blanks before it. A tab there stands between an empty cell and the next one, as
+    /// in the files of Gamry.
+    pub(super) fn trim_start(self, line: &str) -> &str {
+        line.trim_start_matches(|character: char| {
+            character.is_whitespace() && (self == Self::Spaces || !self.is(character))
+        })
+    }
+
     pub(super) fn is(self, character: char) -> bool {
         match self {
             Self::Tab => character == '\t',

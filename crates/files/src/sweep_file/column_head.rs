@@ -196,8 +196,10 @@ impl ColumnHead {
     /// The head in this cell, if it names a known quantity.
     pub(super) fn of(cell: &str) -> Option<Self> {
         let cell = cell.trim();
-        // `Trace |Z| (Ohm)` of Digilent, `theta-z(deg)-data` of Keysight.
-        let cell = cell.strip_prefix("Trace ").unwrap_or(cell);
+        // `Trace 1 |Z| (Ohm)` of Digilent, with or without a number, `theta-z(deg)-data` of Keysight.
+        let is_number = |character: char| character.is_ascii_digit() || character == ' ';
+        let cell =
+            cell.strip_prefix("Trace ").map_or(cell, |rest| rest.trim_start_matches(is_number));
         let cell = cell.strip_suffix("-data").unwrap_or(cell);
         if let Some((quantity, sign)) = named(cell).filter(|(quantity, _)| !quantity.is_time()) {
             return Some(Self { quantity, factor: Some(sign), unit: None });

@@ -29,8 +29,8 @@ struct Row {
     impedance_ohm: Complex64,
     flag: Option<ReadingFlag>,
     is_used: bool,
-    /// A value of the row is missing, as the file says.
-    is_missing: bool,
+    /// The word that the row has in place of a number.
+    no_number: Option<&'static str>,
     sweep: u64,
     timing: Option<Timing>,
     has_loss: Option<bool>,
@@ -43,7 +43,7 @@ pub(super) fn read(text: &str, sweep: Option<u64>, faults: &mut FaultCollector) 
     let mut rows = rows(&header, text, faults);
     match (header.column(Quantity::Sweep), sweep) {
         (Some(column), Some(asked)) => choose(&mut rows, asked, column.location, faults),
-        (None, Some(_)) => faults.refuse(header.columns[0].location, &SweepFileFault::NoNumbers),
+        (None, Some(_)) => faults.refuse(header.columns[0].location, SweepFileFault::NoNumbers),
         (_, None) => {}
     }
     rows.sort_by_key(|row| row.sweep);
@@ -84,8 +84,8 @@ fn leave_out(rows: &[Row]) -> (Vec<Row>, Vec<LeftOut>) {
         // Overloads have no values to compare.
         let is_repeated = first_line != row.line && row.flag != Some(ReadingFlag::Overload);
         let line = row.line;
-        if row.is_missing {
-            left_out.push(LeftOut { line, reason: LeftOutReason::Missing });
+        if let Some(word) = row.no_number {
+            left_out.push(LeftOut { line, reason: LeftOutReason::NoNumber { word } });
         } else if is_repeated {
             left_out.push(LeftOut { line, reason: LeftOutReason::Repeated { first_line } });
         } else {
@@ -123,7 +123,7 @@ fn fit_settings(rows: &[Row], faults: &mut FaultCollector) -> FitSettings {
         let other = other.or((row.timing != first.timing).then_some(Quantity::FitTiming));
         let other = other.or((row.has_loss != first.has_loss).then_some(Quantity::FitLoss));
         if let Some(quantity) = other {
-            faults.refuse(location, &SweepFileFault::UnequalSetting { quantity });
+            faults.refuse(location, SweepFileFault::UnequalSetting { quantity });
             break;
         }
     }
@@ -134,7 +134,7 @@ fn fit_settings(rows: &[Row], faults: &mut FaultCollector) -> FitSettings {
     if let Some(Window { min_hz, max_hz }) = window.filter(|window| window.max_hz <= window.min_hz)
     {
         let location = Location { line: first.line, column: 1 };
-        faults.refuse(location, &SweepFileFault::FitWindow { min_hz, max_hz });
+        faults.refuse(location, SweepFileFault::FitWindow { min_hz, max_hz });
     }
     let noise = at_ten_cycles.map(|at_ten_cycles| NoisePrior {
         at_ten_cycles,
@@ -184,11 +184,11 @@ fn rows(header: &Header<'_>, text: &str, faults: &mut FaultCollector) -> Vec<Row
         };
         if quantity.is_phase() && are_all(&|value| value.abs() <= PI) {
             let refusal = SweepFileFault::UnitlessPhase { key: quantity.key() };
-            faults.refuse(column.location, &refusal);
+            faults.refuse(column.location, refusal);
         }
         let min_hz = lowest_frequency_hz();
         if quantity == Quantity::Frequency && are_all(&|value| value < min_hz) {
-            faults.refuse(column.location, &SweepFileFault::UnitlessFrequency { min_hz });
+            faults.refuse(column.location, SweepFileFault::UnitlessFrequency { min_hz });
         }
     }
     rows
@@ -211,7 +211,7 @@ fn row(
     let mut cells = match cells(text, header.separator) {
         Ok(cells) => cells,
         Err(at) => {
-            faults.refuse(location(text, line, at), &SweepFileFault::OpenQuote);
+            faults.refuse(location(text, line, at), SweepFileFault::OpenQuote);
             return None;
         }
     };
@@ -220,8 +220,12 @@ fn row(
     }
     let needed = header.columns.iter().map(|column| column.index + 1).max().unwrap_or(0);
     if cells.len() < needed || cells.len() > header.width {
-        let refusal = SweepFileFault::Cells { found: cells.len(), expected: header.width };
-        faults.refuse(Location { line, column: 1 }, &refusal);
+        let refusal = SweepFileFault::Cells {
+            found: cells.len(),
+            expected: header.width,
+            separator: header.separator,
+        };
+        faults.refuse(Location { line, column: 1 }, refusal);
         return None;
     }
     let mut row = Row {
@@ -229,7 +233,7 @@ fn row(
         impedance_ohm: Complex64::ZERO,
         flag: None,
         is_used: true,
-        is_missing: false,
+        no_number: None,
         sweep: 0,
         timing: None,
         has_loss: None,
@@ -242,17 +246,17 @@ fn row(
     for column in flags.into_iter().chain(others) {
         let cell = &cells[column.index];
         if let Err(refusal) = row.take(column, &cell.text, numbers) {
-            faults.refuse(location(text, line, cell.at), &refusal);
+            faults.refuse(location(text, line, cell.at), refusal);
             is_complete = false;
         }
     }
     let pair = header.pair?;
-    if is_complete && !row.is_missing && row.flag != Some(ReadingFlag::Overload) {
+    if is_complete && row.no_number.is_none() && row.flag != Some(ReadingFlag::Overload) {
         let values = pair.map(|quantity| row.of(quantity));
         row.impedance_ohm = impedance_ohm(pair, values, row.of(Quantity::Frequency))
             .map_err(|refusal| {
                 let at = header.column(pair[0]).map_or(0, |column| cells[column.index].at);
-                faults.refuse(location(text, line, at), &refusal);
+                faults.refuse(location(text, line, at), refusal);
             })
             .ok()?;
     }
@@ -300,10 +304,14 @@ impl Row {
                 Value::Overload if quantity.is_impedance() => {
                     self.set_flag(Some(ReadingFlag::Overload));
                 }
-                Value::Missing if quantity.is_impedance() || quantity == Quantity::Frequency => {
-                    self.is_missing |= self.flag != Some(ReadingFlag::Overload);
+                Value::Missing(word)
+                    if quantity.is_impedance() || quantity == Quantity::Frequency =>
+                {
+                    if self.flag != Some(ReadingFlag::Overload) {
+                        self.no_number.get_or_insert(word);
+                    }
                 }
-                Value::Overload | Value::Missing => {
+                Value::Overload | Value::Missing(_) => {
                     return Err(SweepFileFault::NotANumber { text: excerpt(text) });
                 }
             },
@@ -380,7 +388,7 @@ fn choose(rows: &mut Vec<Row>, asked: u64, location: Location, faults: &mut Faul
         && !numbers.contains(&asked)
     {
         let (count, first, last) = (numbers.len(), *first, *last);
-        faults.refuse(location, &SweepFileFault::NoSuchSweep { asked, count, first, last });
+        faults.refuse(location, SweepFileFault::NoSuchSweep { asked, count, first, last });
     }
     rows.retain(|row| row.sweep == asked);
 }

@@ -2,13 +2,19 @@
 
 use crate::Complaint;
 
-use super::quantity::Quantity;
+use super::{cells::Separator, quantity::Quantity};
 
 /// A fault of a sweep file, without its place.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(super) enum SweepFileFault {
     #[error("the file holds no readings")]
     Empty,
+    #[error("a sweep has {found} readings, above the limit of {max}")]
+    TooManyReadings { found: usize, max: usize },
+    #[error("all {readings} readings are at {frequency_hz} Hz")]
+    OneFrequency { readings: usize, frequency_hz: f64 },
+    #[error("the file is not text: it has a zero byte in this line")]
+    NotText,
     #[error("the file has more faults than the {shown} above")]
     More { shown: usize },
 
@@ -34,7 +40,7 @@ pub(super) enum SweepFileFault {
 
     // A row.
     #[error("{found} cells where the header has {expected}")]
-    Cells { found: usize, expected: usize },
+    Cells { found: usize, expected: usize, separator: Separator },
     #[error("the quotation mark is not closed")]
     OpenQuote,
     #[error("the {} is missing", quantity.name())]
@@ -94,6 +100,9 @@ impl Complaint for SweepFileFault {
                 "begin with the line `frequency_hz,resistance_ohm,reactance_ohm`, then one line \
                  for each reading"
             }
+            Self::TooManyReadings { .. } => "keep those around the resonance",
+            Self::OneFrequency { .. } => "a sweep has readings at several frequencies",
+            Self::NotText => "export it as text, in UTF-8, or in UTF-16 with a byte order mark",
             Self::More { .. } => "correct these first",
             Self::NoFrequency => "name one `frequency_hz`",
             Self::NoImpedance => {
@@ -115,8 +124,11 @@ impl Complaint for SweepFileFault {
             Self::UnitlessPhase { key } => {
                 return Some(format!("name the column `{key}` if they are degrees"));
             }
-            Self::Cells { found, expected } if found > expected => {
+            Self::Cells { found, expected, separator: Separator::Comma } if found > expected => {
                 "where commas are decimal marks, separate the columns by semicolons"
+            }
+            Self::Cells { found, expected, .. } if found > expected => {
+                "name every column in the header, or remove the further cells"
             }
             Self::Cells { .. } => "complete the line or remove it",
             Self::OpenQuote => "close it on the same line",

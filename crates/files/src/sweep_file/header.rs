@@ -58,24 +58,24 @@ impl<'a> Header<'a> {
         }
         match best {
             Some(best) => {
-                let location = best.columns[0].location;
+                let location = Location { line: best.line, column: 1 };
                 if best.column(Quantity::Frequency).is_none() {
-                    faults.refuse(location, &SweepFileFault::NoFrequency);
+                    faults.refuse(location, SweepFileFault::NoFrequency);
                 }
                 if best.column(Quantity::AdmittanceMagnitude).is_some()
                     && best.column(Quantity::Phase).is_some()
                 {
-                    faults.refuse(location, &SweepFileFault::PhaseOfWhat);
+                    faults.refuse(location, SweepFileFault::PhaseOfWhat);
                 } else if best.pair.is_none() {
-                    faults.refuse(location, &SweepFileFault::NoImpedance);
+                    faults.refuse(location, SweepFileFault::NoImpedance);
                 }
             }
             None => {
                 match lines(text).find(|(_, text)| !text.trim().is_empty() && !is_comment(text)) {
                     Some((line, _)) => {
-                        faults.refuse(Location { line, column: 1 }, &SweepFileFault::NoHeader);
+                        faults.refuse(Location { line, column: 1 }, SweepFileFault::NoHeader);
                     }
-                    None => faults.refuse(Location::START, &SweepFileFault::Empty),
+                    None => faults.refuse(Location::START, SweepFileFault::Empty),
                 }
             }
         }
@@ -84,7 +84,11 @@ impl<'a> Header<'a> {
 
     /// The columns of this line, which may be a comment.
     fn of(text: &'a str, line: usize, separator: Separator) -> Option<Self> {
-        let bare = text.trim_start().trim_start_matches(['#', '!', ';']);
+        let bare = separator.trim_start(text).trim_start_matches(['#', '!', ';']);
+        // Blanks between commas belong to the names.
+        if separator == Separator::Spaces && bare.contains([',', ';']) {
+            return None;
+        }
         let mut all = cells(bare, separator).ok()?;
         while all.last().is_some_and(|cell| cell.text.is_empty()) {
             all.pop();
@@ -112,7 +116,7 @@ impl<'a> Header<'a> {
     fn take_units(&mut self, text: &str) {
         let mut below = lines(text).skip(self.line);
         let Some((line, row)) = below.find(|(_, row)| !row.trim().is_empty()) else { return };
-        let bare = row.trim_start().trim_start_matches(['#', '!']);
+        let bare = self.separator.trim_start(row).trim_start_matches(['#', '!']);
         let Ok(cells) = cells(bare, self.separator) else { return };
         let cell = |column: &Column| cells.get(column.index).map_or("", |cell| &cell.text);
         let frequency = self.column(Quantity::Frequency);
@@ -134,15 +138,14 @@ impl<'a> Header<'a> {
             let ColumnHead { quantity, factor, ref unit } = column.head;
             if self.columns[..index].iter().any(|other| other.head.quantity == quantity) {
                 let header = column.text.clone();
-                faults
-                    .refuse(column.location, &SweepFileFault::RepeatedColumn { header, quantity });
+                faults.refuse(column.location, SweepFileFault::RepeatedColumn { header, quantity });
             }
             if factor.is_none() {
                 let unit = excerpt(unit.as_deref().unwrap_or_default());
-                faults.refuse(column.location, &SweepFileFault::UnknownUnit { unit, quantity });
+                faults.refuse(column.location, SweepFileFault::UnknownUnit { unit, quantity });
             }
         }
-        faults.list.is_empty()
+        faults.is_empty()
     }
 }
 

@@ -17,8 +17,8 @@ pub(super) enum Value {
     Number(f64),
     /// The instrument was overloaded.
     Overload,
-    /// The file says that there is no number.
-    Missing,
+    /// The file says with this word that there is no number.
+    Missing(&'static str),
 }
 
 impl Numbers {
@@ -27,8 +27,9 @@ impl Numbers {
         if ["OL", "OF", "OVLD", "OVERLOAD"].iter().any(|word| text.eq_ignore_ascii_case(word)) {
             return Ok(Value::Overload);
         }
-        if ["NAN", "N/A", "#N/A", "---"].iter().any(|word| text.eq_ignore_ascii_case(word)) {
-            return Ok(Value::Missing);
+        let missing = ["NaN", "N/A", "#N/A", "---"];
+        if let Some(word) = missing.into_iter().find(|word| text.eq_ignore_ascii_case(word)) {
+            return Ok(Value::Missing(word));
         }
         let refused = || SweepFileFault::NotANumber { text: excerpt(text) };
         let mut marks = text.chars().filter(|character| matches!(character, '.' | ','));

@@ -322,13 +322,61 @@ fn all_faults_are_reported_at_once() {
              with a point, without marks for thousands",
         ],
     );
-    let rows = "x,900,-47000\n".repeat(50);
+    let rows = (0..50).map(|n| format!("x{n},900,-47000\n")).collect::<Vec<_>>().concat();
     let faults = SweepFile::read("a.csv", &format!("f,R,X\n{rows}"), None).unwrap_err();
     assert_eq!(faults.len(), 21);
     assert!(
         faults
             .to_string()
             .ends_with("the file has more faults than the 20 above; correct these first")
+    );
+}
+
+#[test]
+fn a_fault_of_many_rows_is_one_line_with_their_number() {
+    check_faults(
+        "a.csv",
+        &format!("f;R;X\n{}x;1;1\n", "120;1;2;3\n".repeat(400)),
+        &[
+            "a.csv:2:1: 4 cells where the header has 3 (and 399 times more below); name every \
+             column in the header, or remove the further cells",
+            "a.csv:402:1: `x` is not a number; write it like 140.25, 1.4025e2 or, between \
+             semicolons, 140,25",
+        ],
+    );
+    check_faults(
+        "a.s1p",
+        "# HZ S RI\n120 1\n130 1\n",
+        &["a.s1p:2:1: 2 numbers in a row; one port has 3 (and once more below); export one port: \
+           frequency and the two parts of one parameter"],
+    );
+}
+
+#[test]
+fn readings_at_one_frequency_are_no_sweep() {
+    let rows = (0..71).map(|n| format!("141,{n},-47000\n")).collect::<Vec<_>>().concat();
+    check_faults(
+        "a.csv",
+        &format!("f,R,X\n{rows}"),
+        &["a.csv:1:1: all 71 readings are at 141 Hz; a sweep has readings at several frequencies"],
+    );
+    assert_eq!(read("a.csv", &format!("f,R,X\n{rows}142,1,-1\n")).readings.len(), 72);
+}
+
+#[test]
+fn a_sweep_has_a_largest_number_of_readings() {
+    let rows = |count: u32| {
+        let rows = (0..count).map(|n| format!("{n},1,-1\n")).collect::<Vec<_>>().concat();
+        format!("frequency_hz,R,X\n{}", rows.replacen("0,1", "0.5,1", 1))
+    };
+    assert_eq!(read("a.csv", &rows(101_000)).readings.len(), 101_000);
+    check_faults(
+        "a.csv",
+        &rows(101_001),
+        &[
+            "a.csv:1:1: a sweep has 101001 readings, above the limit of 101000; keep those around the \
+           resonance",
+        ],
     );
 }
 
@@ -341,11 +389,20 @@ fn a_faulty_header_is_refused() {
                  `susceptance_s`, or `s11_real` and `s11_imag`, or those of an LCR meter such as \
                  `cp_f` and `d`, or `cs_f` and `rs_ohm`";
     for (text, fault) in [
+        (
+            "f,R,X\n120,\0,1\n",
+            "2:1: the file is not text: it has a zero byte in this line; export it as text, in UTF-8, or in \
+             UTF-16 with a byte order mark"
+                .into(),
+        ),
         ("", format!("1:1: the file holds no readings; {begin}")),
         ("# nothing\n\n", format!("1:1: the file holds no readings; {begin}")),
         ("f,R,X\n", format!("1:1: the file holds no readings; {begin}")),
         ("\n120,900,-47000\n", format!("2:1: no line names the columns; {begin}")),
         ("junk\nFreq(Hz),C(F),ESR\n120,1,1\n", format!("2:1: {pairs}")),
+        // Blanks do not separate the names between commas.
+        ("junk\nf,Channel 1 |Z| (Ohm),Channel 1 theta (deg)\n1,1,1\n", format!("2:1: {pairs}")),
+        ("a,R,X\n1,1,1\n", "1:1: no column is a frequency; name one `frequency_hz`".into()),
         ("R,X\n1,1\n", "1:1: no column is a frequency; name one `frequency_hz`".into()),
         (
             "f,R,X,Rs\n120,1,1,1\n",

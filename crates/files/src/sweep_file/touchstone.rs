@@ -17,7 +17,7 @@ use super::{
     of_admittance, of_reflection,
     quantity::Quantity,
 };
-use crate::{Faults, Location};
+use crate::Location;
 
 /// The option line: the meaning of the numbers of a row.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,7 +69,7 @@ pub(super) fn is_it(name: &str, text: &str) -> bool {
         if line.trim_start().to_ascii_lowercase().starts_with("[version]") {
             return true;
         }
-        let mut faults = FaultCollector { list: Faults::new("") };
+        let mut faults = FaultCollector::default();
         let is_bare = line.trim_start_matches([' ', '\t', '#']).is_empty();
         line.trim_start().starts_with('#')
             && !is_bare
@@ -94,7 +94,7 @@ pub(super) fn read(text: &str, faults: &mut FaultCollector) -> Vec<Reading> {
         }
         if start.starts_with('[') {
             if let Err(refusal) = second.take(start) {
-                faults.refuse(Location { line, column: 1 }, &refusal);
+                faults.refuse(Location { line, column: 1 }, refusal);
                 break;
             }
             continue;
@@ -176,7 +176,7 @@ impl Options {
         let mut words = words.iter();
         let mut is_good = true;
         while let Some(word) = words.next() {
-            let mut refuse = |refusal: &SweepFileFault| {
+            let mut refuse = |refusal: SweepFileFault| {
                 faults.refuse(location(text, line, word.at), refusal);
                 is_good = false;
             };
@@ -190,7 +190,7 @@ impl Options {
                 "Y" => options.parameter = Parameter::Admittance,
                 "G" | "H" => {
                     let name = if word.text.eq_ignore_ascii_case("g") { 'G' } else { 'H' };
-                    refuse(&SweepFileFault::NotOnePort { name });
+                    refuse(SweepFileFault::NotOnePort { name });
                 }
                 "RI" => options.format = Format::RealImaginary,
                 "MA" => options.format = Format::MagnitudeDegrees,
@@ -201,10 +201,10 @@ impl Options {
                         Ok(ohm) if ohm > 0.0 && IMPEDANCE_OHM.contains(&ohm) => {
                             options.reference_ohm = ohm;
                         }
-                        _ => refuse(&SweepFileFault::NoReference { text: excerpt(text) }),
+                        _ => refuse(SweepFileFault::NoReference { text: excerpt(text) }),
                     }
                 }
-                _ => refuse(&SweepFileFault::UnknownOption { text: excerpt(&word.text) }),
+                _ => refuse(SweepFileFault::UnknownOption { text: excerpt(&word.text) }),
             }
         }
         is_good.then_some(options)
@@ -219,7 +219,7 @@ impl Options {
     ) -> Option<Reading> {
         let [_, first, _] = cells else {
             let refusal = SweepFileFault::Numbers { found: cells.len() };
-            faults.refuse(Location { line, column: 1 }, &refusal);
+            faults.refuse(Location { line, column: 1 }, refusal);
             return None;
         };
         let mut numbers = [0.0; 3];
@@ -230,7 +230,7 @@ impl Options {
                 Ok(Value::Number(found)) if !cell.text.contains(',') => *number = found,
                 _ => {
                     let refusal = SweepFileFault::NotANumber { text: excerpt(&cell.text) };
-                    faults.refuse(location(text, line, cell.at), &refusal);
+                    faults.refuse(location(text, line, cell.at), refusal);
                     is_good = false;
                 }
             }
@@ -247,7 +247,7 @@ impl Options {
                 min: *FREQUENCY_HZ.start(),
                 max: *FREQUENCY_HZ.end(),
             };
-            faults.refuse(location(text, line, cells[0].at), &refusal);
+            faults.refuse(location(text, line, cells[0].at), refusal);
             return None;
         }
         match self.impedance_ohm(a, b) {
@@ -262,7 +262,7 @@ impl Options {
                 integration_s: 0.0,
             }),
             Err(refusal) => {
-                faults.refuse(location(text, line, first.at), &refusal);
+                faults.refuse(location(text, line, first.at), refusal);
                 None
             }
         }

@@ -1,10 +1,6 @@
 //! `rigd fit`: the resonance in a sweep from a file.
 
-use std::{
-    io::{self, Read as _},
-    num::ParseFloatError,
-    path::PathBuf,
-};
+use std::{num::ParseFloatError, path::PathBuf};
 
 use clap::{Args, ValueEnum, builder::PossibleValuesParser};
 use rig_files::{
@@ -22,7 +18,7 @@ use super::{
     outcome::OutcomeView,
     table::{columns, facts, note, print, print_json},
 };
-use crate::files::{FileError, read_bytes};
+use crate::files::{FileError, read_bytes, read_stdin};
 
 #[derive(Debug, Args)]
 pub(super) struct FitArgs {
@@ -348,16 +344,11 @@ fn span(readings: &[Reading]) -> Window {
 
 fn read(args: &FitArgs) -> Result<SweepFile, FileError> {
     let path = &args.sweep_file;
-    let (name, bytes) = if path.as_os_str() == "-" {
-        let mut bytes = Vec::new();
-        let read = io::stdin().lock().read_to_end(&mut bytes);
-        read.map_err(|source| FileError::Unreadable { path: path.clone(), source })?;
-        ("stdin".to_owned(), bytes)
-    } else {
-        read_bytes(path)?
-    };
+    let kind = FileKind::Sweep;
+    let (name, bytes) =
+        if path.as_os_str() == "-" { read_stdin(kind)? } else { read_bytes(path, kind)? };
     let text = SweepFile::decode(&bytes);
-    FileKind::Sweep.expect(&name, &text).map_err(FileError::Faults)?;
+    kind.expect(&name, &text).map_err(FileError::Faults)?;
     SweepFile::read(&name, &text, args.sweep).map_err(FileError::Faults)
 }
 

@@ -52,6 +52,22 @@ fn every_mode_of_an_lcr_meter_is_read() {
 }
 
 #[test]
+fn the_tables_of_digilent_and_gamry_are_read() {
+    let polar =
+        ["120,47008.61623149527,-88.90298084780932", "140,39051.248379533274,-87.06432655357884"];
+    let waveforms = "#Digilent WaveForms Impedance Analyzer\n\
+                     Frequency (Hz),Trace 1 |Z| (Ohm),Trace 1 theta (deg)\n";
+    check("trace.csv", &(waveforms.to_owned() + &polar.join("\n")));
+    let gamry = "EXPLAIN\nTAG\tEISPOT\nFREQINIT\tQUANTITY\t1.00000E+003\tInitial Fre&q. (Hz)\n\
+                 ZCURVE\tTABLE\n\
+                 \tPt\tTime\tFreq\tZreal\tZimag\tZsig\tZmod\tZphz\n\
+                 \t#\ts\tHz\tohm\tohm\tV\tohm\t°\n\
+                 \t0\t3\t120\t900\t-47000\t1\t47008.6\t-88.9\n\
+                 \t1\t7\t140\t2000\t-39000\t1\t39051.2\t-87.1\n";
+    check("eis.DTA", gamry);
+}
+
+#[test]
 fn a_phase_beside_an_admittance_needs_its_name() {
     check_faults(
         "a.csv",
@@ -110,8 +126,8 @@ fn rows_without_a_value_and_repeated_rows_are_left_out_and_named() {
     assert_eq!(
         said,
         [
-            "line 3 was left out: a value is missing",
-            "line 4 was left out: a value is missing",
+            "line 3 was left out: it has `NaN` in place of a number",
+            "line 4 was left out: it has `N/A` in place of a number",
             "line 6 was left out: it repeats line 5 in every value",
             "line 7 was left out: it repeats line 2 in every value",
         ]
