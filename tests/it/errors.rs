@@ -127,7 +127,9 @@ fn an_error_is_told_once_with_all_its_causes() {
     drop(store);
     fs::write(scratch.path().join("plain"), "").unwrap();
     let blocked: StoreError = Store::open(&scratch.path().join("plain")).unwrap_err();
-    check(&blocked, "cannot be made or locked: ");
+    check(&blocked, "is a file; a journal needs a directory");
+    let below: StoreError = Store::open(&scratch.path().join("plain/below")).unwrap_err();
+    check(&below, "plain/below cannot be made: Not a directory");
 
     let missing = rigd::loaded_rig::LoadedRig::load(&scratch.path().join("none.toml")).unwrap_err();
     check(&missing, "none.toml");

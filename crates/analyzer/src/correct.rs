@@ -49,9 +49,9 @@ impl Analyzer {
             let within = this.port.reply_within() + Duration::from_secs_f64(correction.within_s);
             // The answer comes when the instrument has measured every frequency.
             let measure = |m: Message| m.plain(&correction.measure).query("*OPC");
-            let (answers, _, asked) =
+            let ([_, status], _, asked) =
                 this.ask_all(&[&measure, &|m| m.query("*ESR")], within).await?;
-            let status = this.read_status(&asked, answers[1].first())?;
+            let status = this.read_status(&asked, status.first())?;
             this.check(&asked, status).await?;
             this.confirm(Message::new().plain(&correction.switch_on)).await?;
             if this.asked_whether_on(&correction.state).await? {
@@ -94,7 +94,7 @@ impl Analyzer {
         question: &Template,
     ) -> Result<(Message, Vec<Datum>), AnalyzerError> {
         let within = self.port.reply_within();
-        let (mut answers, _, asked) = self.ask_all(&[&|m| m.plain(question)], within).await?;
-        Ok((asked, answers.pop().unwrap_or_default()))
+        let ([answer], _, asked) = self.ask_all(&[&|m| m.plain(question)], within).await?;
+        Ok((asked, answer))
     }
 }

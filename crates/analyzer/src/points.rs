@@ -103,9 +103,9 @@ impl Analyzer {
         let trigger = |m| settings(m, commands, wanted, before.as_ref()).plain(&commands.trigger);
         let mut triggered_at = None;
         if let Some(poll) = &commands.poll {
-            let (answers, at, message) =
+            let ([status], at, message) =
                 self.ask_all(&[&|m| trigger(m).query("*ESR")], self.port.reply_within()).await?;
-            let status = self.read_status(&message, answers[0].first())?;
+            let status = self.read_status(&message, status.first())?;
             self.check(&message, status).await?;
             let ready_at = begun + Duration::from_secs_f64(wanted.delay_s + trigger_s);
             self.poll_until(poll, ready_at, begun + within).await?;
@@ -113,29 +113,26 @@ impl Analyzer {
         }
         let read = |m| if commands.poll.is_some() { m } else { trigger(m) }.plain(&commands.read);
         let frequency_of = |m: Message| m.plain(&commands.frequency);
-        let (answers, asked_at, message) =
+        let ([reading, frequency, status], asked_at, message) =
             self.ask_all(&[&read, &frequency_of, &|m| m.query("*ESR")], within).await?;
         let asked_at = triggered_at.unwrap_or(asked_at);
-        let [reading, frequency, status] = &answers[..] else {
-            unreachable!("three questions have three answers")
-        };
         let status = self.read_status(&message, status.first())?;
         self.check(&message, status).await?;
-        let found_hz = self.number(&frequency_of(Message::new()), frequency)?;
+        let found_hz = self.number(&frequency_of(Message::new()), &frequency)?;
         let tolerance_hz = self.dialect.resolution.tolerance_hz(wanted.frequency_hz);
         if (found_hz - wanted.frequency_hz).abs() > tolerance_hz {
             let (port, wanted) = (self.port.name(), wanted.frequency_hz);
             let what = "frequency in Hz";
             return Err(AnalyzerError::NotTaken { port, what, wanted, found: found_hz });
         }
-        let measured = match answer::reading(reading, &commands.answer) {
+        let measured = match answer::reading(&reading, &commands.answer) {
             Ok(Some(measured)) => measured,
             Ok(None) => {
                 // Earlier it cannot be ready, and each question takes time on a line with echoes.
                 sleep_until(begun + Duration::from_secs_f64(wanted.delay_s + trigger_s)).await;
                 self.fetch_until(commands, begun + within).await?
             }
-            Err(_) => return Err(self.not_a_reading(&message, reading)),
+            Err(_) => return Err(self.not_a_reading(&message, &reading)),
         };
         if before.is_none_or(|before| before.frequency_hz != wanted.frequency_hz) {
             self.frequency_set_at = asked_at;
@@ -152,12 +149,12 @@ impl Analyzer {
     ) -> Result<PointResult, AnalyzerError> {
         loop {
             sleep(POLL).await;
-            let (answers, _, message) =
+            let ([reading], _, message) =
                 self.ask_all(&[&|m| m.plain(&commands.read)], self.port.reply_within()).await?;
-            match answer::reading(&answers[0], &commands.answer) {
+            match answer::reading(&reading, &commands.answer) {
                 Ok(Some(measured)) => return Ok(measured),
                 Ok(None) if Instant::now() < deadline => {}
-                _ => return Err(self.not_a_reading(&message, &answers[0])),
+                _ => return Err(self.not_a_reading(&message, &reading)),
             }
         }
     }
@@ -172,15 +169,15 @@ impl Analyzer {
         let deadline = deadline.max(ready_at) + Duration::from_secs_f64(poll.timeout_s);
         sleep_until(ready_at).await;
         loop {
-            let (answers, _, message) =
+            let ([status], _, message) =
                 self.ask_all(&[&|m| m.plain(&poll.ask)], self.port.reply_within()).await?;
-            let word = answers[0].first().and_then(|datum| datum.integer().ok());
+            let word = status.first().and_then(|datum| datum.integer().ok());
             let is_over = word.is_some_and(|word| word & i64::from(poll.mask) != 0);
             if is_over {
                 return Ok(());
             }
             if word.is_none() || deadline <= Instant::now() {
-                let found = shown(&answers[0]);
+                let found = shown(&status);
                 let expected = "a status with the bit of a measurement that is over";
                 return Err(self.port.unexpected(&message, expected, found.as_bytes()));
             }

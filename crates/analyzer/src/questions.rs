@@ -26,11 +26,11 @@ impl Analyzer {
 
     /// Asks several questions, in one message where the instrument can take that. Returns the data
     /// of each answer, and when the first question had left the host.
-    pub(crate) async fn ask_all(
+    pub(crate) async fn ask_all<const N: usize>(
         &mut self,
-        questions: &[Question<'_>],
+        questions: &[Question<'_>; N],
         first_within: Duration,
-    ) -> Result<(Vec<Vec<Datum>>, RigTime, Message), AnalyzerError> {
+    ) -> Result<([Vec<Datum>; N], RigTime, Message), AnalyzerError> {
         let all = questions.iter().fold(Message::new(), |message, ask| ask(message));
         if self.can_chain == Some(true) {
             let TimedAnswer { response, asked_at } =
@@ -39,24 +39,25 @@ impl Analyzer {
                 Ok(units) => units.into_iter().map(|unit| unit.data).collect(),
                 Err(_) => Vec::new(),
             };
-            if answers.len() != questions.len() {
+            let Ok(answers) = answers.try_into() else {
                 let expected = "an answer to each question";
                 return Err(self.port.unexpected(&all, expected, response.bytes()));
-            }
+            };
             return Ok((answers, asked_at, all));
         }
-        let mut answers = Vec::with_capacity(questions.len());
+        let mut answers = [const { Vec::new() }; N];
         let mut first_asked_at = None;
-        for ask in questions {
+        for (ask, answer) in questions.iter().zip(&mut answers) {
             let message = ask(Message::new());
-            let within = if answers.is_empty() { first_within } else { self.port.reply_within() };
+            let is_first = first_asked_at.is_none();
+            let within = if is_first { first_within } else { self.port.reply_within() };
             let TimedAnswer { response, asked_at } =
                 self.port.ask(&message, ExpectedResponse::Data, within).await?;
             first_asked_at.get_or_insert(asked_at);
             let Ok(data) = response.data() else {
                 return Err(self.port.unexpected(&message, "one answer", response.bytes()));
             };
-            answers.push(data);
+            *answer = data;
         }
         Ok((answers, first_asked_at.unwrap_or_default(), all))
     }

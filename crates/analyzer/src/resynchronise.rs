@@ -183,10 +183,10 @@ impl Analyzer {
             self.confirm(message).await?;
         }
         let questions: [Question<'_>; 2] = [&level_of, &|m| m.query("*ESR")];
-        let (answers, _, asked) = self.ask_all(&questions, self.port.reply_within()).await?;
-        let status = self.read_status(&asked, answers[1].first())?;
+        let ([volt, status], _, asked) = self.ask_all(&questions, self.port.reply_within()).await?;
+        let status = self.read_status(&asked, status.first())?;
         self.check(&asked, status).await?;
-        let found = self.number(&level_of(Message::new()), &answers[0])?;
+        let found = self.number(&level_of(Message::new()), &volt)?;
         if (found - level.volt).abs() > LEVEL_TOLERANCE_REL * level.volt {
             let (port, wanted) = (self.port.name(), level.volt);
             return Err(AnalyzerError::NotTaken { port, what: "level in V", wanted, found });

@@ -39,7 +39,7 @@ impl Analyzer {
         // An answer may be late, and never early.
         let overhead_s = ((passed_s - trace.duration_s()) / trace.points as f64).max(0.0);
         self.trace_overhead_s = self.trace_overhead_s.min(overhead_s);
-        let (answers, _, message) = self
+        let ([frequencies, resistances, reactances, status], _, message) = self
             .ask_all(
                 &[&trace::frequencies, &trace::resistances, &trace::reactances, &|m| {
                     m.query("*ESR")
@@ -47,12 +47,9 @@ impl Analyzer {
                 self.port.reply_within(),
             )
             .await?;
-        let [frequencies, resistances, reactances, status] = &answers[..] else {
-            unreachable!("four questions have four answers")
-        };
         let status = self.read_status(&message, status.first())?;
         self.check(&message, status).await?;
-        let Ok(measured) = trace::readings(resistances, reactances, trace.points) else {
+        let Ok(measured) = trace::readings(&resistances, &reactances, trace.points) else {
             let found = format!("{} and {} numbers", resistances.len(), reactances.len());
             let expected = "two numbers for each point";
             return Err(self.port.unexpected(&message, expected, found.as_bytes()));

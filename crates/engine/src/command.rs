@@ -75,6 +75,39 @@ impl Command {
     }
 }
 
+/// Where a touch of the run under way is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TouchPlace {
+    /// It has not begun.
+    Ahead,
+    /// It has begun, or is over.
+    Begun,
+    /// A person has left it out.
+    LeftOut,
+}
+
+impl TouchPlace {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Ahead => "is ahead",
+            Self::Begun => "has begun",
+            Self::LeftOut => "is left out already",
+        }
+    }
+}
+
+impl CommandRefusal {
+    /// The same refusal for what a person calls this command.
+    #[must_use]
+    pub fn for_command(self, command: &'static str) -> Self {
+        match self {
+            Self::State { state, .. } => Self::State { command, state },
+            Self::NotClear { clearance, .. } => Self::NotClear { command, clearance },
+            other => other,
+        }
+    }
+}
+
 /// The reason why a command was refused. Nothing has changed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CommandRefusal {
@@ -94,11 +127,19 @@ pub enum CommandRefusal {
         /// Clearance of the probe.
         clearance: Clearance,
     },
+    /// The run under way has no such touch.
+    #[error("the run under way has no touch {step}")]
+    NoSuchTouch {
+        /// The touch.
+        step: StepId,
+    },
     /// The touch is not ahead in the run under way.
-    #[error("touch {step} is not ahead: it has begun, is left out, or is not in the plan")]
+    #[error("touch {step} {}", place.name())]
     NotAhead {
         /// The touch.
         step: StepId,
+        /// Where it is instead.
+        place: TouchPlace,
     },
     /// The target is outside the limits of the linear stage.
     #[error(transparent)]

@@ -36,7 +36,7 @@ mod slip;
 mod sweep;
 mod touch;
 
-pub use command::{Command, CommandRefusal};
+pub use command::{Command, CommandRefusal, TouchPlace};
 pub use contact_sense::{ContactSenseFault, TouchRefusal};
 pub use descent::{Descended, DescentEnd};
 pub use effect::{Effect, Input};

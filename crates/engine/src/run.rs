@@ -8,7 +8,7 @@ use rig_resonance::{Bench, Resonance};
 
 use crate::{
     Event, Fault, Operation, RefusalAnswer, RefusedTouch, RunPhase, RunStatus, TouchOutcome,
-    TouchResult,
+    TouchPlace, TouchResult,
     contact_sense::{Neighbours, check_drift, check_free, check_reference},
     descent::Vigil,
     drift::{Drift, Jump},
@@ -131,12 +131,18 @@ impl Run {
         }
     }
 
-    /// Whether a touch has not begun and is not left out.
-    pub(crate) fn is_ahead(&self, step: &StepId) -> bool {
+    /// Where a touch is; `None` if the plan does not have it.
+    pub(crate) fn place_of(&self, step: &StepId) -> Option<TouchPlace> {
         let next = self.index + usize::from(!matches!(self.machine, Machine::Between));
-        let ahead = self.plan.steps.get(next..).unwrap_or_default();
         let is_it = |one: &Step| one.id == *step && matches!(one.action, Action::Touch(_));
-        !self.skipped.contains(step) && ahead.iter().any(is_it)
+        let index = self.plan.steps.iter().position(is_it)?;
+        Some(if self.skipped.contains(step) {
+            TouchPlace::LeftOut
+        } else if index < next {
+            TouchPlace::Begun
+        } else {
+            TouchPlace::Ahead
+        })
     }
 
     /// A person leaves a touch out that has not begun.

@@ -82,7 +82,7 @@ pub enum ShipperError {
     #[error(transparent)]
     Inlet(#[from] InletError),
     /// The runtime of the connection.
-    #[error("runtime")]
+    #[error("the system gives no runtime for the connection to the hub")]
     Runtime(#[source] io::Error),
     /// No answer in time.
     #[error("the hub has not answered in time")]

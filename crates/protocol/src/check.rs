@@ -206,6 +206,16 @@ fn rotary(protocol: &Protocol, tilts: &[Tilt], limits: &RigLimits, faults: &mut 
         Direction::Back => -soft.min.value(),
     };
     let reach_deg = directions(protocol).map(reach).fold(f64::INFINITY, f64::min);
+    let tolerance = limits.rotary.tolerance();
+    for (index, setting) in protocol.angles.iter().enumerate() {
+        setting.check(faults, |&angle| {
+            let by_deg = |other: &ContactAngle| (angle.degrees() - other.degrees()).abs();
+            let mut earlier = protocol.angles[..index].iter().filter_map(Setting::sound);
+            // The same angle is listed twice.
+            let near = earlier.find(|other| **other != angle && by_deg(other) <= tolerance);
+            near.map(|&other| ProtocolFault::SameTilt { angle, other, tolerance })
+        });
+    }
     let clear = limits.linear.rest_target().position();
     for Tilt { angle, location, subject } in tilts {
         let is_beyond = |direction: &Direction| !soft.contains(direction.rotary_position(*angle));

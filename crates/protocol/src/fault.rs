@@ -34,6 +34,11 @@ pub(crate) enum ProtocolFault {
     SampleName { name: String },
     #[error("{item} in {key} is listed twice")]
     ListedTwice { item: String, key: &'static str },
+    #[error(
+        "angles_deg: {} is within {tolerance}° of {}, the accuracy of the rotary stage \
+         (rotary.tolerance_deg of the rig)", angle.degrees(), other.degrees()
+    )]
+    SameTilt { angle: ContactAngle, other: ContactAngle, tolerance: f64 },
     #[error("\"{name}\" in samples is not a sample of the simulated rig")]
     UnknownSample { name: String, known: Vec<String> },
 
@@ -192,7 +197,7 @@ impl Complaint for ProtocolFault {
     fn suggestion(&self) -> Option<String> {
         let suggestion = match self {
             Self::SampleName { .. } => "use no \"/\", and no blank at the ends".into(),
-            Self::ListedTwice { .. } => "remove one".into(),
+            Self::ListedTwice { .. } | Self::SameTilt { .. } => "remove one".into(),
             Self::TooManyTouches { .. } => "use fewer repeats, angles or samples".into(),
             Self::UnknownSample { known, .. } => format!("it has {}", known.join(", ")),
             Self::TooDeep { limit, .. } => format!("use at most {limit}"),

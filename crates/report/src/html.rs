@@ -183,7 +183,10 @@ fn key_numbers(results: &RunResults) -> Vec<KeyNumber> {
     let mut numbers = Vec::new();
     if let Some(no_load) = results.no_load {
         let span = fixed(no_load.max_hz - no_load.min_hz, 3);
-        let below = format!("mean of {} references within {span}\u{a0}Hz", no_load.count);
+        let below = match no_load.count {
+            1 => "one reference".to_owned(),
+            count => format!("mean of {count} references over a range of {span}\u{a0}Hz"),
+        };
         let value = fixed(no_load.mean_hz, 3);
         numbers.push(KeyNumber { name: "Free resonance", value, unit: "Hz", below });
     }

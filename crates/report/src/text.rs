@@ -46,7 +46,7 @@ impl RunResults {
         let (status, rig_time) = (self.run.status.describe(), duration(self.data.rig_s()));
         let expected = self.data.expected().map_or_else(String::new, |expected| {
             let Expected { least_s, most_s, .. } = expected;
-            format!(", expected {} to {}", duration(least_s), duration(most_s))
+            format!(" (expected {} to {})", duration(least_s), duration(most_s))
         });
         lines.push(format!("{status}: {rig_time} of rig time{expected}{wall}"));
         if let Some(aim) = &self.aim {
@@ -68,7 +68,11 @@ fn facts(results: &RunResults) -> Vec<(String, String)> {
     if let Some(no_load) = &results.no_load {
         let (mean, span) = (fixed(no_load.mean_hz, 3), fixed(no_load.max_hz - no_load.min_hz, 3));
         let count = no_load.count;
-        fact("no-load resonance", format!("{mean} Hz, {count} references within {span} Hz"));
+        let spread = match count {
+            1 => "one reference".to_owned(),
+            _ => format!("{count} references over a range of {span} Hz"),
+        };
+        fact("no-load resonance", format!("{mean} Hz, {spread}"));
     }
     if let Some(note) = results.slip_note() {
         fact("check of slip", note);

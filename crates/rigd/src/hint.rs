@@ -46,6 +46,19 @@ enum NextAction {
 }
 
 impl Hint {
+    /// A hint for each next action, to see that every interface has its words for them.
+    #[cfg(test)]
+    pub(crate) fn of_every_action() -> [Self; 5] {
+        [
+            NextAction::Retract,
+            NextAction::Prepare,
+            NextAction::Home,
+            NextAction::Commission,
+            NextAction::Restart,
+        ]
+        .map(|then| Self { text: "look", then })
+    }
+
     /// For clients of the daemon.
     pub(crate) fn over_http(self) -> String {
         let then = match self.then {
@@ -150,7 +163,10 @@ const fn contact_sense(fault: &ContactSenseFault) -> &'static str {
             "let sensor and analyzer warm up, keep draughts and light off the sensor, or raise contact_threshold in \
              the protocol"
         }
-        _ => {
+        ContactSenseFault::NotFree { .. }
+        | ContactSenseFault::NoResponse { .. }
+        | ContactSenseFault::Frozen { .. }
+        | ContactSenseFault::ReferenceMoved { .. } => {
             "check that nothing touches the probe, and check the cable of the sensor and the analyzer"
         }
     }

@@ -30,6 +30,7 @@ mod place;
 mod predict;
 pub mod protocol_file;
 mod queue;
+mod reason;
 #[cfg(feature = "simulator")]
 pub mod rehearse;
 pub mod rig;

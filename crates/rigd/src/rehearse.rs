@@ -85,10 +85,10 @@ pub enum RehearseError {
     #[error(transparent)]
     Refused(#[from] RequestRefusal),
     /// The journal of the rehearsal cannot be read.
-    #[error("the journal of the rehearsal")]
+    #[error("the journal of the rehearsal cannot be read")]
     Store(#[from] StoreError),
     /// The system gives no runtime.
-    #[error("runtime")]
+    #[error("the system gives no runtime for the rehearsal")]
     Runtime(#[source] io::Error),
     /// The run without a fault does not come to its end, so that nothing can be compared with it.
     #[error("the run without a fault does not come to its end on the simulated bench: {reason}")]

@@ -77,7 +77,7 @@ pub use resume::{ResumeRefusal, SOFTWARE};
 pub(crate) use rig_loop::open_in;
 pub use rig_loop::{RigLoop, open_in_memory};
 pub(crate) use shell::{CLOCK_WAS_SET, HELD_UP};
-pub(crate) use space::{RESERVE_BYTES, free_bytes};
+pub(crate) use space::{RESERVE_BYTES, check as check_space, free_bytes};
 pub use status::{DeviceIdentity, RunView, Status};
 pub(crate) use status::{PortFrames, Setting};
 pub use way_out::{WayOut, make_safe};
@@ -127,13 +127,18 @@ pub enum RequestRefusal {
     Resume(Arc<ResumeRefusal>),
     /// The disk has no room for the run.
     #[error(
-        "the data directory has {} MiB free, and the run needs {} MiB",
-        .free_bytes >> 20,
-        .needed_bytes.div_ceil(1 << 20)
+        "the data directory has {} MB free, and {} MB are needed: twice the {} MB that the run may take, and {} MB \
+         in reserve for the rest of the journal",
+        .free_bytes / 1_000_000,
+        .needed_bytes.div_ceil(1_000_000),
+        .run_bytes.div_ceil(1_000_000),
+        RESERVE_BYTES.div_ceil(1_000_000)
     )]
     NoSpace {
         /// Free space, bytes.
         free_bytes: u64,
+        /// Expected size of the run, bytes.
+        run_bytes: u64,
         /// Needed space, bytes.
         needed_bytes: u64,
     },

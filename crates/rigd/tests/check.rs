@@ -150,11 +150,11 @@ less than 1 linewidth below it; set it to at least 164 Hz
         text(&output)
     );
     assert!(text(&output).lines().all(|line| line.chars().count() <= 80), "{}", text(&output));
-    // Without its steps: three lines, and what is wrong.
+    // Without its steps: how it goes, and what is wrong.
     let short = rigd(&["check", &path]);
     let lines: Vec<_> = text(&short).lines().collect();
     assert!(
-        text(&output).ends_with(text(&short)) && lines[3].starts_with("warning: "),
+        text(&output).ends_with(text(&short)) && lines[4].starts_with("warning: "),
         "{lines:?}"
     );
 }
@@ -198,6 +198,16 @@ fn a_resonance_beyond_the_analyzer_is_not_answered_with_a_window_it_cannot_have(
     let output = rigd(&["check", &path, "--rig", &rig]);
     let said = "and this rig's analyzer ends at 200 Hz: touch softer samples, or less deep";
     assert!(in_a_line(text(&output)).contains(said), "{}", text(&output));
+
+    // A length in another unit: nothing is touched in a no-load sweep.
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/scenes/paper.toml");
+    let changes = [("length_mm = 35", "length_mm = 350"), ("../scenes/paper.toml", scene)];
+    let rig = changed(dir.path(), "config/rigs/simulated.toml", &changes);
+    let output = rigd(&["check", SMOKE, "--rig", &rig]);
+    let text = in_a_line(text(&output));
+    assert!(text.starts_with("smoke keeps the limits of simulated bench, but no predicted resonance lies in its window"), "{text}");
+    assert!(text.contains("[no_load_sweep] min_hz = 125 Hz"), "{text}");
+    assert!(text.contains("look whether [sensor] of the rig file describes this sensor"), "{text}");
 }
 
 #[test]

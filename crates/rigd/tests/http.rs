@@ -147,6 +147,27 @@ async fn an_array_is_never_taken_for_the_members_of_a_form() {
         let said = problem["detail"].as_str().unwrap();
         assert!(said.contains("expected a JSON object"), "{path}: {said}");
     }
+    for (path, body, said) in [
+        (
+            "runs",
+            json!({ "protocol_toml": 5 }),
+            "protocol_toml: invalid type: integer `5`, expected a string",
+        ),
+        (
+            "queue",
+            json!({ "protocol_toml": 5 }),
+            "protocol_toml: invalid type: integer `5`, expected a string",
+        ),
+        (
+            "sweeps",
+            json!({ "min_hz": "120", "max_hz": 165 }),
+            "min_hz: invalid type: string \"120\", expected a number",
+        ),
+    ] {
+        let (status, problem) = daemon.ask("POST", path, &body).await;
+        assert_eq!(status, StatusCode::UNPROCESSABLE_ENTITY, "{path}: {problem}");
+        assert!(problem["detail"].as_str().unwrap().starts_with(said), "{path}: {problem}");
+    }
     daemon.close().await;
 }
 
@@ -330,6 +351,30 @@ async fn an_idempotency_key_is_known_after_a_restart() {
     daemon.close().await;
 }
 
+/// Each amendment is answered with what is true of it, and with nothing else.
+async fn check_amendments_of_a_run_under_way(daemon: &Daemon, id: &str) {
+    let step = json!({ "step": "main/1/front/0/1", "why": "it slipped" });
+    let nowhere = json!({ "step": "main/7/front/0/1", "why": "it slipped" });
+    let blank = json!({ "step": "main/1/front/0/1", "why": " " });
+    let conflict = StatusCode::CONFLICT;
+    for (what, body, expected, said) in [
+        ("skip", &step, conflict, "touch main/1/front/0/1 has begun"),
+        (
+            "skip",
+            &nowhere,
+            StatusCode::NOT_FOUND,
+            "the run under way has no touch main/7/front/0/1",
+        ),
+        ("redo", &step, conflict, "cannot measure a touch again while the rig is paused"),
+        ("skip", &blank, StatusCode::UNPROCESSABLE_ENTITY, "why: the reason is empty"),
+        ("redo", &blank, StatusCode::UNPROCESSABLE_ENTITY, "why: the reason is empty"),
+    ] {
+        let (status, problem) = daemon.ask("POST", &format!("runs/{id}/{what}"), body).await;
+        assert_eq!(status, expected, "{what} {body}: {problem}");
+        assert!(problem["detail"].as_str().unwrap().starts_with(said), "{what}: {problem}");
+    }
+}
+
 #[tokio::test]
 async fn a_run_is_continued_amended_and_given_up_over_http() {
     let daemon = Daemon::start().await;
@@ -346,14 +391,18 @@ async fn a_run_is_continued_amended_and_given_up_over_http() {
         |status: &rig::Status| status.run.as_ref().is_some_and(|run| run.touches_done >= 2);
     rig.wait_for(has_touches).await.unwrap();
     let step = json!({ "step": "main/1/front/0/1", "why": "it slipped" });
-    assert_eq!(daemon.ask("POST", &run("skip"), &step).await.0, StatusCode::CONFLICT);
+    assert_eq!(daemon.ask("POST", &run("pause"), &json!({})).await.0, StatusCode::ACCEPTED);
+    let is_paused = |status: &rig::Status| status.snapshot.state == RigState::Paused;
+    rig.wait_for(is_paused).await.unwrap();
+    check_amendments_of_a_run_under_way(&daemon, &id).await;
     assert_eq!(daemon.ask("POST", &run("abort"), &json!({})).await.0, StatusCode::ACCEPTED);
     daemon.wait_until_idle().await;
     let (_, runs) = daemon.ask("GET", "runs", &Value::Null).await;
     assert_eq!((&runs[0]["status"], &runs[0]["is_resumable"]), (&"aborted".into(), &true.into()));
 
     let unknown = json!({ "accept_change": true });
-    assert_eq!(daemon.ask("POST", &run("continue"), &unknown).await.0, StatusCode::BAD_REQUEST);
+    let (status, problem) = daemon.ask("POST", &run("continue"), &unknown).await;
+    assert_eq!(status, StatusCode::UNPROCESSABLE_ENTITY, "{problem}");
     let (status, continued) = daemon.ask("POST", &run("continue"), &json!({})).await;
     assert_eq!((status, &continued["id"]), (StatusCode::ACCEPTED, &id.as_str().into()));
     let (_, plan) = daemon.ask("GET", &run("plan"), &Value::Null).await;
@@ -420,8 +469,13 @@ async fn a_person_may_note_something_about_a_run_and_change_it() {
         assert_eq!(notes[id]["is_starred"], note.get("is_starred").is_some());
     }
     let long = json!({ "note": "a".repeat(2001) });
-    for bad in [&long, &json!({ "text": "" }), &json!([1])] {
-        assert_eq!(daemon.ask("PUT", &path, bad).await.0, StatusCode::BAD_REQUEST);
+    let unprocessable = StatusCode::UNPROCESSABLE_ENTITY;
+    for (bad, status) in [
+        (&long, StatusCode::BAD_REQUEST),
+        (&json!({ "text": "" }), unprocessable),
+        (&json!([1]), unprocessable),
+    ] {
+        assert_eq!(daemon.ask("PUT", &path, bad).await.0, status);
     }
     let other = path.replace(id, "01900000-0000-7000-8000-000000000000");
     assert_eq!(daemon.ask("PUT", &other, &json!({})).await.0, StatusCode::NOT_FOUND);

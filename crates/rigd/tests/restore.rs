@@ -83,6 +83,16 @@ fn a_backup_is_restored_once_and_never_over_anything() {
     let _store = Store::open(&used).unwrap();
     let refused = restore(&backup, &used, &[]);
     assert!(said(&refused).contains("used: in use by another rigd"), "{}", said(&refused));
+    // A file stands where the directory is to be, and above it.
+    let file = folder.path().join("file");
+    fs::write(&file, "").unwrap();
+    let beside = [file.clone(), file.join("below")].map(|to| {
+        let refused = rigd(&[Path::new("backup"), &to, Path::new("--data"), &data], &[]);
+        said(&refused)
+    });
+    assert!(beside[0].contains("file: is a file; a journal needs a directory"), "{}", beside[0]);
+    assert!(beside[1].contains("file/below: "), "{}", beside[1]);
+    assert!(beside[1].contains("file/below cannot be made: Not a directory"), "{}", beside[1]);
     let nothing = restore(&folder.path().join("nowhere"), &folder.path().join("other"), &[]);
     assert!(said(&nothing).contains("nowhere: holds no journal"), "{}", said(&nothing));
     assert!(!folder.path().join("other").exists());

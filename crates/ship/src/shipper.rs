@@ -59,7 +59,7 @@ pub enum ShipError {
     #[error(transparent)]
     Export(#[from] ExportError),
     /// The id of the bench in the journal.
-    #[error("bench of the journal")]
+    #[error("the id of the bench in the journal cannot name an object")]
     Bench(#[from] LabelError),
     /// The seal cannot be signed.
     #[error(transparent)]
@@ -73,7 +73,7 @@ pub enum ShipError {
         source: serde_json::Error,
     },
     /// An object cannot be checked.
-    #[error("{object}")]
+    #[error("object {object} cannot be checked")]
     Object {
         /// Name of the object.
         object: String,

@@ -10,7 +10,7 @@ use rusqlite::{
     backup::{Backup, StepResult},
 };
 
-use crate::{ChainCheck, Flaw, Reader, StoreError, lock::DirectoryLock, schema};
+use crate::{ChainCheck, Flaw, PathAct, Reader, StoreError, lock::DirectoryLock, schema};
 
 /// A run in a copy.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -42,7 +42,7 @@ pub fn back_up(from: &Path, to: &Path) -> Result<Vec<BackedUpRun>, StoreError> {
     }
     let part = to.join("rigd.db.part");
     if part.exists() {
-        fs::remove_file(&part).map_err(StoreError::Directory)?;
+        fs::remove_file(&part).map_err(PathAct::Remove.failed(&part))?;
     }
     let mut new = Connection::open(&part)?;
     // All pages in one step are one state of the journal. Its writer appends to a log meanwhile.
@@ -55,7 +55,7 @@ pub fn back_up(from: &Path, to: &Path) -> Result<Vec<BackedUpRun>, StoreError> {
         fs::rename(&part, &target)?;
         File::open(to)?.sync_all()
     };
-    place().map_err(StoreError::Directory)?;
+    place().map_err(PathAct::Place.failed(&target))?;
     drop(lock);
     let reader = Reader::open(to)?;
     let check = |run: crate::Run| {

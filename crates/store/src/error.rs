@@ -1,6 +1,9 @@
 //! Why the journal could not be written or read.
 
-use std::io;
+use std::{
+    io,
+    path::{Path, PathBuf},
+};
 
 use rusqlite::ErrorCode;
 
@@ -10,9 +13,19 @@ use rig_record::{Flaw, NotARunId, Run, RunId, UnreadableRecord};
 /// directory.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
-    /// The data directory cannot be made or its lock file not opened.
-    #[error("cannot be made or locked")]
-    Directory(#[source] io::Error),
+    /// A directory or a file of a journal cannot be made, locked, moved or removed.
+    #[error("{} cannot be {}", path.display(), act.name())]
+    Path {
+        /// What was to be done with it.
+        act: PathAct,
+        /// The directory or file.
+        path: PathBuf,
+        /// The error of the system.
+        source: io::Error,
+    },
+    /// A file has the name of the directory.
+    #[error("is a file; a journal needs a directory")]
+    NotADirectory,
     /// There is no journal in the directory.
     #[error("holds no journal")]
     NoJournal,
@@ -141,6 +154,42 @@ pub enum StoreError {
         /// Runs that match, the latest first.
         candidates: Vec<Run>,
     },
+}
+
+/// What is done with a directory or a file of a journal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PathAct {
+    /// It is made, if it is missing.
+    Make,
+    /// It is locked against other writers.
+    Lock,
+    /// Its entries are listed.
+    List,
+    /// It is copied to the directory for temporary files.
+    Copy,
+    /// It gets its place, and the disk has it.
+    Place,
+    /// It is removed.
+    Remove,
+}
+
+impl PathAct {
+    /// The error of this act, for `map_err`.
+    pub(crate) fn failed(self, path: &Path) -> impl FnOnce(io::Error) -> StoreError {
+        move |source| StoreError::Path { act: self, path: path.to_owned(), source }
+    }
+
+    /// The participle in messages.
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Make => "made",
+            Self::Lock => "locked",
+            Self::List => "listed",
+            Self::Copy => "copied to the directory for temporary files",
+            Self::Place => "put in its place",
+            Self::Remove => "removed",
+        }
+    }
 }
 
 /// The error of SQLite, without its cause, which only repeats it as a code.

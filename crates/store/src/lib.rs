@@ -35,7 +35,7 @@ mod tests;
 
 pub use backup::{BackedUpRun, back_up};
 pub use directory::{copy_beside, make_directory};
-pub use error::{SqliteError, StoreError};
+pub use error::{PathAct, SqliteError, StoreError};
 pub use excerpt::excerpt;
 pub use journal::{Journal, Store};
 pub use memory::{DiskFailure, MemoryDisk};

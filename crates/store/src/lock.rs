@@ -8,7 +8,7 @@ use std::{
     time::Duration,
 };
 
-use crate::{StoreError, make_directory};
+use crate::{PathAct, StoreError, make_directory};
 
 pub(crate) const FILE: &str = "rigd.lock";
 
@@ -26,18 +26,24 @@ pub(crate) struct DirectoryLock {
 impl DirectoryLock {
     /// Makes the directory where it is missing, and takes its lock.
     pub(crate) fn take(directory: &Path) -> Result<Self, StoreError> {
-        make_directory(directory).map_err(StoreError::Directory)?;
+        if directory.is_file() {
+            return Err(StoreError::NotADirectory);
+        }
+        make_directory(directory).map_err(PathAct::Make.failed(directory))?;
+        let path = directory.join(FILE);
         let file = File::options()
             .create(true)
             .truncate(false)
             .write(true)
-            .open(directory.join(FILE))
-            .map_err(StoreError::Directory)?;
+            .open(&path)
+            .map_err(PathAct::Make.failed(&path))?;
         for _ in 0..TRIES {
             match file.try_lock() {
                 Ok(()) => return Ok(Self { _file: file }),
                 Err(TryLockError::WouldBlock) => thread::sleep(PAUSE),
-                Err(TryLockError::Error(source)) => return Err(StoreError::Directory(source)),
+                Err(TryLockError::Error(source)) => {
+                    return Err(PathAct::Lock.failed(&path)(source));
+                }
             }
         }
         Err(StoreError::InUse)

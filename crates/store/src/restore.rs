@@ -7,7 +7,9 @@ use std::{
     path::Path,
 };
 
-use crate::{BackedUpRun, StoreError, backup, copy_beside, lock, lock::DirectoryLock, schema};
+use crate::{
+    BackedUpRun, PathAct, StoreError, backup, copy_beside, lock, lock::DirectoryLock, schema,
+};
 
 /// The copy is here until it has been read. One that is left was broken off.
 const STAGE: &str = "restore.part";
@@ -26,14 +28,13 @@ pub fn restore(backup: &Path, to: &Path, beside: &[&str]) -> Result<Vec<BackedUp
     let lock = DirectoryLock::take(to)?;
     let stage = to.join(STAGE);
     let is_again = stage.exists();
-    if let Some(entry) =
-        occupant(to, if is_again { beside } else { &[] }).map_err(StoreError::Directory)?
-    {
+    let found = occupant(to, if is_again { beside } else { &[] });
+    if let Some(entry) = found.map_err(PathAct::List.failed(to))? {
         let entry = entry.to_string_lossy().into_owned();
         return Err(StoreError::Occupied { entry });
     }
     if is_again {
-        fs::remove_dir_all(&stage).map_err(StoreError::Directory)?;
+        fs::remove_dir_all(&stage).map_err(PathAct::Remove.failed(&stage))?;
     }
     let copied = backup::back_up(backup, &stage);
     let is_whole = |runs: &Vec<BackedUpRun>| runs.iter().all(|run| run.flaw.is_none());
@@ -44,7 +45,8 @@ pub fn restore(backup: &Path, to: &Path, beside: &[&str]) -> Result<Vec<BackedUp
     // After an error too, the directory is as it was.
     let removed = fs::remove_dir_all(&stage);
     let runs = copied?;
-    placed.and(removed).map_err(StoreError::Directory)?;
+    placed.map_err(PathAct::Place.failed(to))?;
+    removed.map_err(PathAct::Remove.failed(&stage))?;
     drop(lock);
     Ok(runs)
 }

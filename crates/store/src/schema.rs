@@ -9,7 +9,7 @@ use std::{
 use rusqlite::{Connection, OpenFlags};
 use uuid::Uuid;
 
-use crate::{StoreError, sql};
+use crate::{PathAct, StoreError, sql};
 
 /// The version of the records and tables. A journal of another version is refused.
 pub const FORMAT: u32 = 4;
@@ -153,7 +153,7 @@ pub(crate) fn open_to_read(path: &Path) -> Result<(Connection, Option<Copied>), 
     }
     let log = log_of(path);
     if fs::metadata(&log).is_ok_and(|log| log.len() > 0) {
-        let copy = Copied::of(path, &log).map_err(StoreError::Directory)?;
+        let copy = Copied::of(path, &log).map_err(PathAct::Copy.failed(path))?;
         let connection = reading(Connection::open_with_flags(database(&copy.0), flags), BUSY)?;
         return Ok((connection, Some(copy)));
     }

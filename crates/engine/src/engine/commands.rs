@@ -5,8 +5,8 @@ use rig_model::{Clearance, RigLimits, RigTime};
 use super::{Activity, Engine};
 use crate::{
     Command, CommandRefusal, Effect, Event, Failure, Fault, LoweringPurpose, Operation,
-    SweepPurpose, fault::StopReason, machine::MachineEvent, recovery::Preparing, run::Run,
-    sweep::Sweep,
+    SweepPurpose, TouchPlace, fault::StopReason, machine::MachineEvent, recovery::Preparing,
+    run::Run, sweep::Sweep,
 };
 
 /// A command that [`Engine::admit`] has admitted. It holds for the state in which it was admitted,
@@ -79,10 +79,13 @@ impl Engine {
         {
             return Err(CommandRefusal::NotClear { command: name, clearance });
         }
-        if let Command::Skip(step) = &command
-            && !self.run().is_some_and(|run| run.is_ahead(step))
-        {
-            return Err(CommandRefusal::NotAhead { step: step.clone() });
+        if let Command::Skip(step) = &command {
+            let step = step.clone();
+            match self.run().and_then(|run| run.place_of(&step)) {
+                Some(TouchPlace::Ahead) => {}
+                Some(place) => return Err(CommandRefusal::NotAhead { step, place }),
+                None => return Err(CommandRefusal::NoSuchTouch { step }),
+            }
         }
         let operation = self.manual_move(&command)?;
         Ok(Admitted { command, operation })

@@ -36,6 +36,23 @@ fn a_uniform_sweep_that_takes_longer_than_it_may_is_refused() {
 }
 
 #[test]
+fn two_angles_that_the_rotary_stage_cannot_tell_apart_are_refused() {
+    let said = complaints(&[("[0, 15, 30, 45]", "[0, 15, 45, 45.0000001]")], &limits());
+    let tolerance = limits().rotary.tolerance();
+    assert!(
+        said.contains(&format!(
+            "angles_deg: 45.0000001 is within {tolerance}° of 45, the accuracy"
+        )),
+        "{said}"
+    );
+    let apart = format!("[0, 15, 44, {}]", 44.0 + 2.0 * tolerance);
+    let changes = [("[0, 15, 30, 45]", apart.as_str())];
+    let text = changed(&changes);
+    let protocol = Protocol::read("protocol.toml", &text);
+    Plan::new(&protocol, &limits(), None, &PaperLike).unwrap();
+}
+
+#[test]
 fn a_number_in_another_unit_is_told_what_it_would_be() {
     let changes = [
         ("\nindentation_mm = 0.5", "\nindentation_mm = 0.0005"),

@@ -11,6 +11,7 @@ use crate::{
     loaded_rig::LoadedRig,
     operator::Operator,
     place::{Place, PlaceKind},
+    reason::reason,
     rig::TouchOrder,
 };
 
@@ -99,7 +100,7 @@ pub(super) struct TouchArgs {
     /// Address of the touch, such as `main/3/left/30/1`
     step: String,
     /// The reason, for the journal and the report
-    #[arg(long, value_name = "TEXT")]
+    #[arg(long, value_name = "TEXT", value_parser = reason)]
     why: String,
     #[command(flatten)]
     pub(super) operator: OperatorArgs,

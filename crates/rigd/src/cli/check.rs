@@ -21,8 +21,12 @@ use crate::{
     describe,
     files::{FileError, read},
     loaded_rig::LoadedRig,
-    predict::{EDGE_LINEWIDTHS, NotPredicted, Predicted, Predictions, Warning, WindowEdge},
+    predict::{
+        EDGE_LINEWIDTHS, NotPredicted, Predicted, Predictions, SweepSection, Warning, WindowEdge,
+        WindowPosition,
+    },
     protocol_file::LoadedProtocol,
+    rig::{RequestRefusal, check_space},
 };
 
 #[derive(Debug, Args)]
@@ -84,6 +88,9 @@ struct PlanView {
     descents: Option<DescentsView>,
     /// Space that the journal and the files of the run may take, bytes.
     disk_bytes: u64,
+    /// Why a run would be refused now for want of space.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    no_space: Option<String>,
     /// What the protocol wants of its touches, and what is expected of them.
     #[serde(skip_serializing_if = "Option::is_none")]
     aim: Option<rig_store::Aim>,
@@ -138,8 +145,14 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
     match load(args, &path) {
         Ok((rig, protocol)) => {
             let predictions = Predictions::of(&protocol.plan, &rig);
-            let checked =
-                CheckedProtocol { rig: &rig, protocol: &protocol, predictions: &predictions };
+            let disk_bytes = protocol.summary.disk_bytes;
+            let no_space = check_space(existing(&args.data.dir()), disk_bytes).err();
+            let checked = CheckedProtocol {
+                rig: &rig,
+                protocol: &protocol,
+                predictions: &predictions,
+                no_space,
+            };
             if !args.output.json {
                 if args.steps {
                     print(&(checked.steps() + "\n"))?;
@@ -167,6 +180,12 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
             Err(error.into())
         }
     }
+}
+
+/// The directory, or the first one above it that is there.
+fn existing(directory: &Path) -> Option<&Path> {
+    let mut above = directory.ancestors();
+    above.find(|above| above.is_dir()).or_else(|| directory.is_relative().then_some(Path::new(".")))
 }
 
 /// Reads both files. When the rig file has faults, those that the protocol has on any rig are said
@@ -207,6 +226,8 @@ struct CheckedProtocol<'a> {
     rig: &'a LoadedRig,
     protocol: &'a LoadedProtocol,
     predictions: &'a Predictions,
+    /// Why the disk has no room for a run now.
+    no_space: Option<RequestRefusal>,
 }
 
 impl CheckedProtocol<'_> {
@@ -225,6 +246,7 @@ impl CheckedProtocol<'_> {
                 reading_s: of.reading_s,
             }),
             disk_bytes: summary.disk_bytes,
+            no_space: self.no_space.as_ref().map(ToString::to_string),
             aim: plan.aim.as_ref().map(aim::recorded),
             linear_mm: [summary.linear.min.value(), summary.linear.max.value()],
             rotary_deg: [summary.rotary.min.value(), summary.rotary.max.value()],
@@ -262,13 +284,13 @@ impl CheckedProtocol<'_> {
 
     /// The fault of a window edge and the value to write instead.
     fn message(&self, warning: &Warning) -> String {
-        let Warning { section, edge, window, wanted_hz, .. } = warning;
+        let Warning { section, edge, window, .. } = warning;
         let (edge_hz, beyond, this_side) = match edge {
             WindowEdge::Min => (window.min_hz, "below", "above"),
             WindowEdge::Max => (window.max_hz, "above", "below"),
         };
         let (section, key) = (section.name(), edge.key());
-        let advice = advice(*edge, *wanted_hz, &self.rig.file.limits);
+        let advice = advice(warning, &self.rig.file.limits);
         format!(
             "[{section}] {key} = {edge_hz} Hz: predicted resonances lie {beyond} it, or less than \
              {EDGE_LINEWIDTHS} linewidth {this_side} it; {advice}"
@@ -302,14 +324,31 @@ impl CheckedProtocol<'_> {
         let halfway = duration(*halfway_s);
         let duration = duration(self.protocol.summary.duration_s);
         let disk_mb = self.protocol.summary.disk_bytes.div_ceil(1_000_000);
+        let predicted = || self.predictions.steps.iter().flatten().flatten();
+        let (all, outside) = (
+            predicted().count(),
+            predicted().filter(|it| it.placing() == WindowPosition::Outside).count(),
+        );
+        let verdict = match outside {
+            0 => format!("{name} can run on {rig}: {duration} without its prompts."),
+            _ if outside == all => format!(
+                "{name} keeps the limits of {rig}, but no predicted resonance lies in its window: {duration} \
+                 without its prompts."
+            ),
+            _ => format!(
+                "{name} can run on {rig}: {duration} without its prompts, with {outside} of {all} predicted \
+                 resonances outside their windows."
+            ),
+        };
         let mut lines = vec![
-            format!("{name} can run on {rig}: {duration} without its prompts."),
+            verdict,
             format!(
                 "{touches} touches, {no_loads} no-load references, {prompts} prompts; up to {disk_mb} MB on \
                  the disk."
             ),
             format!("linear stage {linear}, rotary stage {rotary}."),
         ];
+        lines.extend(self.no_space.as_ref().map(|refusal| format!("warning: {refusal}.")));
         if *halfway_s > 0.0 {
             lines.push(format!("{halfway} of it measure the touches halfway to their depth."));
         }
@@ -403,7 +442,8 @@ impl CheckedProtocol<'_> {
 }
 
 /// The suggestion within the range of the analyzer.
-fn advice(edge: WindowEdge, wanted_hz: f64, limits: &RigLimits) -> String {
+fn advice(warning: &Warning, limits: &RigLimits) -> String {
+    let Warning { section, edge, wanted_hz, .. } = *warning;
     let (lowest_hz, highest_hz) = limits.analyzer.frequency_hz;
     let (is_possible, verb, limit_hz) = match edge {
         WindowEdge::Min => (lowest_hz <= wanted_hz, "at most", lowest_hz),
@@ -412,9 +452,12 @@ fn advice(edge: WindowEdge, wanted_hz: f64, limits: &RigLimits) -> String {
     if is_possible {
         return format!("set it to {verb} {wanted_hz} Hz");
     }
+    let cure = match section {
+        SweepSection::NoLoad => "look whether [sensor] of the rig file describes this sensor",
+        SweepSection::Contact => "touch softer samples, or less deep",
+    };
     format!(
-        "it would have to be {wanted_hz} Hz, and this rig's analyzer ends at {limit_hz} Hz: touch \
-         softer samples, or less deep"
+        "it would have to be {wanted_hz} Hz, and this rig's analyzer ends at {limit_hz} Hz: {cure}"
     )
 }
 

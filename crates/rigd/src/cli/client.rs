@@ -69,6 +69,11 @@ pub(super) fn in_commands(advice: &str) -> String {
         ),
         ("POST /api/v1/acknowledge", "`rigd acknowledge`"),
         ("POST /api/v1/stop", "`rigd stop`"),
+        (
+            "POST /api/v1/commission asks for one step after the other, as `rigd commission` does after \
+             this daemon has ended",
+            "end this daemon, and `rigd commission` asks for one step after the other",
+        ),
         ("GET /api/v1/rig", "`rigd status`"),
     ];
     words.iter().fold(advice.to_owned(), |text, (from, to)| text.replace(from, to))
@@ -283,7 +288,10 @@ fn event(text: &mut Vec<u8>) -> Option<Event> {
 
 #[cfg(test)]
 mod tests {
+    use rig_engine::RigState;
+
     use super::*;
+    use crate::hint;
 
     #[test]
     fn events_are_read_wherever_their_bytes_are_cut() {
@@ -310,5 +318,20 @@ mod tests {
             "see that it is clear; then POST /api/v1/home with {\"nothing_below_probe\": true}";
         let command = "see that it is clear; then `rigd acknowledge --nothing-below-probe`";
         assert_eq!(in_commands(look), command);
+        // Another wording of a hint needs its command here.
+        let while_in = [
+            RigState::Latched,
+            RigState::Running,
+            RigState::WaitingForPerson,
+            RigState::Paused,
+            RigState::Preparing,
+            RigState::Retracting,
+        ]
+        .map(|state| hint::while_in(state).unwrap().to_owned());
+        let hints = hint::Hint::of_every_action().map(hint::Hint::over_http);
+        for advice in while_in.iter().chain(&hints) {
+            let said = in_commands(advice);
+            assert!(!said.contains("/api/") && !said.contains("POST"), "{advice}: {said}");
+        }
     }
 }

@@ -409,7 +409,10 @@ impl Guide {
         for value in &finding.values {
             let unit = if value.unit == "1" { String::new() } else { format!(" {}", value.unit) };
             let (name, value, sigma) = (value.name, value.value, value.standard_uncertainty);
-            say(&format!("{name} = {value:.4} ± {sigma:.4}{unit}"));
+            // A sign is exact.
+            let number =
+                if sigma == 0.0 { format!("{value}") } else { format!("{value:.4} ± {sigma:.4}") };
+            say(&format!("{name} = {number}{unit}"));
         }
         let Records { basis, data, .. } = &self.records;
         let path = calibrations::write_step(basis, data, (step, finding), self.witness())

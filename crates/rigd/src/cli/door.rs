@@ -148,7 +148,7 @@ fn listen(address: SocketAddr) -> io::Result<TcpListener> {
 const fn advice(kind: io::ErrorKind) -> &'static str {
     match kind {
         io::ErrorKind::AddrInUse => {
-            "end the program that has it, such as another rigd, or choose another port with \
+            "another program has this port: end it, such as another rigd, or choose another port with \
              --listen"
         }
         io::ErrorKind::AddrNotAvailable => "choose an address of this computer with --listen",

@@ -107,7 +107,7 @@ pub(super) enum Failure {
          `Authorization: Bearer`, or listen on 127.0.0.1"
     )]
     NoToken { listen: SocketAddr },
-    #[error("{address} is not an address on which rigd can listen; {advice}")]
+    #[error("rigd cannot listen on {address}; {advice}")]
     Listen { address: SocketAddr, advice: &'static str, source: io::Error },
     #[error(
         "the service manager gives {count} sockets by LISTEN_FDS, and rigd listens on one; keep one \
@@ -272,6 +272,7 @@ fn code_of(refusal: &RequestRefusal) -> u8 {
             | ResumeRefusal::NoSuchTouch { .. } => 3,
             _ => 1,
         },
+        RequestRefusal::Command(CommandRefusal::NoSuchTouch { .. }) => 3,
         RequestRefusal::Command(
             CommandRefusal::LinearTarget(_)
             | CommandRefusal::RotaryTarget(_)

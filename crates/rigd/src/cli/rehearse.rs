@@ -115,7 +115,7 @@ const INDENT: usize = 4;
 
 fn row([number, fault, phase, refused, repeated, resumed, time]: [&str; 7]) -> String {
     let row = format!(
-        "{number:>2}  {fault:<26}{phase:<14}{refused:>7}{repeated:>9}{resumed:>8}{time:>12}"
+        "{number:>2} {fault:<26}{phase:<14}{refused:>7}{repeated:>9}{resumed:>8}{time:>13}"
     );
     row.trim_end().to_owned()
 }
@@ -166,5 +166,20 @@ fn view(rehearsal: &Rehearsal) -> RehearsalView {
         touches: rehearsal.touches,
         undisturbed_s: rehearsal.undisturbed_s,
         faults: rehearsal.rows.iter().map(fault).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_longest_cells_of_a_row_stay_apart_within_the_width_of_the_table() {
+        let fault = "the longest fault in a row";
+        for time in ["+59 min 59 s", "+12 h 00 min"] {
+            let row = row(["29", &fault[..25], "before the run", "110", "110", "10", time]);
+            assert!(row.ends_with(&format!(" {time}")) && row.starts_with("29 the"), "{row}");
+            assert!(row.chars().count() <= COLUMNS, "{row}");
+        }
     }
 }

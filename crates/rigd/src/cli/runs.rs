@@ -127,7 +127,7 @@ pub(super) fn list(args: &RunsArgs) -> Result<(), Failure> {
         ]
     };
     let rows: Vec<_> = views.iter().map(row).collect();
-    print(&columns(&["run", "status", "started", "took", "rig"], &rows))?;
+    print(&columns(&["run", "status", "started", "took (clock)", "rig"], &rows))?;
     for RunView { name, interruption, .. } in &views {
         if let Some(left) = interruption.as_ref().filter(|left| left.is_open()) {
             note(&format!("{name} was {}; {ADVICE}", left.message));
@@ -232,18 +232,26 @@ const BESIDE: [&str; 3] = ["notes.json", CORRECTIONS, CALIBRATIONS];
 /// Copies a journal that may be written meanwhile, and checks the copy.
 pub(super) fn back_up(args: &BackupArgs) -> Result<(), Failure> {
     let from = args.data.dir();
-    let data_error = |source| {
-        let data = match &source {
-            StoreError::NotEmpty => &args.to,
-            _ => &from,
-        };
-        Failure::Data { data: data.clone(), source }
-    };
+    let data_error = |source| copy_failed(source, &from, &args.to);
     let runs = rig_store::back_up(&from, &args.to).map_err(data_error)?;
     copy_all_beside(&from, &args.to)?;
     let is_whole = is_whole(&runs);
     print(&format!("{} copied to {}, and read there", sizes(&runs), args.to.display()))?;
     if is_whole { Ok(()) } else { Err(Failure::NotSound) }
+}
+
+/// A journal that could not be copied, with the directory that the error is about.
+fn copy_failed(source: StoreError, from: &Path, to: &Path) -> Failure {
+    let is_of_copy = match &source {
+        StoreError::NotEmpty
+        | StoreError::Occupied { .. }
+        | StoreError::InUse
+        | StoreError::NotADirectory
+        | StoreError::DiskFull => true,
+        StoreError::Path { path, .. } => path.starts_with(to),
+        _ => false,
+    };
+    Failure::Data { data: if is_of_copy { to } else { from }.to_path_buf(), source }
 }
 
 /// Copies what a data directory has beside its journal.
@@ -266,13 +274,7 @@ pub(super) struct RestoreArgs {
 /// Copies a backup to an empty data directory, if every run of the copy is whole.
 pub(super) fn restore(args: &RestoreArgs) -> Result<(), Failure> {
     let to = args.data.dir();
-    let data_error = |source| {
-        let data = match &source {
-            StoreError::Occupied { .. } | StoreError::InUse | StoreError::Directory(_) => &to,
-            _ => &args.backup,
-        };
-        Failure::Data { data: data.clone(), source }
-    };
+    let data_error = |source| copy_failed(source, &args.backup, &to);
     let runs = rig_store::restore(&args.backup, &to, &BESIDE).map_err(data_error)?;
     if !is_whole(&runs) {
         let backup = args.backup.display();
@@ -304,13 +306,7 @@ fn is_whole(runs: &[BackedUpRun]) -> bool {
 /// Copies what verifies of a damaged journal.
 pub(super) fn salvage(args: &SalvageArgs) -> Result<(), Failure> {
     let from = args.data.dir();
-    let data_error = |source| {
-        let data = match &source {
-            StoreError::NotEmpty => &args.to,
-            _ => &from,
-        };
-        Failure::Data { data: data.clone(), source }
-    };
+    let data_error = |source| copy_failed(source, &from, &args.to);
     let salvaged = rig_store::salvage(&from, &args.to).map_err(data_error)?;
     copy_all_beside(&from, &args.to)?;
     let view = |run: rig_store::SalvagedRun| SalvagedView {

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use rig_engine::{Command, Fault, RigState};
+use rig_engine::{Command, Device, Fault, RigState};
 use rig_store::Reader;
 use tokio::sync::watch;
 
@@ -234,9 +234,16 @@ pub(super) fn latched(status: &Status) -> Failure {
     let fault = status.snapshot.fault.as_ref();
     let hint = fault.map(|fault| hint::after(fault, status.snapshot.clearance).at_a_terminal());
     let cause = fault.map_or_else(|| "a fault".to_owned(), ToString::to_string);
+    let is_of_journal =
+        matches!(fault, Some(Fault::Device(failure)) if failure.device == Device::Journal);
+    let unrecorded = if is_of_journal {
+        "; the journal could not record that, and `rigd runs` says what it recorded last"
+    } else {
+        ""
+    };
     Failure::Latched {
         cause: format!(
-            "{cause}\nprobe: {}\n{}",
+            "{cause}\nprobe: {}{unrecorded}\n{}",
             status.snapshot.clearance.name(),
             hint.unwrap_or_default()
         ),

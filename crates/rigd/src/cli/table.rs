@@ -51,6 +51,9 @@ pub(super) fn wrapped(rows: &[(&str, String)]) -> String {
     text.join("\n")
 }
 
+/// Largest width of a first column that the other rows take part in.
+const FIRST_MAX: usize = 60;
+
 /// Width of a terminal as it is opened.
 pub(super) const COLUMNS: usize = 80;
 
@@ -61,7 +64,11 @@ pub(super) fn columns(header: &[&str], rows: &[Vec<String>]) -> String {
         let cells = rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count());
         cells.chain([header[column].chars().count()]).max().unwrap_or(0)
     };
-    let widths: Vec<usize> = (0..header.len()).map(width).collect();
+    let mut widths: Vec<usize> = (0..header.len()).map(width).collect();
+    if let Some(first) = widths.first_mut() {
+        // A name that is much longer than usual moves its own row alone.
+        *first = (*first).min(FIRST_MAX);
+    }
     // Writing to a string cannot fail.
     let line = |cells: &mut dyn Iterator<Item = &str>| {
         let mut line = String::new();
@@ -113,5 +120,9 @@ mod tests {
         let rows =
             [vec!["one".to_owned(), "1.0".to_owned()], vec!["b".to_owned(), "22.0".to_owned()]];
         assert_eq!(columns(&["name", "Hz"], &rows), "name    Hz\none    1.0\nb     22.0");
+        let long = "n".repeat(200);
+        let text = columns(&["name", "Hz"], &[vec![long.clone(), "1".into()], rows[0].clone()]);
+        let lines: Vec<_> = text.lines().map(|line| line.chars().count()).collect();
+        assert_eq!(lines, [FIRST_MAX + 5, 205, FIRST_MAX + 5]);
     }
 }

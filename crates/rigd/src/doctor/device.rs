@@ -46,7 +46,7 @@ const fn settings(axis: &AxisFacts) -> &'static str {
     if axis.has_settings {
         "those of the rig file"
     } else {
-        "not those of the rig file; they are written when the rig is opened for work"
+        "replaced by those of the rig file when the rig is opened for work"
     }
 }
 

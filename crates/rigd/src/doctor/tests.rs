@@ -150,7 +150,7 @@ fn an_axis_is_judged_by_how_it_stands() {
 #[test]
 fn the_settings_of_a_drive_are_compared_and_not_taken_for_given() {
     for (has_settings, text) in
-        [(true, "those of the rig file"), (false, "not those of the rig file")]
+        [(true, "those of the rig file"), (false, "replaced by those of the rig file")]
     {
         let mut facts = axis(AxisPosition::InLimits, AxisState::Ready);
         facts.axis.as_mut().unwrap().has_settings = has_settings;

@@ -11,7 +11,7 @@ use axum::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Problem, Shared, object::Object};
+use super::{Problem, Shared, object::object};
 use crate::durable;
 
 const FILE: &str = "notes.json";
@@ -42,8 +42,7 @@ pub(super) async fn write(
     body: Bytes,
 ) -> Result<StatusCode, Problem> {
     let id = shared.run(&id).await?;
-    let Object(note): Object<Note> =
-        serde_json::from_slice(&body).map_err(|error| Problem::bad_request(error.to_string()))?;
+    let note: Note = object(&body)?;
     if note.note.chars().count() > LENGTH_MAX {
         return Err(Problem::bad_request(format!("a note has at most {LENGTH_MAX} characters")));
     }

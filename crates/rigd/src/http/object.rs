@@ -2,14 +2,33 @@
 
 use std::{fmt, marker::PhantomData};
 
-use axum::{Json, extract::rejection::JsonRejection};
+use axum::{Json, body::Bytes, extract::rejection::JsonRejection};
 use serde::{
     Deserialize, Deserializer,
-    de::{MapAccess, Visitor, value::MapAccessDeserializer},
+    de::{DeserializeOwned, MapAccess, Visitor, value::MapAccessDeserializer},
 };
+
+use super::Problem;
 
 /// The body of a request that must be a JSON object.
 pub(super) type ObjectBody<T> = Result<Json<Object<T>>, JsonRejection>;
+
+/// The object in a body.
+///
+/// # Errors
+/// The problem of a body that is no such object.
+pub(super) fn object<T: DeserializeOwned>(body: &Bytes) -> Result<T, Problem> {
+    let Json(Object(members)) = Json::<Object<T>>::from_bytes(body)?;
+    Ok(members)
+}
+
+/// The object in a body, or its defaults without a body.
+///
+/// # Errors
+/// As [`object`].
+pub(super) fn object_or_default<T: Default + DeserializeOwned>(body: &Bytes) -> Result<T, Problem> {
+    if body.is_empty() { Ok(T::default()) } else { object(body) }
+}
 
 /// The members of a JSON object. The derived readers of structures accept an array of their values too.
 #[derive(Debug)]

@@ -1,12 +1,14 @@
 //! Errors as RFC 9457 problem details.
 
+use std::error::Error as _;
+
 use axum::{
     Json,
     extract::rejection::{JsonRejection, QueryRejection},
     http::{HeaderValue, StatusCode, header},
     response::{IntoResponse, Response},
 };
-use rig_engine::CommandRefusal;
+use rig_engine::{CommandRefusal, TouchPlace};
 use rig_files::Faults;
 use rig_model::with_causes;
 use rig_record::{NotARunId, UnreadableRecord};
@@ -78,6 +80,7 @@ impl Problem {
             StatusCode::UNSUPPORTED_MEDIA_TYPE => "unsupported media type",
             StatusCode::MISDIRECTED_REQUEST => "misdirected request",
             StatusCode::GONE => "gone",
+            StatusCode::CONFLICT => "conflict",
             StatusCode::TOO_MANY_REQUESTS => "too many requests",
             StatusCode::UNPROCESSABLE_ENTITY => "cannot be done",
             StatusCode::INTERNAL_SERVER_ERROR => "internal error",
@@ -142,7 +145,7 @@ impl Problem {
     pub(super) fn too_many_guesses() -> Self {
         let detail = "this address has sent too many wrong tokens".to_owned();
         Self {
-            hint: Some("wait for a minute, and send the right token"),
+            hint: Some("send the right token; one more try is allowed every 6 s"),
             header: Some(("retry-after", "6")),
             ..Self::of(StatusCode::TOO_MANY_REQUESTS, detail)
         }
@@ -272,8 +275,10 @@ impl From<RequestRefusal> for Problem {
                 let hint = hint::while_in(state);
                 Self { hint, ..Self::new(StatusCode::CONFLICT, "not in this state", detail) }
             }
-            RequestRefusal::Command(CommandRefusal::NotAhead { .. }) => Self {
-                hint: Some("leave out a touch that has begun when the run is over"),
+            RequestRefusal::Command(CommandRefusal::NoSuchTouch { .. }) => Self::not_found(detail),
+            RequestRefusal::Command(CommandRefusal::NotAhead { place, .. }) => Self {
+                hint: (place == TouchPlace::Begun)
+                    .then_some("leave out a touch that has begun when the run is over"),
                 ..Self::new(StatusCode::CONFLICT, "not ahead", detail)
             },
             RequestRefusal::Command(CommandRefusal::NotClear { .. }) => Self {
@@ -352,14 +357,53 @@ impl From<UnreadableRecord> for Problem {
 
 impl From<JsonRejection> for Problem {
     fn from(rejection: JsonRejection) -> Self {
-        Self::of(rejection.status(), rejection.body_text())
+        let cause = rejection.source().map(|cause| in_words_of_json(&cause.to_string()));
+        let detail = match (&rejection, cause) {
+            (JsonRejection::JsonDataError(_), Some(cause)) => cause,
+            (JsonRejection::JsonSyntaxError(_), Some(cause)) => {
+                format!("the body is not JSON: {cause}")
+            }
+            _ => rejection.body_text(),
+        };
+        Self::of(rejection.status(), detail)
     }
 }
 
 impl From<QueryRejection> for Problem {
     fn from(rejection: QueryRejection) -> Self {
-        Self::of(rejection.status(), rejection.body_text())
+        let detail = match rejection.source() {
+            Some(cause) => {
+                format!("the query of the address: {}", in_words_of_json(&cause.to_string()))
+            }
+            None => rejection.body_text(),
+        };
+        Self::of(rejection.status(), detail)
     }
+}
+
+/// A message of the reader of JSON, which names the types of this program.
+fn in_words_of_json(message: &str) -> String {
+    let types = [
+        ("f64", "a number"),
+        ("u64", "a whole number from 0"),
+        ("u32", "a whole number from 0"),
+        ("u16", "a whole number from 0"),
+        ("u8", "a whole number from 0"),
+        ("usize", "a whole number from 0"),
+        ("a nonzero usize", "a whole number from 1"),
+        ("i64", "a whole number"),
+        ("a sequence", "an array"),
+        ("a map", "an object"),
+    ];
+    let Some((before, expected)) = message.rsplit_once("expected ") else {
+        return message.to_owned();
+    };
+    let (name, place) = expected.split_once(" at line ").unwrap_or((expected, ""));
+    let Some((_, word)) = types.into_iter().find(|(of_program, _)| *of_program == name) else {
+        return message.to_owned();
+    };
+    let place = if place.is_empty() { String::new() } else { format!(" at line {place}") };
+    format!("{before}expected {word}{place}")
 }
 
 impl IntoResponse for Problem {
@@ -372,5 +416,37 @@ impl IntoResponse for Problem {
             answer.headers_mut().insert(name, HeaderValue::from_static(value));
         }
         answer
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::http::guesses;
+
+    #[test]
+    fn the_pause_after_wrong_tokens_is_that_of_the_guesses() {
+        let problem = Problem::too_many_guesses();
+        let pause_s = guesses::PAUSE.as_secs().to_string();
+        assert_eq!(problem.header, Some(("retry-after", &*pause_s)));
+        assert!(problem.hint.unwrap().ends_with(&format!("every {pause_s} s")), "{problem:?}");
+    }
+
+    #[test]
+    fn a_fault_of_json_is_in_words_of_json() {
+        let said = |value: &str| {
+            let faulty = serde_json::from_str::<f64>(value).unwrap_err().to_string();
+            in_words_of_json(&faulty)
+        };
+        assert_eq!(
+            said("\"120\""),
+            "invalid type: string \"120\", expected a number at line 1 column 5"
+        );
+        let count = serde_json::from_str::<u64>("-1").unwrap_err().to_string();
+        assert_eq!(
+            in_words_of_json(&count),
+            "invalid value: integer `-1`, expected a whole number from 0 at line 1 column 2"
+        );
+        assert_eq!(in_words_of_json("missing field `step`"), "missing field `step`");
     }
 }

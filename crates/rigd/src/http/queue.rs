@@ -8,6 +8,7 @@ use std::{io, time::SystemTime};
 
 use axum::{
     Extension, Json,
+    body::Bytes,
     extract::{Path, State},
     http::{HeaderMap, StatusCode},
 };
@@ -23,7 +24,7 @@ pub(super) use self::view::QueueView;
 use self::view::{first, wall_s};
 use super::{
     Problem, Shared,
-    object::{Object, ObjectBody},
+    object::{Object, ObjectBody, object_or_default},
     progress::unix_ms,
     runs::idempotency_key,
 };
@@ -93,9 +94,10 @@ pub(super) async fn add(
     State(shared): State<Shared>,
     Extension(operator): Extension<Operator>,
     headers: HeaderMap,
-    form: ObjectBody<QueueForm>,
+    body: Bytes,
 ) -> Result<(StatusCode, Json<QueueView>), Problem> {
-    let (key, Json(Object(form))) = (idempotency_key(&headers)?, form?);
+    let key = idempotency_key(&headers)?;
+    let form: QueueForm = object_or_default(&body)?;
     let facts = &shared.inner.facts;
     let checked = form.protocol_toml.map(|text| LoadedProtocol::check("protocol", &text, facts));
     let checked = checked.transpose().map_err(|faults| Problem::protocol(&faults))?;

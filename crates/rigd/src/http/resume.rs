@@ -10,14 +10,14 @@ use axum::{
     response::Response,
 };
 use schemars::JsonSchema;
-use serde::{Deserialize, de::DeserializeOwned};
+use serde::Deserialize;
 
 use super::{
     Problem, Shared,
-    object::{Object, ObjectBody},
+    object::{Object, ObjectBody, object_or_default},
     runs::begun,
 };
-use crate::{operator::Operator, rig::TouchOrder};
+use crate::{operator::Operator, reason, rig::TouchOrder};
 
 /// The confirmations of a client.
 #[derive(Debug, Default, Deserialize, JsonSchema)]
@@ -35,7 +35,7 @@ pub(super) async fn resume(
     body: Bytes,
 ) -> Result<Response, Problem> {
     let id = shared.run(&id).await?;
-    let ContinueForm { accept_changes } = form(&body)?;
+    let ContinueForm { accept_changes } = object_or_default(&body)?;
     shared.inner.rig.resume(id, accept_changes, operator.as_str()).await?;
     Ok(begun(id))
 }
@@ -46,6 +46,9 @@ pub(super) async fn resume(
 pub(super) struct TouchForm {
     /// Address of the touch.
     step: String,
+    /// The reason, for the journal and the report.
+    #[serde(deserialize_with = "reason::deserialize")]
+    #[schemars(length(min = 1))]
     why: String,
     /// The changes since the run are wanted.
     #[serde(default)]
@@ -89,13 +92,4 @@ pub(super) async fn give_up(
     shared.inner.rig.give_up(run, operator.as_str()).await?;
     shared.write_files(run).await;
     Ok(StatusCode::NO_CONTENT)
-}
-
-/// The form in a body, or its defaults without a body.
-fn form<T: Default + DeserializeOwned>(body: &Bytes) -> Result<T, Problem> {
-    if body.is_empty() {
-        return Ok(T::default());
-    }
-    let read = serde_json::from_slice(body).map(|Object(form)| form);
-    read.map_err(|error| Problem::bad_request(error.to_string()))
 }

@@ -15,7 +15,7 @@ use rig_store::{Reader, Record, Run, RunId, RunKind, intact};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Problem, Shared, object::Object};
+use super::{Problem, Shared, object::object};
 use crate::{
     interruption::InterruptionView,
     local_time,
@@ -303,10 +303,8 @@ pub(super) fn posted(
             std::str::from_utf8(body).map_err(not_text)?.to_owned()
         }
         Some("application/json") => {
-            serde_json::from_slice::<Object<RunForm>>(body)
-                .map_err(|error| Problem::bad_request(error.to_string()))?
-                .0
-                .protocol_toml
+            let RunForm { protocol_toml } = object(body)?;
+            protocol_toml
         }
         other => {
             return Err(Problem::unsupported_media_type(format!(

@@ -8,7 +8,7 @@ use hyper_util::rt::{TokioIo, TokioTimer};
 use tokio::{
     io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt},
     net::{TcpListener, TcpStream},
-    sync::Semaphore,
+    sync::{AcquireError, OwnedSemaphorePermit, Semaphore},
     task::JoinSet,
     time::{sleep, timeout},
 };
@@ -72,13 +72,8 @@ pub async fn serve(
                 continue;
             }
         };
-        let ordinary = Arc::clone(&ordinary).try_acquire_owned();
-        let is_spare = ordinary.is_err();
-        let place = tokio::select! {
-            place = async { match ordinary {
-                Ok(place) => Ok(place),
-                Err(_) => Arc::clone(&spares).acquire_owned().await,
-            } } => place,
+        let (place, is_spare) = tokio::select! {
+            place = first_place(&ordinary, &spares) => place,
             () = closing.cancelled() => break,
         };
         let (router, closing, tls) = (router.clone(), closing.clone(), tls.clone());
@@ -110,6 +105,18 @@ pub async fn serve(
     drop(listener);
     // Connections that remain are dropped with the set.
     _ = timeout(GRACE, async { while connections.join_next().await.is_some() {} }).await;
+}
+
+/// An ordinary place, or a spare one if that comes free first, and whether it is spare.
+async fn first_place(
+    ordinary: &Arc<Semaphore>,
+    spares: &Arc<Semaphore>,
+) -> (Result<OwnedSemaphorePermit, AcquireError>, bool) {
+    tokio::select! {
+        biased;
+        place = Arc::clone(ordinary).acquire_owned() => (place, false),
+        place = Arc::clone(spares).acquire_owned() => (place, true),
+    }
 }
 
 impl Connection {
@@ -241,6 +248,21 @@ mod tests {
             assert!(took >= allowed && took < allowed + LEAVE_TIME, "{at}: {took:?}");
             text
         }
+    }
+
+    #[tokio::test]
+    async fn a_client_gets_the_first_place_that_comes_free() {
+        let [ordinary, spares] = [1, 1].map(|places| Arc::new(Semaphore::new(places)));
+        let (first, is_spare) = first_place(&ordinary, &spares).await;
+        assert!(first.is_ok() && !is_spare);
+        let (second, is_spare) = first_place(&ordinary, &spares).await;
+        assert!(second.is_ok() && is_spare);
+        // Both are taken, and the ordinary one comes free.
+        let mut waiting = std::pin::pin!(first_place(&ordinary, &spares));
+        assert!(futures_util::poll!(&mut waiting).is_pending());
+        drop(first);
+        assert!(!waiting.await.1);
+        drop(second);
     }
 
     #[tokio::test(start_paused = true)]

@@ -8,10 +8,10 @@
 
 use std::collections::BTreeSet;
 
-use rig_files::Faults;
+use rig_files::{Faults, rig_file::RigFile, settings::InForce};
 use rig_protocol::{Action, Plan};
 use rig_store::{
-    Change, Device, Reader, Record, Resumed, Run, RunId, RunStarted, RunStatus, StoreError,
+    Change, Device, Reader, Record, Resumed, Run, RunId, RunStarted, RunStatus, Source, StoreError,
     StoredRecord,
 };
 
@@ -266,7 +266,8 @@ fn changes(
             changes.push(Change { what, was, is });
         }
     };
-    compare(RIG_FILE, &rig.name, &setting.rig.name, *rig == setting.rig);
+    let [was, is] = rig_files_apart(rig, &setting.rig);
+    compare(RIG_FILE, &was, &is, *rig == setting.rig);
     if let (Some(was), Some(is)) = (scene, &setting.scene) {
         compare(SCENE_FILE, &was.name, &is.name, was == is);
     }
@@ -277,6 +278,34 @@ fn changes(
         compare(&role, was, &identity, was == identity);
     }
     Ok(changes)
+}
+
+/// The names of two rig files, and the first keys in which they differ.
+fn rig_files_apart(was: &Source, is: &Source) -> [String; 2] {
+    /// A person recognises a change by so many keys.
+    const KEYS: usize = 3;
+    let values =
+        |source: &Source| RigFile::in_force(&source.name, &source.toml).unwrap_or_default();
+    let text = |values: &[InForce], name: &str| {
+        let value = values.iter().find(|value| value.name == name);
+        value.and_then(|value| value.text.clone()).unwrap_or_else(|| "not given".to_owned())
+    };
+    let (before, now) = (values(was), values(is));
+    let mut apart = Vec::new();
+    for InForce { name, .. } in before.iter().chain(&now) {
+        let pair = [text(&before, name), text(&now, name)];
+        if pair[0] != pair[1] && !apart.iter().any(|(known, _)| *known == name) {
+            apart.push((name, pair));
+        }
+    }
+    let more = apart.len().saturating_sub(KEYS);
+    let side = |file: &str, side: usize| {
+        let keys = apart.iter().take(KEYS).map(|(name, pair)| format!("{name} = {}", pair[side]));
+        let mut keys: Vec<_> = keys.collect();
+        keys.extend((more > 0).then(|| format!("{more} more")));
+        if keys.is_empty() { file.to_owned() } else { format!("{file}: {}", keys.join(", ")) }
+    };
+    [side(&was.name, 0), side(&is.name, 1)]
 }
 
 /// The finished touches. An amendment replaces the outcome of a touch.

@@ -11,7 +11,7 @@ pub(crate) const RESERVE_BYTES: u64 = 100 << 20;
 /// Refuses a run for which the file system of the data directory has no room. Twice the expected
 /// size must be free: the expectation is not a limit. A file system that does not report its free
 /// space is accepted, and so is a journal in memory, which has no directory.
-pub(super) fn check(data: Option<&Path>, run_bytes: u64) -> Result<(), RequestRefusal> {
+pub(crate) fn check(data: Option<&Path>, run_bytes: u64) -> Result<(), RequestRefusal> {
     data.and_then(free_bytes).map_or(Ok(()), |free_bytes| admit(free_bytes, run_bytes))
 }
 
@@ -24,7 +24,7 @@ pub(crate) fn free_bytes(data: &Path) -> Option<u64> {
 fn admit(free_bytes: u64, run_bytes: u64) -> Result<(), RequestRefusal> {
     let needed_bytes = run_bytes.saturating_mul(2).saturating_add(RESERVE_BYTES);
     if free_bytes < needed_bytes {
-        return Err(RequestRefusal::NoSpace { free_bytes, needed_bytes });
+        return Err(RequestRefusal::NoSpace { free_bytes, run_bytes, needed_bytes });
     }
     Ok(())
 }
@@ -39,7 +39,8 @@ mod tests {
         let refusal = admit(RESERVE_BYTES + 1999, 1000).unwrap_err();
         assert_eq!(
             refusal.to_string(),
-            "the data directory has 100 MiB free, and the run needs 101 MiB"
+            "the data directory has 104 MB free, and 105 MB are needed: twice the 1 MB that the run may take, and \
+             105 MB in reserve for the rest of the journal"
         );
         admit(u64::MAX, u64::MAX).unwrap();
     }

@@ -97,13 +97,17 @@ fn what_has_changed_is_refused_until_it_is_confirmed() {
     fs::create_dir(&data).unwrap();
     fs::copy(crash.path().join("rigd.db"), data.join("rigd.db")).unwrap();
 
-    let changed = fs::read_to_string(&rig).unwrap() + "\n# another hand was here\n";
+    let changed = fs::read_to_string(&rig).unwrap();
+    let changed = changed.replace("rotary_speed_deg_per_s = 40", "rotary_speed_deg_per_s = 39");
     fs::write(&rig, changed).unwrap();
     let resume = ["run", "--resume", "latest", "--rig", rig_text, "--json"];
     let refused = rigd(folder.path(), &resume);
     let said = String::from_utf8(refused.stderr).unwrap();
     assert_eq!(refused.status.code(), Some(2), "{said}");
     assert!(said.contains("have changed: rig file") && said.contains("--accept-changes"), "{said}");
+    let key = "limits.rotary_speed_deg_per_s";
+    assert!(said.contains(&format!(": {key} = 40 → ")), "{said}");
+    assert!(said.contains(&format!(": {key} = 39)")), "{said}");
     let refused = rigd(folder.path(), &["run", "--resume", "no-such-run", "--rig", rig_text]);
     assert_eq!(refused.status.code(), Some(3));
 
@@ -117,7 +121,7 @@ fn what_has_changed_is_refused_until_it_is_confirmed() {
     let seam = reader.records(run.id).unwrap().into_iter().find(|one| one.kind == "resumed");
     let Record::Resumed(seam) = seam.unwrap().record().unwrap() else { panic!() };
     assert_eq!((seam.changes.len(), &*seam.changes[0].what), (1, "rig file"));
-    assert!(seam.rig.unwrap().toml.contains("another hand"));
+    assert!(seam.rig.unwrap().toml.contains("rotary_speed_deg_per_s = 39"));
 
     // Asked again, it says the same.
     let again = rigd(folder.path(), &resume);

@@ -304,7 +304,7 @@ fn a_directory_that_cannot_be_used_is_refused_for_what_it_is() {
     let file = directory.path().join("a file");
     std::fs::write(&file, "not a directory").unwrap();
     let refusal = Store::open(&file).unwrap_err();
-    assert!(matches!(refusal, StoreError::Directory(_)), "{refusal}");
+    assert!(matches!(refusal, StoreError::NotADirectory), "{refusal}");
     std::fs::write(directory.path().join("rigd.db"), "not a database, but long enough".repeat(99))
         .unwrap();
     let refusal = Store::open(directory.path()).unwrap_err();

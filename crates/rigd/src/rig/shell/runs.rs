@@ -152,7 +152,8 @@ impl Shell {
             &self.known_samples,
         )?;
         let (plan, sweeps) = (known.only(&order.step)?, known.rest()?.sweeps);
-        let admitted = self.engine.admit(Command::Run(Box::new(plan.clone())))?;
+        let admitted = self.engine.admit(Command::Run(Box::new(plan.clone())));
+        let admitted = admitted.map_err(|refusal| refusal.for_command("measure a touch again"))?;
         self.journal_is_fine()?;
         known.confirm(is_confirmed)?;
         self.has_space(&plan)?;
