@@ -75,7 +75,7 @@ fn a_second_alarm_with_another_code_on_the_way_out_leaves_no_probe_in_the_sample
 }
 
 /// Seed 4183 of the second menu, with the softest sample: where the impedance of the clear probe was read
-/// anew, the probe still touched, and by so little that it seemed to have drifted.
+/// again, the probe still touched, and by so little that it seemed to have drifted.
 #[test]
 fn steps_lost_downwards_are_not_taken_for_drift() {
     let bench = Bench::new(685);
@@ -169,7 +169,7 @@ fn a_touch_after_which_the_run_is_aborted_is_marked_as_not_confirmed() {
     }
 }
 
-/// Seed 40448 of the menu 30cc4ed8a2037c43: after a cut reply the analyzer was set up anew, and the first
+/// Seed 40448 of the menu 30cc4ed8a2037c43: after a cut reply the analyzer was set up again, and the first
 /// reading was of a sensor that rang, which looked like a contact.
 #[test]
 fn steps_lost_before_a_check_of_slip_are_noticed_whichever_reply_of_the_check_is_cut() {

@@ -55,7 +55,7 @@ pub(crate) enum LedgerError {
     Format { path: PathBuf, source: serde_json::Error },
     #[error(
         "{} is of the menu {known}, and this program plays the menu {present}: move it away, and its pieces \
-         are begun anew", path.display()
+         are begun again", path.display()
     )]
     Menu { path: PathBuf, known: String, present: String },
     #[error(

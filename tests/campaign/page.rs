@@ -21,7 +21,7 @@ impl Display for Page<'_> {
             "# Touches under faults\n\n\
              `cargo run -p rig-tests --release --bin campaign -- --first-seed K --seeds N --jobs 2 --page \
              docs/studies/campaign.md` plays N seeds, adds them as a piece to the ledger beside this page, \
-             `campaign.json`, and writes the page of all pieces anew; with `--seeds 0` it only writes the \
+             `campaign.json`, and writes the page of all pieces again; with `--seeds 0` it only writes the \
              page. No seed is in two pieces. The same seeds give the same counts and the same digest with \
              the same program. The digest of the menu says what seeds draw; seeds of another menu are others, \
              and have a ledger of their own. `--first-seed K --seeds 1 --records` plays one of them and prints its \

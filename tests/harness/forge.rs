@@ -98,7 +98,7 @@ impl Forgery {
         found.unwrap_or_else(|| panic!("there is no {kind} {n}")).0
     }
 
-    /// Writes the records back. With `is_rechained`, numbers, digests and the seal are made anew;
+    /// Writes the records back. With `is_rechained`, numbers, digests and the seal are made again;
     /// otherwise only the content is changed, and the number of records must be the same.
     ///
     /// # Panics
@@ -150,7 +150,7 @@ impl Forgery {
         self.seal(&head);
     }
 
-    /// Makes the seal anew, for the status in the list of runs.
+    /// Makes the seal again, for the status in the list of runs.
     fn seal(&self, head: &[u8]) {
         let texts: Vec<String> = self
             .connection

@@ -29,7 +29,7 @@ fn names(verdict: &Verdict) -> Vec<Check> {
     verdict.findings.iter().map(|finding| finding.check).collect()
 }
 
-/// Every forgery by records, with the digests made anew.
+/// Every forgery by records, with the digests made again.
 const BY_RECORDS: [&[Case]; 4] = [motion::CASES, labels::CASES, numbers::CASES, outside::CASES];
 
 #[tokio::test]

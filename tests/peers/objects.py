@@ -1,4 +1,4 @@
-"""Reads an object store with DuckDB, polars and pandas, computes every digest and seal anew, and compares the records with
+"""Reads an object store with DuckDB, polars and pandas, computes every digest and seal again, and compares the records with
 a journal byte for byte.
 
 Usage: objects.py STORE DATA      (needs duckdb, polars, pandas, pyarrow)

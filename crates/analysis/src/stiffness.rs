@@ -208,7 +208,7 @@ impl Compensation {
             law: sensor.law,
             friction: sensor.friction,
             kind: sensor.kind,
-            // The surface is found anew for every touch.
+            // The surface is found again for every touch.
             shared_depth_sigma_mm: 0.0,
             depth_sigma_mm: sensor.uncertainty.depth_mm.hypot(surface_sigma_mm),
             surface_sigma_mm,

@@ -38,7 +38,7 @@ impl Analyzer {
     }
 
     /// Measures a correction, switches it on, and reads that it is on. What the correction is for must
-    /// be between the terminals. The next measurement sets the instrument up anew.
+    /// be between the terminals. The next measurement sets the instrument up again.
     ///
     /// # Errors
     /// [`AnalyzerError::NotTaken`] when the correction stays off, [`AnalyzerError::Refused`].

@@ -38,7 +38,7 @@ impl std::fmt::Display for Change {
 pub enum Verdict {
     /// The bench is as the rig file says.
     Accepted,
-    /// The rig file must be changed; the step is then made anew.
+    /// The rig file must be changed; the step is then made again.
     RigFile(Vec<Change>),
     /// Nothing was found, and why.
     Failed(String),

@@ -106,8 +106,8 @@ impl Kind {
                  the protocol again"
             }
             Self::Sensor => {
-                "see that the clamp of the sensor is fast, its cable hangs free and the analyzer is warm, correct the cable anew, \
-                 and check again; after the sensor was clamped anew or exchanged, say so by `rigd commission changed sensor`"
+                "see that the clamp of the sensor is fast, its cable hangs free and the analyzer is warm, correct the cable again, \
+                 and check again; after the sensor was clamped again or exchanged, say so by `rigd commission changed sensor`"
             }
             Self::Check => "do what is said of each quantity, and check again",
         }

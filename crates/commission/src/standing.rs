@@ -120,7 +120,7 @@ pub fn holding<'a>(
 }
 
 /// Whether the power of these drives went for a homing that has not ended. The zero of a drive may be at another place
-/// since: what rests on it is to be shown anew, and the next homing shows only that the new zero stays.
+/// since: what rests on it is to be shown again, and the next homing shows only that the new zero stays.
 pub fn is_homing_begun(records: &[Calibration], basis: &Basis) -> bool {
     let of_drives =
         records.iter().filter(|record| record.kind == Kind::Homing && record.has_drives_of(basis));

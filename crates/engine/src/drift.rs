@@ -59,7 +59,7 @@ struct Pair {
 }
 
 impl Pair {
-    /// After this time: the rate decays to its mean of zero while it is disturbed anew, and the value gathers it.
+    /// After this time: the rate decays to its mean of zero while it is disturbed again, and the value gathers it.
     fn after(mut self, seconds: f64) -> Self {
         let left = (-seconds / RATE_S).exp();
         let gathered_s = RATE_S * (1.0 - left);

@@ -9,7 +9,7 @@
 //! surface begins, and that search follows.
 //!
 //! A drift of the free resonance changes the impedance too. Where it may have changed it by as much, or where the change
-//! has come over several steps, the probe goes up to a place that was clear, the impedance is read anew there, and the
+//! has come over several steps, the probe goes up to a place that was clear, the impedance is read again there, and the
 //! search goes on with it.
 
 use rig_model::{Impedance, Mm, PointResult, Position, Reading};
@@ -21,7 +21,7 @@ use crate::{Device, Failure, FailureKind, Fault};
 /// of the contact, as much as six steps; up to this ratio, the steps that it saves take less.
 const REFINEMENT: f64 = 20.0;
 
-/// The impedance of the clear probe is read anew this often in a search at most.
+/// The impedance of the clear probe is read again this often in a search at most.
 const ANEW_MAX: u32 = 4;
 
 /// A reading that differs from the one before it by less than this part of the threshold shows no contact of this step.
@@ -102,9 +102,9 @@ impl Near {
     }
 }
 
-/// The impedance of the clear probe, anew.
+/// The impedance of the clear probe, again.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Anew {
+struct Again {
     /// What the next reading changes may be a drift.
     is_doubtful: bool,
     /// The position to go to after the impedance has been read here.
@@ -127,7 +127,7 @@ pub struct Search {
     /// The position to go to after the backlash has been taken up.
     after_take_up: Option<Position<Mm>>,
     is_after_contact: bool,
-    anew: Anew,
+    again: Again,
     /// Where the search began, if that is closer than for an unknown surface.
     near: Option<Near>,
     /// No contact has been felt yet.
@@ -156,7 +156,7 @@ impl Search {
             last_clear: None,
             after_take_up: None,
             is_after_contact: false,
-            anew: Anew { is_doubtful: false, next: None, left: ANEW_MAX, is_fresh: false },
+            again: Again { is_doubtful: false, next: None, left: ANEW_MAX, is_fresh: false },
             near: None,
             is_first_pass: true,
             stuck: 0,
@@ -237,7 +237,7 @@ impl Search {
     }
 
     /// Whether what a reading changes has come over several steps, as by a drift. It may be one until the impedance of
-    /// the clear probe has been read anew.
+    /// the clear probe has been read again.
     pub(crate) fn has_crept(&self, readings: &[Reading]) -> bool {
         let before = self.trail.last().filter(|(at, _)| self.last_clear == Some(*at));
         let before = before.map(|(_, reading)| reading.measured);
@@ -247,23 +247,23 @@ impl Search {
             return false;
         };
         let limit = CREEP_PART * self.approach.contact_threshold;
-        self.anew.left == ANEW_MAX && relative_change(before, now) < limit
+        self.again.left == ANEW_MAX && relative_change(before, now) < limit
     }
 
     /// What the next reading changes may be a drift since the impedance of the clear probe was read.
     pub(crate) const fn doubt(&mut self) {
-        self.anew.is_doubtful = 0 < self.anew.left;
+        self.again.is_doubtful = 0 < self.again.left;
     }
 
-    /// Whether the next reading is that of the clear probe, anew.
+    /// Whether the next reading is that of the clear probe, again.
     pub(crate) const fn is_anew(&self) -> bool {
-        self.anew.next.is_some()
+        self.again.next.is_some()
     }
 
-    /// Goes up to read the impedance of the clear probe anew, and then to the next position.
+    /// Goes up to read the impedance of the clear probe again, and then to the next position.
     fn read_anew(&mut self, at: Position<Mm>, next: Position<Mm>) -> SearchStep {
-        (self.anew.next, self.is_after_contact) = (Some(next), true);
-        self.anew.left -= 1;
+        (self.again.next, self.is_after_contact) = (Some(next), true);
+        self.again.left -= 1;
         self.go(at)
     }
 
@@ -279,7 +279,7 @@ impl Search {
             let (at, expected) = (self.here, self.expected);
             return SearchStep::Fault(Fault::ContactTooEarly { at, expected, change_percent });
         }
-        (self.baseline, self.last_clear, self.anew.is_fresh) = (impedance, Some(self.here), true);
+        (self.baseline, self.last_clear, self.again.is_fresh) = (impedance, Some(self.here), true);
         self.go(next)
     }
 
@@ -287,11 +287,11 @@ impl Search {
     pub fn read(&mut self, reading: Reading) -> SearchStep {
         self.trail.push((self.here, reading));
         let PointResult::Value(impedance) = reading.measured else { return SearchStep::Flagged };
-        if let Some(next) = self.anew.next.take() {
+        if let Some(next) = self.again.next.take() {
             return self.clear_anew(impedance, next);
         }
-        let is_doubtful = std::mem::take(&mut self.anew.is_doubtful);
-        let is_fresh = std::mem::take(&mut self.anew.is_fresh);
+        let is_doubtful = std::mem::take(&mut self.again.is_doubtful);
+        let is_fresh = std::mem::take(&mut self.again.is_fresh);
         let change = relative_change(self.baseline, impedance);
         // An impedance that cannot be compared counts as contact, so that the probe goes no
         // further.
@@ -347,7 +347,7 @@ impl Search {
         }
     }
 
-    /// The surface lies between `clear` and here, which is a coarse step below if the impedance was read anew there.
+    /// The surface lies between `clear` and here, which is a coarse step below if the impedance was read again there.
     fn bracketed(&mut self, clear: Position<Mm>, is_fresh: bool) -> SearchStep {
         if self.step_mm <= self.approach.fine_step_mm && !is_fresh {
             let width_mm = clear.value() - self.here.value();
@@ -517,7 +517,7 @@ mod tests {
                 }
                 next = to;
             }
-            assert!(search.anew.left < ANEW_MAX, "{step_ohm} ohm a step: no doubt");
+            assert!(search.again.left < ANEW_MAX, "{step_ohm} ohm a step: no doubt");
         }
     }
 

@@ -4,7 +4,7 @@
 //! drive ─▶ up, out of the sample ─▶ down to above ─▶ read ─▶ down to below ─▶ read ─▶ finished
 //! (at the  (takes up the backlash)        ▲           │ clear               contact
 //! no-load                                 │           ▼ seems to touch, once
-//! resonance)                              └── read ◀─ up: the baseline anew, as it drifts
+//! resonance)                              └── read ◀─ up: the baseline again, as it drifts
 //! ```
 //!
 //! A drive that has lost steps says that it is where it is not. The sample is the only reference that
@@ -71,7 +71,7 @@ pub(crate) struct SlipCheck {
     depth_mm: f64,
     /// The impedance of the clear probe, before the search or in the check.
     baseline: Impedance,
-    /// Whether the baseline was read anew.
+    /// Whether the baseline was read again.
     is_fresh: bool,
     /// The free resonance may have drifted since the baseline was read.
     is_doubtful: bool,
@@ -87,9 +87,9 @@ enum Place {
     In,
     /// Out of the sample, to take up the backlash.
     Out,
-    /// As far out of the sample as the touch was deep in it, to read the baseline anew. A probe whose drive
+    /// As far out of the sample as the touch was deep in it, to read the baseline again. A probe whose drive
     /// has lost steps downwards may touch at [`Place::Out`], so lightly that it seems to have drifted.
-    Anew,
+    Again,
     Above,
     Below,
 }
@@ -156,7 +156,7 @@ impl SlipCheck {
         self.here = read_back;
         match self.place {
             Place::In | Place::Out => self.down_to(Place::Above, self.approach.slip_mm),
-            Place::Anew => SlipStep::Read { is_after_contact: true },
+            Place::Again => SlipStep::Read { is_after_contact: true },
             Place::Above => SlipStep::Read { is_after_contact: !self.is_fresh },
             Place::Below => SlipStep::Read { is_after_contact: false },
         }
@@ -178,13 +178,13 @@ impl SlipCheck {
         let is_clear = change <= self.approach.contact_threshold;
         let (at, by_mm) = (self.here, self.here.value() - self.surface.position.value());
         match self.place {
-            Place::Anew if check_free(no_load, &[reading]).is_ok() => {
+            Place::Again if check_free(no_load, &[reading]).is_ok() => {
                 (self.baseline, self.is_fresh) = (impedance, true);
                 self.down_to(Place::Above, self.approach.slip_mm)
             }
             Place::Above if is_clear => self.down_to(Place::Below, -self.approach.slip_mm),
-            Place::Above if !self.is_fresh => self.up_to(Place::Anew, self.depth_mm),
-            Place::In | Place::Out | Place::Anew | Place::Above => {
+            Place::Above if !self.is_fresh => self.up_to(Place::Again, self.depth_mm),
+            Place::In | Place::Out | Place::Again | Place::Above => {
                 SlipStep::Finished(Err(Slip::Higher { at, by_mm }))
             }
             Place::Below if is_clear => SlipStep::Finished(Err(Slip::Lower { at, by_mm: -by_mm })),

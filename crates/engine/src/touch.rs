@@ -68,7 +68,7 @@ pub(crate) struct TouchMachine {
     outlook: Outlook,
     /// The window of the sweep in contact, if it is another than that of the plan.
     window: Option<Window>,
-    /// The impedance of the clear probe before the search, or anew in it, and when it was read.
+    /// The impedance of the clear probe before the search, or again in it, and when it was read.
     baseline: Option<Impedance>,
     baseline_at: RigTime,
     /// The longest integration of these readings, s.

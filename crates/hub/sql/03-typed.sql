@@ -1,4 +1,4 @@
--- Tables with types, made of records and nothing else: hub.rebuild() makes them anew.
+-- Tables with types, made of records and nothing else: hub.rebuild() makes them again.
 
 CREATE TABLE hub.run_fact (
     run uuid PRIMARY KEY REFERENCES hub.run,
@@ -128,7 +128,7 @@ EXCEPTION WHEN others THEN
     INSERT INTO hub.unread VALUES (of_run, of_seq, SQLERRM) ON CONFLICT DO NOTHING;
 END $$;
 
--- Makes the rows of all runs anew whose records are here; runs whose records were removed keep theirs. It holds up
+-- Makes the rows of all runs again whose records are here; runs whose records were removed keep theirs. It holds up
 -- ingest() meanwhile.
 CREATE FUNCTION hub.rebuild() RETURNS bigint
 LANGUAGE plpgsql SET search_path = pg_catalog, pg_temp AS $$

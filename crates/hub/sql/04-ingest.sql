@@ -67,7 +67,7 @@ BEGIN
     RETURN ROW(j.cursor_event, encode(j.cursor_digest, 'hex'), j.quarantined)::hub.cursor;
 END $$;
 
--- Begins a journal anew that has another record at the cursor: it was restored from a backup, or is one of two copies.
+-- Begins a journal again that has another record at the cursor: it was restored from a backup, or is one of two copies.
 -- Everything is sent again; what is here already is not taken twice.
 CREATE FUNCTION hub.rewind(wanted uuid, from_event bigint) RETURNS hub.cursor
 LANGUAGE plpgsql SECURITY DEFINER SET search_path = pg_catalog, pg_temp AS $$

@@ -178,7 +178,7 @@ pub async fn acknowledge(client: &Client, id: i64, who: &str) -> Result<(), Admi
     if noted == 0 { Err(AdminError::NoSuchAlarm { id }) } else { Ok(()) }
 }
 
-/// Makes the typed tables anew, and returns how many records were read.
+/// Makes the typed tables again, and returns how many records were read.
 ///
 /// # Errors
 /// [`AdminError`].

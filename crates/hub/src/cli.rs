@@ -73,7 +73,7 @@ enum HubCommand {
     Release(ReleaseArgs),
     /// Run a PostgreSQL with a hub in a new directory, for a first look
     Trial(trial::TrialArgs),
-    /// Make the typed tables anew from the records
+    /// Make the typed tables again from the records
     Rebuild(DatabaseArgs),
     /// Make the results of sealed runs that have none: stiffness, and whether the model holds
     Judge(DatabaseArgs),

@@ -275,7 +275,7 @@ fn live(state: &State) -> Finding {
         None => format!("not heard by {address}: {}", unheard.join(", ")),
     };
     let advice = "records arrive all the same: look at the log of nats-server, give it the configuration of `rigd-hub live \
-                  config` anew, and name it by `live` in the section `[hub]` of the benches (docs/hub.md)";
+                  config` again, and name it by `live` in the section `[hub]` of the benches (docs/hub.md)";
     let is_well = live.error.is_none() && unheard.is_empty();
     finding("live messages", is_well, Level::Warning, text, advice)
 }

@@ -47,7 +47,7 @@ pub struct Inlet {
 }
 
 impl Inlet {
-    /// Asks the hub for its cursor. If the journal has another record there, it is begun anew.
+    /// Asks the hub for its cursor. If the journal has another record there, it is begun again.
     ///
     /// # Errors
     /// [`InletError`].

@@ -16,7 +16,7 @@ pub struct Plan {
     pub steps: Vec<Step>,
     /// The settings of the search and the indentation.
     pub touch: TouchSettings,
-    /// When the no-load resonance is measured anew.
+    /// When the no-load resonance is measured again.
     pub no_load: NoLoadPolicy,
     /// The no-load sweep.
     pub no_load_sweep: SweepRequest,

@@ -65,7 +65,7 @@ pub(crate) enum BlindOrder {
     ByMounting,
 }
 
-/// When the no-load resonance is measured anew.
+/// When the no-load resonance is measured again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NoLoadPolicy {
     /// Before every touch.

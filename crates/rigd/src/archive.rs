@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!  begun ─▶ copied ─▶ listed ─▶ flushed ─▶ checked ─▶ placed │ ─▶ taken out ─▶ folder removed
-//!  in `.NAME.part`, begun anew after a kill                  │ in one transaction of the journal
+//!  in `.NAME.part`, begun again after a kill                  │ in one transaction of the journal
 //! ```
 //!
 //! A program that is killed at any of these steps leaves the run in the journal, in the archive, or in both;

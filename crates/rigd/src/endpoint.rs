@@ -31,7 +31,7 @@ pub(crate) struct Endpoint {
     /// The file with the token that it asks for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) token_file: Option<PathBuf>,
-    /// The secret for commands on this computer, made anew at each start of the daemon.
+    /// The secret for commands on this computer, made again at each start of the daemon.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) secret: Option<String>,
 }

@@ -308,7 +308,7 @@ impl Shared {
         self.inner.builders.spawn_blocking(move || run_files::write(&data, run))
     }
 
-    /// Writes the folder of a run anew, unless the run is under way: then it is written at its end. The
+    /// Writes the folder of a run again, unless the run is under way: then it is written at its end. The
     /// journal has the change already, so that a failure is no answer to the request.
     async fn write_files(&self, run: RunId) {
         let write = self.read(move |reader| Ok(reader.run(run)?.status));

@@ -85,7 +85,7 @@ impl LoadedProtocol {
     }
 }
 
-/// A run has chosen its settings when it began; nothing is expected anew.
+/// A run has chosen its settings when it began; nothing is expected again.
 struct NoModel;
 
 impl TouchModel for NoModel {

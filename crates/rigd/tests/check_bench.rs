@@ -128,7 +128,7 @@ fn a_bench_that_has_changed_is_told_by_the_quantity_that_shows_it() {
         assert!(shows.iter().all(|shows| told.contains(shows)), "{changes:?}: {check}");
         assert_eq!(code, Some(8));
     }
-    // After a change of the bench that is meant, the charts begin anew.
+    // After a change of the bench that is meant, the charts begin again.
     let changed = bench.rigd(&["commission", "changed", "references"]);
     assert!(changed.status.success(), "{}", stderr(&changed));
     assert_eq!(bench.judge(5, 5)["checks"], 1);

@@ -139,5 +139,5 @@ fn a_disk_that_fails_at_any_call_costs_no_committed_record_and_no_safety() {
         let session = reader.latest_session("simulated bench").unwrap().unwrap();
         assert_eq!(reader.probe_word(&session).unwrap(), ProbeWord::Clear, "{here}");
     }
-    assert!(resumed > 8 && codes.contains(&4), "{resumed} resumed, {begun_anew} anew, {codes:?}");
+    assert!(resumed > 8 && codes.contains(&4), "{resumed} resumed, {begun_anew} again, {codes:?}");
 }

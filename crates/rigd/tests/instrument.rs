@@ -190,7 +190,7 @@ fn a_correction_is_kept_with_its_cable_and_its_date() {
     };
     let (is_done, text) = compensate(&["open", "--cable", "RG174, blue", "--length-m", "1"]);
     assert!(is_done && text.contains("open: measured, and on, for RG174, blue"), "{text}");
-    // A simulated analyzer is switched on anew for each command.
+    // A simulated analyzer is switched on again for each command.
     let (is_done, text) = compensate(&[]);
     assert!(
         is_done && text.contains("open   off  made 2") && text.contains("for RG174, blue"),

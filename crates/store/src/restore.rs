@@ -16,7 +16,7 @@ const STAGE: &str = "restore.part";
 
 /// Copies the journal in `backup` to `to`, an absent or empty directory, with those of the files and folders `beside` that
 /// the backup has. The copy gets its place when every run in it was read and found whole; if one has a flaw, which the
-/// list then says, nothing is restored. A restoration that was broken off is begun anew.
+/// list then says, nothing is restored. A restoration that was broken off is begun again.
 ///
 /// # Errors
 /// [`StoreError::NoJournal`]; [`StoreError::InUse`] if a program writes to `to`; [`StoreError::Occupied`] names

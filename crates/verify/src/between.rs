@@ -14,7 +14,7 @@ struct Reference {
     hz: f64,
     variance_hz2: f64,
     at_s: f64,
-    /// References on different stretches have the sensor turned, or the clock begun anew, between them.
+    /// References on different stretches have the sensor turned, or the clock begun again, between them.
     stretch: usize,
 }
 

@@ -1,4 +1,4 @@
-//! How the free resonance drifts, learnt anew from the references of a run: what a touch states of the drift since its
+//! How the free resonance drifts, learnt again from the references of a run: what a touch states of the drift since its
 //! reference, and which reference is a jump.
 //!
 //! The resonance walks at random, and follows a rate that is forgotten in half an hour. The strengths of both are unknown:

@@ -197,7 +197,7 @@ pub struct Verdict {
     pub is_sound: bool,
     /// Number of records checked.
     pub records: u64,
-    /// Number of accepted sweeps that were fitted anew.
+    /// Number of accepted sweeps that were fitted again.
     pub sweeps: u64,
     /// Digest of the last record, in hexadecimal; empty for a run without records.
     pub digest: String,
@@ -234,7 +234,7 @@ impl Verdict {
 
     fn counted(findings: usize, records: u64, sweeps: u64) -> String {
         match findings {
-            0 => format!("sound: {records} records, {sweeps} resonances fitted anew"),
+            0 => format!("sound: {records} records, {sweeps} resonances fitted again"),
             1 => format!("not sound: 1 finding in {records} records"),
             count => format!("not sound: {count} findings in {records} records"),
         }

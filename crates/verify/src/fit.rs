@@ -1,4 +1,4 @@
-//! The resonance of a sweep, fitted anew: the Butterworth–Van Dyke circuit with dielectric loss, and
+//! The resonance of a sweep, fitted again: the Butterworth–Van Dyke circuit with dielectric loss, and
 //! the free decay after each change of frequency.
 //!
 //! ```text
@@ -33,7 +33,7 @@ const NOISE: FitNoise = FitNoise { at_ten_cycles: 0.005, degrees_of_freedom: 4.0
 const NOISE_OF_SETTLED: FitNoise = FitNoise { degrees_of_freedom: 0.0, ..NOISE };
 /// Smallest relative variance of a reading: the ninth digit.
 const VARIANCE_MIN: f64 = 1e-16;
-/// Number of times that the sizes of the free decays and the weights are computed anew.
+/// Number of times that the sizes of the free decays and the weights are computed again.
 const ROUNDS: usize = 4;
 
 /// The result of a fit.

@@ -127,7 +127,7 @@ impl Labels {
         self.is_amendment = true;
     }
 
-    /// A run goes on: the sample and the sensor are mounted anew, and a reference is measured anew.
+    /// A run goes on: the sample and the sensor are mounted again, and a reference is measured again.
     pub(crate) fn resume(
         &mut self,
         seq: u64,

@@ -3,7 +3,7 @@
 //! This crate shares no code with the program that writes journals. It has types of its own for the
 //! records (`record`), reads the rig and the protocol from the text in the journal with types of
 //! its own (`settings`), follows the axes from record to record (`motion`), holds each label
-//! against the pose in which the axes were (`labels`), and fits every accepted sweep anew
+//! against the pose in which the axes were (`labels`), and fits every accepted sweep again
 //! (`fit`). What it cannot confirm is a [`Finding`].
 //!
 //! ```text

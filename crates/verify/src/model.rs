@@ -1,7 +1,7 @@
 //! χ² of the main touches under the model that a run states, with a beam and a contact of this crate.
 //!
 //! A run states the terms of its model and χ². Here each main touch is inverted again, by bisection of the
-//! lowest resonance of a beam element in three motions, and χ² is added up anew.
+//! lowest resonance of a beam element in three motions, and χ² is added up again.
 
 mod beam;
 mod rest;
@@ -53,7 +53,7 @@ const CHI2_REL: f64 = 0.01;
 /// The same in absolute terms, for a small χ².
 const CHI2_LEAST: f64 = 0.005;
 
-/// Computes χ² of the main touches of a run anew. Nothing is written.
+/// Computes χ² of the main touches of a run again. Nothing is written.
 ///
 /// # Errors
 /// [`JournalError`] if the journal cannot be read or has no such run.

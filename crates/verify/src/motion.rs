@@ -145,7 +145,7 @@ impl Motion {
         (self.linear_mm, self.rotary_deg) = (None, None);
     }
 
-    /// The rig is prepared anew: nothing is known until a read-back.
+    /// The rig is prepared again: nothing is known until a read-back.
     pub(crate) fn prepare(&mut self) {
         self.lose_positions();
         (self.probe, self.fault, self.descent) = (Probe::Unknown, None, None);

@@ -1,4 +1,4 @@
-//! What follows from the readings: every accepted resonance is fitted anew.
+//! What follows from the readings: every accepted resonance is fitted again.
 
 use std::{num::NonZero, thread};
 

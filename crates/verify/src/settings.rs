@@ -138,7 +138,7 @@ pub(crate) struct Protocol {
 }
 
 impl Protocol {
-    /// Whether the drift says when the reference is measured anew.
+    /// Whether the drift says when the reference is measured again.
     pub(crate) fn is_by_drift(&self) -> bool {
         self.no_load.as_deref() == Some("by-drift")
     }

@@ -71,11 +71,11 @@ pub(crate) fn check_again(
     let valid = trail.iter().copied().filter(|tried| tried.reading.flag == Flag::Normal);
     let trail = &valid.collect::<Vec<Tried>>()[..];
     let slip_mm = protocol.slip_mm().unwrap_or(f64::NAN);
-    // Where the probe seemed to touch above the surface, its impedance when clear was read anew.
+    // Where the probe seemed to touch above the surface, its impedance when clear was read again.
     let anew_mm = slip_mm + protocol.approach.coarse_step_mm + protocol.touch.indentation_mm;
     let (asked, clear): (&[f64], _) = match trail {
-        [_, anew, ..] if trail.len() > 2 => (&[slip_mm, anew_mm, slip_mm, -slip_mm], parts(anew)),
-        [_, anew] if anew.position_mm > surface_mm => (&[slip_mm, anew_mm], None),
+        [_, again, ..] if trail.len() > 2 => (&[slip_mm, anew_mm, slip_mm, -slip_mm], parts(again)),
+        [_, again] if again.position_mm > surface_mm => (&[slip_mm, anew_mm], None),
         _ => (&[slip_mm, -slip_mm], clear),
     };
     for (tried, asked_mm) in trail.iter().zip(asked) {
@@ -150,7 +150,7 @@ fn seen(trail: &[Tried]) -> Vec<Seen<'_>> {
 }
 
 /// Checks that the readings of a search show a contact where the trail has one, and none elsewhere. They
-/// are compared with the mean of those of the clear probe, as it was read anew at last.
+/// are compared with the mean of those of the clear probe, as it was read again at last.
 fn check_contacts(seq: u64, trail: &[Tried], limit: f64, findings: &mut Findings) {
     let seen = seen(trail);
     let parts_of = |part: usize| {

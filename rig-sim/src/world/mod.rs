@@ -302,7 +302,7 @@ impl World {
         self.follow_plant(now);
     }
 
-    /// Sets the frequency of the drive now, in Hz. A synthesizer that is set anew starts at any phase:
+    /// Sets the frequency of the drive now, in Hz. A synthesizer that is set again starts at any phase:
     /// no make of analyzer promises another.
     pub fn set_frequency(&mut self, now: RigTime, frequency_hz: f64) {
         self.follow_plant(now);

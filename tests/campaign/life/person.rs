@@ -150,7 +150,7 @@ impl Life<'_> {
         }
         if self.tries_left > 0 {
             self.tries_left -= 1;
-            // Only a daemon that is started anew opens its journal again.
+            // Only a daemon that is started again opens its journal again.
             let must_restart = status.journal_error.is_some() && self.is_mended;
             return must_restart.then_some(End::Restart);
         }
@@ -184,7 +184,7 @@ impl Life<'_> {
 
     /// Judges where a rig at rest has left the probe.
     pub(super) fn is_left(&mut self, status: &Status) {
-        // A daemon that was started anew waits for a person before it moves anything.
+        // A daemon that was started again waits for a person before it moves anything.
         let waits = matches!(status.snapshot.fault, Some(EngineFault::Interrupted { .. }));
         if self.is_in_contact() && !waits && !judge::has_no_way_out(&self.all, self.bench) {
             self.fail("ended in contact though a retract was possible");

@@ -103,7 +103,7 @@ async fn an_overload_is_measured_again_and_one_that_stays_is_given_up() {
     }
 }
 
-/// The analyzer was set up anew, with its own frequency in between, and the sensor rings.
+/// The analyzer was set up again, with its own frequency in between, and the sensor rings.
 #[tokio::test(start_paused = true)]
 async fn a_reading_after_a_cut_reply_is_one_of_a_settled_sensor() {
     let brief = SweepPoint { settle_s: 0.0, ..point(140.2, 2) };

@@ -17,7 +17,7 @@ fn run(seed: u64, walk_hz: f64, warm_up_hz: f64, softening_hz: f64) -> World {
     world
 }
 
-/// Whether the impedance of the clear probe was read anew in a search: the search then went up to read.
+/// Whether the impedance of the clear probe was read again in a search: the search then went up to read.
 fn is_anew(event: &Event) -> bool {
     matches!(event, Event::SurfaceFound { trail, .. } if trail.windows(2).any(|two| {
         let [(before, _), (after, _)] = two else { return false };
@@ -27,7 +27,7 @@ fn is_anew(event: &Event) -> bool {
 
 #[test]
 fn a_drift_ends_no_run_and_moves_no_surface() {
-    let mut anew = 0;
+    let mut again = 0;
     for (walk_hz, warm_up_hz) in [(0.5, 0.0), (2.0, 0.0), (0.1, 0.5), (0.1, 5.0), (0.1, 20.0)] {
         for seed in 1..=12 {
             let world = run(seed, walk_hz, warm_up_hz, 0.0);
@@ -38,10 +38,10 @@ fn a_drift_ends_no_run_and_moves_no_surface() {
                 let is_right = (depth_mm - 0.5).abs() <= 0.025 + 0.0025 + 1e-9;
                 assert!(is_right, "{told}: {step} at {depth_mm} mm");
             }
-            anew += world.events.iter().filter(|event| is_anew(event)).count();
+            again += world.events.iter().filter(|event| is_anew(event)).count();
         }
     }
-    assert!(0 < anew, "no search had to read the clear probe anew");
+    assert!(0 < again, "no search had to read the clear probe again");
 }
 
 #[test]
@@ -69,7 +69,7 @@ fn the_standard_deviation_of_a_shift_has_the_share_of_the_drift() {
     assert!(10 * far < all && 9 * all < 10 * far_without, "{far} and {far_without} of {all}");
 }
 
-/// Thirty touches with references by drift, at a bench that walks and jumps. The sample is placed anew before the 25th.
+/// Thirty touches with references by drift, at a bench that walks and jumps. The sample is placed again before the 25th.
 fn by_drift(seed: u64, walk_hz: f64, target_hz: f64, jump: Option<(usize, f64)>) -> World {
     let mut plan = Plan { no_load: NoLoadPolicy::ByDrift, ..plan() };
     plan.no_load_sweep.target_sigma_hz = target_hz;

@@ -36,7 +36,7 @@ async fn a_restored_journal_is_sent_again_and_loses_nothing() {
     assert_same(&hub.contents().await, &everything);
     assert_eq!(hub.alarms().await, ["rewound"]);
     assert_eq!(hub.count("hub.clash").await, 0);
-    // It is begun anew once.
+    // It is begun again once.
     sealed_run(&store, "later", 2);
     hub.ship(&role, backup.path()).await.unwrap();
     everything.extend(contents_of(backup.path()));

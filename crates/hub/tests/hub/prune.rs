@@ -105,7 +105,7 @@ async fn a_run_leaves_when_it_is_sealed_judged_and_in_an_object() {
     );
     assert_eq!(rows(&old.hub).await, before, "typed rows stay");
     rig_hub::admin::rebuild(&old.hub.admin).await.unwrap();
-    assert_eq!(rows(&old.hub).await, before, "and are not made anew of nothing");
+    assert_eq!(rows(&old.hub).await, before, "and are not made again of nothing");
     let bench = old.bench().await;
     assert_eq!((bench.runs, bench.sealed, bench.pruned, bench.records), (3, 2, 2, 28));
     assert_eq!(state(&old.hub.admin).await.unwrap().pruning.unwrap().runs, 2);

@@ -10,7 +10,7 @@ use crate::{Outcome, PortCommand, Refusal};
 pub struct Identity {
     is_linear_known: bool,
     is_rotary_known: bool,
-    /// The linear stage was known once, so that a retract may start without identifying it anew.
+    /// The linear stage was known once, so that a retract may start without identifying it again.
     was_linear_known: bool,
 }
 

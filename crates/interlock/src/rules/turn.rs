@@ -45,7 +45,7 @@ impl Turn {
         Self { limits, linear: None, tilt: None }
     }
 
-    /// Whether a turn needs the probe to be read back anew, and nothing else.
+    /// Whether a turn needs the probe to be read back again, and nothing else.
     pub fn needs_reading(&self, now: RigTime, command: &PortCommand) -> bool {
         self.linear.is_some_and(|(at, read)| {
             FRESH < now.since(read) && self.lowest_mm(command).is_some_and(|mm| mm <= at.value())

@@ -105,7 +105,7 @@ fn a_resumed_run_counts_its_time_over_both_clocks() {
         (4_000_000, Record::TouchResult(touch)),
     ];
     for mut stored in chain(&records).records {
-        // An hour later by the wall clock, and the clock of the rig began anew.
+        // An hour later by the wall clock, and the clock of the rig began again.
         stored.run_us += last_us + 3_600_000_000;
         stored.epoch = 2;
         sample.chain.records.push(stored);

@@ -77,7 +77,7 @@ test("ticks are round and inside, and a range of nothing is a range", () => {
   assert.deepEqual(extent([1, Number.NaN, 3], 0), [1, 3]);
 });
 
-test("readings that come in pieces, twice or anew make one sweep", () => {
+test("readings that come in pieces, twice or again make one sweep", () => {
   let model = withLive(empty(), news({ readings: [reading(1), reading(2)] }));
   model = withLive(model, news({ from: [2, 0], readings: [reading(3)], estimates: [{ readings: 3, resonance_hz: 140, sigma_hz: 1 }] }));
   assert.equal(model.sweep?.readings.length, 3);

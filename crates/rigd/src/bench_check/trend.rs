@@ -75,7 +75,7 @@ impl Series {
     }
 }
 
-/// Writes the page anew from the records, and returns its path.
+/// Writes the page again from the records, and returns its path.
 ///
 /// # Errors
 /// [`CheckError`].

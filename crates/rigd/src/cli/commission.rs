@@ -200,7 +200,7 @@ impl CommissionFailure {
                 Some("run the protocol of the block again, and evaluate that run")
             }
             Self::RigFile { .. } => Some(
-                "change the rig file, and begin `rigd commission` again: the steps that it changes are made anew",
+                "change the rig file, and begin `rigd commission` again: the steps that it changes are made again",
             ),
             _ => None,
         }

@@ -284,7 +284,7 @@ pub(super) fn restore(args: &RestoreArgs) -> Result<(), Failure> {
         return Err(Failure::NotSound);
     }
     print(&format!("{} restored to {}, and read there", sizes(&runs), to.display()))?;
-    note("`rigd report RUN` writes the folder of a run again; tokens are made anew");
+    note("`rigd report RUN` writes the folder of a run again; tokens are made again");
     Ok(())
 }
 

@@ -232,7 +232,7 @@ pub(super) const FAULTS: [ListedFault; 14] = [
         number: 30,
         class: Device,
         what: "the sample swells, shifts or falls off",
-        reaction: "finds the surface anew at each touch; one that is too far from where the touches \
+        reaction: "finds the surface again at each touch; one that is too far from where the touches \
                    before expect it: safe; the touch before is refused",
         seen: Some(surface_moved),
         tests: &[

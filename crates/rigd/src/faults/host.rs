@@ -44,7 +44,7 @@ pub(super) const FAULTS: [ListedFault; 10] = [
         number: 31,
         class: Host,
         what: "rigd panics or is killed",
-        reaction: "a panic: safe, over a bus that is opened anew. A kill: `rigd safe` retracts, if the \
+        reaction: "a panic: safe, over a bus that is opened again. A kill: `rigd safe` retracts, if the \
                    service manager calls it; the next start latches until a person acknowledges, retracts \
                    first, and the run can be resumed",
         seen: Some(interrupted),

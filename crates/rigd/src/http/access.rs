@@ -161,7 +161,7 @@ impl Access {
     }
 
     /// Changes the names and the secret for everybody. With another secret, browsers that came in without a
-    /// token of their own must come in anew.
+    /// token of their own must come in again.
     pub(crate) fn change(&self, allowed: impl IntoIterator<Item = HostName>, token: Option<Token>) {
         if !self.has_token(token.as_ref()) {
             self.sessions.end_nameless();

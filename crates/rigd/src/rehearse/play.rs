@@ -116,7 +116,7 @@ impl<'a> Play<'a> {
 
     /// One life of rigd.
     async fn live(&mut self, began: &mut Instant) -> Result<End, RehearseError> {
-        // A disk that failed before the run was written has left none: the person begins it anew.
+        // A disk that failed before the run was written has left none: the person begins it again.
         if let Some(run) = self.run {
             match Reader::open_in_memory(&self.disk)?.records(run) {
                 Err(StoreError::NoSuchRun { .. }) => self.run = None,

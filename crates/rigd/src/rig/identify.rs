@@ -1,4 +1,4 @@
-//! Reads the identities of the devices anew while the rig is idle. Nothing moves.
+//! Reads the identities of the devices again while the rig is idle. Nothing moves.
 
 use rig_analyzer::AnalyzerError;
 use rig_model::{Unit, with_causes};

@@ -1,4 +1,4 @@
-//! The counts of the devices, and their identities read anew.
+//! The counts of the devices, and their identities read again.
 
 use rig_sim::{
     PortId,

@@ -61,7 +61,7 @@ fn a_copy_overwrites_nothing_and_says_where_the_original_is_damaged() {
     let mut run = store.begin(RunKind::Run, "test").unwrap();
     append(&mut run, 0, &records()[0]);
     run.commit().unwrap();
-    // A copy that was broken off is made anew.
+    // A copy that was broken off is made again.
     fs::write(to.path().join("rigd.db.part"), "half").unwrap();
     assert_eq!(back_up(data.path(), to.path()).unwrap().len(), 1);
     assert!(matches!(back_up(data.path(), to.path()), Err(StoreError::NotEmpty)));

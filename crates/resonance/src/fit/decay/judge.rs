@@ -25,7 +25,7 @@ use crate::{
 /// With it a mode that shifts the resonance by four standard deviations gains sixteen.
 pub(crate) const MODE_WIDENS: f64 = 1.2;
 
-/// Largest number of wrong readings for which the circuit is searched anew.
+/// Largest number of wrong readings for which the circuit is searched again.
 const SEARCHES: usize = 8;
 /// The readings are compared within their stays at most this many times.
 const FAR_ROUNDS: usize = 4;

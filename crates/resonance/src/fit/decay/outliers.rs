@@ -27,7 +27,7 @@ const READINGS_PER_OUTLIER: usize = 10;
 
 /// Number of readings that are left out by themselves in a round.
 const CANDIDATES: usize = 10;
-/// Number of them without which the circuit is searched anew.
+/// Number of them without which the circuit is searched again.
 const SEARCHED: usize = 2;
 /// Twice the log-likelihood that an excluded reading must gain, which is also the largest weighted |r|²
 /// of a usual one. One good reading in fifty thousand exceeds it, and its loss is harmless.
@@ -75,7 +75,7 @@ impl Hypothesis {
 
 /// The readings that are left when those are excluded that `found` does not describe, one after
 /// another; `None` if no few readings are to blame. `searches` is the largest number of them for which
-/// the circuit is searched anew.
+/// the circuit is searched again.
 pub(crate) fn without(
     stays: &Stays,
     found: &[Hypothesis],
@@ -160,7 +160,7 @@ impl Stays {
 }
 
 impl Rest {
-    /// The rest without one more reading, and whether its circuit was searched anew.
+    /// The rest without one more reading, and whether its circuit was searched again.
     fn without_one(
         &self,
         criteria: &Criteria<'_>,

@@ -45,15 +45,15 @@ fn the_gradient_is_that_of_the_cost() {
     let stays = stays(&AT);
     let here = ModelEstimate { resonance_hz: 140.02, q: 61.0, ..AT };
     let mut states = Vec::new();
-    let anew = |at: &ModelEstimate, states: &mut Vec<State>| {
+    let again = |at: &ModelEstimate, states: &mut Vec<State>| {
         states.iter_mut().for_each(State::thaw);
         stays.normal(at, states)
     };
-    let normal = (0..5).map(|_| anew(&here, &mut states)).last().unwrap();
+    let normal = (0..5).map(|_| again(&here, &mut states)).last().unwrap();
     let cost = |at: &ModelEstimate| {
         // The same prior on both sides.
         let mut states = states.clone();
-        (0..5).fold(0.0, |_, _| anew(at, &mut states).cost)
+        (0..5).fold(0.0, |_, _| again(at, &mut states).cost)
     };
     let moved = |i: usize, h: f64| match i {
         0 => ModelEstimate { resonance_hz: here.resonance_hz * h.exp(), ..here },
