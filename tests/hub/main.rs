@@ -10,6 +10,8 @@
 //!
 //! `hub-campaign figures` prints how fast the hub takes records, and how long answers take, on the computer at hand.
 //!
+//! `hub-campaign full-disk` lets the disks of PostgreSQL and of an object store be full.
+//!
 //! It prints each seed that fails. Its last line says how often each thing happened. The exit code is 0 only if no seed
 //! fails, and each thing has happened. It needs the Debian packages `postgresql` and `faketime`.
 
@@ -20,6 +22,7 @@ mod bench;
 mod copies;
 mod deed;
 mod figures;
+mod full_disk;
 mod line;
 mod newer;
 mod objects;
@@ -43,6 +46,7 @@ use bench::{Counts, FAKETIME};
 use clap::{Parser, Subcommand};
 use deed::DEEDS;
 use figures::FiguresArgs;
+use full_disk::FullDiskArgs;
 use support::Hub;
 use tokio::runtime::Runtime;
 use worker::Worker;
@@ -64,6 +68,8 @@ struct Arguments {
 enum Task {
     /// Print how fast the hub takes records and answers questions
     Figures(FiguresArgs),
+    /// Let the disks of PostgreSQL and of an object store be full, as `tests/hub/full_disk.sh` does
+    FullDisk(FullDiskArgs),
     #[command(flatten)]
     Worker(Worker),
 }
@@ -81,6 +87,10 @@ fn main() -> ExitCode {
         Some(Task::Worker(worker)) => return worker.work(),
         Some(Task::Figures(args)) => {
             runtime().block_on(args.print());
+            return ExitCode::SUCCESS;
+        }
+        Some(Task::FullDisk(args)) => {
+            runtime().block_on(args.play());
             return ExitCode::SUCCESS;
         }
         None => {}
