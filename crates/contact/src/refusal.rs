@@ -25,20 +25,20 @@ pub enum Refusal {
         needed: f64,
     },
     /// The tier takes no stage moves, because it lacks the static deflection of the sensor.
-    #[error("model {tier}: a move of the stage is not an indentation", tier = tier.name())]
+    #[error("tier {tier}: a move of the stage is not an indentation", tier = tier.name())]
     StageMove {
         /// The tier that refuses.
         tier: Tier,
     },
     /// The tier has no electrodes, and so no impedance.
-    #[error("model {tier} gives a shift and no impedance", tier = tier.name())]
+    #[error("tier {tier} gives a shift and no impedance", tier = tier.name())]
     NoImpedance {
         /// The tier that refuses.
         tier: Tier,
     },
     /// The contact is too stiff for the mode shape of the tier.
     #[error(
-        "model {tier}: contact stiffness of {ratio:.3} sensor stiffnesses is above {limit}",
+        "tier {tier}: contact stiffness of {ratio:.3} sensor stiffnesses is above {limit}",
         tier = tier.name()
     )]
     TooStiff {
@@ -51,7 +51,7 @@ pub enum Refusal {
     },
     /// The force of the contact bends the sensor too far.
     #[error(
-        "model {tier}: the force of the contact turns the end of the sensor by {turn_deg:.2}°, above \
+        "tier {tier}: the force of the contact turns the end of the sensor by {turn_deg:.2}°, above \
          {limit_deg:.2}°",
         tier = tier.name()
     )]
@@ -65,7 +65,7 @@ pub enum Refusal {
     },
     /// The shift exceeds that of the stiffest contact in the tier's validity.
     #[error(
-        "model {tier}: a shift of {shift_hz:.3} Hz is beyond that of a contact of {limit} sensor \
+        "tier {tier}: a shift of {shift_hz:.3} Hz is beyond that of a contact of {limit} sensor \
          stiffnesses, the stiffest it takes",
         tier = tier.name()
     )]
