@@ -18,7 +18,7 @@ use crate::{
 /// happen.
 ///
 /// # Errors
-/// As for [`open`].
+/// As for [`open`](super::open).
 pub async fn open_in_memory(
     rig: LoadedRig,
     disk: &MemoryDisk,
@@ -29,7 +29,7 @@ pub async fn open_in_memory(
     open_on(rig, store, bench).await
 }
 
-/// The same with its journal and its calibrations in a directory.
+/// Opens a simulated rig on the runtime of the caller, with its journal and its calibrations in a directory.
 #[cfg(test)]
 pub(crate) async fn open_in(
     rig: LoadedRig,
