@@ -106,7 +106,7 @@ fn of_any(tests: &[Test], limits: &[f64]) -> f64 {
 /// The probability that two normal variables of this correlation both exceed their limits.
 ///
 /// # Source
-/// Drezner and Wesolowsky, J. Stat. Comput. Simul. 35 (1990) 101, equation 3.
+/// Drezner and Wesolowsky, Journal of Statistical Computation and Simulation 35 (1990) 101, equation 3.
 fn both_above(h: f64, k: f64, correlation: f64) -> f64 {
     // The middles of so many parts leave an error below one part in 10,000 of the result.
     const PARTS: u32 = 64;

@@ -58,13 +58,13 @@ fn the_tables_of_digilent_and_gamry_are_read() {
     let waveforms = "#Digilent WaveForms Impedance Analyzer\n\
                      Frequency (Hz),Trace 1 |Z| (Ohm),Trace 1 theta (deg)\n";
     check("trace.csv", &(waveforms.to_owned() + &polar.join("\n")));
-    let gamry = "EXPLAIN\nTAG\tEISPOT\nFREQINIT\tQUANTITY\t1.00000E+003\tInitial Fre&q. (Hz)\n\
+    let gamry = "EXPLAIN\nTAG\tEISPOT\nFREQINIT\tQUANTITY\t1.00000E+003\tInitial frequency (Hz)\n\
                  ZCURVE\tTABLE\n\
                  \tPt\tTime\tFreq\tZreal\tZimag\tZsig\tZmod\tZphz\n\
                  \t#\ts\tHz\tohm\tohm\tV\tohm\t°\n\
                  \t0\t3\t120\t900\t-47000\t1\t47008.6\t-88.9\n\
                  \t1\t7\t140\t2000\t-39000\t1\t39051.2\t-87.1\n";
-    check("eis.DTA", gamry);
+    check("spectrum.DTA", gamry);
 }
 
 #[test]
