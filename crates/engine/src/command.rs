@@ -97,7 +97,7 @@ impl TouchPlace {
 }
 
 impl CommandRefusal {
-    /// The same refusal for what a person calls this command.
+    /// This refusal in the words by which a person calls the command.
     #[must_use]
     pub fn for_command(self, command: &'static str) -> Self {
         match self {

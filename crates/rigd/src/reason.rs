@@ -16,7 +16,7 @@ pub(crate) fn reason(text: &str) -> Result<String, NoReason> {
     if reason.is_empty() { Err(NoReason) } else { Ok(reason.to_owned()) }
 }
 
-/// The same in a form of a client.
+/// Reads the reason in a form of a client; a blank one is refused.
 pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
     reason(&String::deserialize(deserializer)?).map_err(de::Error::custom)
 }

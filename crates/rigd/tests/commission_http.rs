@@ -159,7 +159,7 @@ fn daily() -> Daemon {
     daily_with(&[])
 }
 
-/// The same with these values of its scene.
+/// A daemon of the daily bench with these values of its scene.
 fn daily_with(nuisances: &[(&str, &str)]) -> Daemon {
     let folder = TempDir::new().unwrap();
     let path = |name: &str| folder.path().join(name);

@@ -106,7 +106,7 @@ impl Publisher<'_> {
         *last = Some(sent);
         loop {
             let has_closed = news.has_changed().is_err();
-            // Copied: whoever borrows a status holds up the rig thread.
+            // A copy: a borrowed status holds up the rig thread.
             let present = news.borrow_and_update().clone();
             let send = self.send(&line, &reader, &mut sent, state(&present));
             let messages = timeout(SEND_TIME, send).await??;
