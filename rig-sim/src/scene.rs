@@ -214,6 +214,7 @@ fn nuisances(table: &mut Table<'_>) -> Nuisances {
     let (stiffness_rel, impedance_rel) = (share("stiffness_rel"), share("impedance_rel"));
     let analyzer_phase_deg = table.number("analyzer_phase_deg").range(-10.0..=10.0).or(0.0).value;
     let debris_mm = table.number("debris_mm").range(0.0..=DEBRIS_MAX_MM).or(0.0).value;
+    let position_age_s = table.number("position_age_s").range(0.0..=0.1).or(0.0).value;
     let level_hz_per_v2 = table.number("level_hz_per_v2").or(0.0).value;
     let mut size = |key| table.number(key).at_least(0.0).or(0.0).value;
     Nuisances {
@@ -227,6 +228,7 @@ fn nuisances(table: &mut Table<'_>) -> Nuisances {
         homing_mm: size("homing_mm"),
         homing_deg: size("homing_deg"),
         encoder_steps: size("encoder_steps"),
+        position_age_s,
         drift,
         level_hz_per_v2,
         impedance_rel,

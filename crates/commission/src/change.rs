@@ -20,6 +20,8 @@ pub enum BenchChange {
     Holder,
     /// The probe was pressed into something, by a fault or by hand.
     Collision,
+    /// The analyzer, its port, adapter or settings were exchanged.
+    Analyzer,
     /// The bench was moved, or its temperature has changed by more than 3 °C.
     Place,
     /// The block or a reference sample of the daily check was exchanged.
@@ -30,7 +32,7 @@ pub enum BenchChange {
 
 impl BenchChange {
     /// All of them.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Drive,
         Self::Stop,
         Self::Limits,
@@ -38,6 +40,7 @@ impl BenchChange {
         Self::Probe,
         Self::Holder,
         Self::Collision,
+        Self::Analyzer,
         Self::Place,
         Self::References,
         Self::Zero,
@@ -53,6 +56,7 @@ impl BenchChange {
             Self::Probe => "probe",
             Self::Holder => "holder",
             Self::Collision => "collision",
+            Self::Analyzer => "analyzer",
             Self::Place => "place",
             Self::References => "references",
             Self::Zero => "zero",
@@ -71,6 +75,7 @@ impl BenchChange {
             Self::Probe => "the probe was exchanged",
             Self::Holder => "the holder of the samples was taken off",
             Self::Collision => "the probe was pressed into something",
+            Self::Analyzer => "the analyzer, its port, its adapter or its settings were changed",
             Self::Place => "the bench was moved, or its temperature has changed by more than 3 °C",
             Self::References => "the block or a reference sample of the daily check was exchanged",
             Self::Zero => {
@@ -91,6 +96,7 @@ impl BenchChange {
             Self::Holder => &[Kind::Geometry, Kind::Blocks, Kind::Touches, Kind::Check],
             // The daily check goes on, and shows what they have changed.
             Self::Collision => &[Kind::Geometry, Kind::Blocks, Kind::Touches, Kind::Sensor],
+            Self::Analyzer => &[Kind::Latency, Kind::Sensor],
             Self::Place => &[Kind::Blocks],
             Self::References => &[Kind::Check],
             Self::Zero => &[Kind::Geometry, Kind::Limits, Kind::Homing, Kind::Blocks],

@@ -25,6 +25,8 @@ pub enum Kind {
     Blocks,
     /// Touches at one place of a hard block repeat.
     Touches,
+    /// The latency between stage and analyzer.
+    Latency,
     /// The free sensor: its circuit, its drift, its linearity with the level of the drive, and no second mode.
     Sensor,
     /// The bench is as it was at the checks before: the daily check.
@@ -33,7 +35,7 @@ pub enum Kind {
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Stop,
         Self::Signs,
         Self::Geometry,
@@ -42,6 +44,7 @@ impl Kind {
         Self::Homing,
         Self::Blocks,
         Self::Touches,
+        Self::Latency,
         Self::Sensor,
         Self::Check,
     ];
@@ -57,6 +60,7 @@ impl Kind {
             Self::Homing => "homing",
             Self::Blocks => "blocks",
             Self::Touches => "touches",
+            Self::Latency => "latency",
             Self::Sensor => "sensor",
             Self::Check => "check",
         }
@@ -104,6 +108,9 @@ impl Kind {
             Self::Touches => {
                 "clean the block and the ball, see that the clamps of sensor and block are fast and the bench is warm, and run \
                  the protocol again"
+            }
+            Self::Latency => {
+                "see that the sample lies fast and the bench is warm, and run the protocol again with more repeats"
             }
             Self::Sensor => {
                 "see that the clamp of the sensor is fast, its cable hangs free and the analyzer is warm, correct the cable again, \

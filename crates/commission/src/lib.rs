@@ -23,6 +23,7 @@ pub mod control;
 mod finding;
 pub mod homing;
 mod kind;
+pub mod latency;
 pub mod metrology;
 pub mod procedure;
 mod question;

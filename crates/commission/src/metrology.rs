@@ -22,6 +22,7 @@ mod screw;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use cholesky::Cholesky;
 pub use fit::{BlockGeometry, TouchNoise, fit};
 pub use screw::{ScrewError, ScrewMap};
 

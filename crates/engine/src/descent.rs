@@ -106,8 +106,8 @@ pub(crate) enum DescentStep {
     GoDown(Position<Mm>),
     /// Read at rest, then call [`Descent::read_at_rest`].
     ReadAtRest(usize),
-    /// The surface is found.
-    Found(Surface),
+    /// The surface is found, and this is the fit that shows it.
+    Found(Surface, Onset),
     /// Neither the surface nor a fault is found: the search in steps follows.
     GiveUp(String),
     /// The search cannot continue.
@@ -351,9 +351,9 @@ impl Descent {
         let readings: Vec<Reading> =
             self.readings.iter().chain(self.rest.iter().map(|(_, one)| one)).copied().collect();
         match Onset::fit(&self.no_load, &readings, &way, self.latency, self.sigma_max_mm) {
-            Ok(Onset { surface_mm, sigma_mm, .. }) => {
-                let position = Position::new(surface_mm);
-                DescentStep::Found(Surface { position, sigma_mm })
+            Ok(onset) => {
+                let position = Position::new(onset.surface_mm);
+                DescentStep::Found(Surface { position, sigma_mm: onset.sigma_mm }, onset)
             }
             Err(refusal) => DescentStep::GiveUp(refusal.to_string()),
         }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use rig_model::{Clearance, Deg, Mm, Position, Reading, SweepRequest, Window};
 use rig_protocol::{Prompt, StepId, Touch};
-use rig_resonance::{Estimate, FitOptions, FitOutcome, Resonance};
+use rig_resonance::{Estimate, FitOptions, FitOutcome, Onset, Resonance};
 
 use crate::{Descended, Fault, RefusalAnswer, Surface, TouchRefusal};
 
@@ -250,6 +250,8 @@ pub enum Event {
         position: Position<Mm>,
         /// Standard uncertainty, mm.
         sigma_mm: f64,
+        /// The fit of a descent; `None` for a search in steps.
+        onset: Option<Onset>,
         /// Every position tried, with its reading.
         trail: Vec<(Position<Mm>, Reading)>,
     },

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use rig_model::{Deg, Mm, Position, Reading, RigLimits, RigTime, Target};
 use rig_protocol::{Plan, Pose, Prompt};
-use rig_resonance::{Bench, Resonance};
+use rig_resonance::{Bench, Onset, Resonance};
 
 use crate::{
     Event, Fault, LoweringPurpose, Operation, RefusalAnswer, Report,
@@ -156,8 +156,13 @@ impl MachineContext<'_> {
         self.notes.push(Event::SurfaceNotFound { trail, reason });
     }
 
-    pub(crate) fn surface_found(&mut self, surface: Surface, trail: Vec<(Position<Mm>, Reading)>) {
+    pub(crate) fn surface_found(
+        &mut self,
+        surface: Surface,
+        onset: Option<Onset>,
+        trail: Vec<(Position<Mm>, Reading)>,
+    ) {
         let Surface { position, sigma_mm } = surface;
-        self.notes.push(Event::SurfaceFound { position, sigma_mm, trail });
+        self.notes.push(Event::SurfaceFound { position, sigma_mm, onset, trail });
     }
 }

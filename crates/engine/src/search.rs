@@ -404,6 +404,7 @@ mod tests {
         cycles: 10,
         slip_mm: 0.05,
         descent_mm_per_s: None,
+        slow_descent_mm_per_s: None,
     };
 
     fn impedance(resistance_ohm: f64) -> Impedance {

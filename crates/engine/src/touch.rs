@@ -21,7 +21,7 @@ use std::time::Duration;
 
 use rig_model::{Clearance, Deg, Impedance, Mm, PointResult, Position, Reading, RigTime, Window};
 use rig_protocol::{Approach, Pose, StepId, Touch};
-use rig_resonance::{Resonance, flagged};
+use rig_resonance::{Onset, Resonance, flagged};
 
 use self::way_down::WayDown;
 use crate::{
@@ -257,7 +257,7 @@ impl TouchMachine {
             return MachineStep::Fault(MachineEvent::Declared.out_of_order("a search"));
         };
         let (approach, expected) = (self.approach(context), self.expected(context));
-        if let Some(speed_mm_per_s) = approach.descent_mm_per_s {
+        if let Some(speed_mm_per_s) = approach.descent_of(self.touch.repeat) {
             return self.begin_descent((approach, speed_mm_per_s), baseline, context);
         }
         let (search, step) = match self.near(&approach, expected, context) {
@@ -455,7 +455,7 @@ impl TouchMachine {
                     Phase::Searching(search) => search.trail().to_vec(),
                     _ => Vec::new(),
                 };
-                self.found(surface, trail, context)
+                self.found((surface, None), trail, context)
             }
             SearchStep::Flagged => match &self.phase {
                 Phase::Searching(search) => self.unreadable(search.trail().to_vec(), context),
@@ -473,7 +473,7 @@ impl TouchMachine {
     /// The surface is found, unless it lies elsewhere than the touches before expect it.
     fn found(
         &mut self,
-        surface: Surface,
+        (surface, onset): (Surface, Option<Onset>),
         trail: Vec<(Position<Mm>, Reading)>,
         context: &mut MachineContext<'_>,
     ) -> MachineStep<TouchResult> {
@@ -484,7 +484,7 @@ impl TouchMachine {
             return MachineStep::Fault(Fault::ContactSense(fault));
         }
         self.phase = Phase::DeclaringIndentation { surface };
-        context.surface_found(surface, trail);
+        context.surface_found(surface, onset, trail);
         let down_to = indented(surface, context);
         MachineStep::Declare { down_to, purpose: LoweringPurpose::Indent }
     }

@@ -24,16 +24,22 @@ const LEAST_MM_PER_S: f64 = 0.2;
 
 /// Checks that need no rig.
 pub(crate) fn by_itself(protocol: &Protocol, faults: &mut Faults) {
-    let ApproachKeys { method, speed_mm_per_s, .. } = &protocol.approach;
-    let is_stepped = method.sound() == Some(&ApproachMethod::Stepped);
-    if let Some(speed) = speed_mm_per_s.as_ref().filter(|_| is_stepped) {
-        faults.refuse(speed, &ProtocolFault::OnlyDescent);
+    let ApproachKeys { method, speed_mm_per_s, slow_speed_mm_per_s, .. } = &protocol.approach;
+    if method.sound() != Some(&ApproachMethod::Stepped) {
+        return;
+    }
+    let speeds = [("speed_mm_per_s", speed_mm_per_s), ("slow_speed_mm_per_s", slow_speed_mm_per_s)];
+    for (key, speed) in speeds {
+        if let Some(speed) = speed {
+            faults.refuse(speed, &ProtocolFault::OnlyDescent { key });
+        }
     }
 }
 
 /// Checks against the limits of a rig.
 pub(crate) fn check(protocol: &Protocol, limits: &RigLimits, faults: &mut Faults) {
-    let ApproachKeys { method, speed_mm_per_s, coarse_step_mm, .. } = &protocol.approach;
+    let ApproachKeys { method, speed_mm_per_s, slow_speed_mm_per_s, coarse_step_mm, .. } =
+        &protocol.approach;
     let (Some(ApproachMethod::Descent), Some(&coarse)) = (method.sound(), coarse_step_mm.sound())
     else {
         return;
@@ -46,6 +52,11 @@ pub(crate) fn check(protocol: &Protocol, limits: &RigLimits, faults: &mut Faults
         let least = LEAST_MM_PER_S;
         let fault = ProtocolFault::StreamTooSlow { limit, reading_ms, coarse, least };
         return faults.refuse(method, &fault);
+    }
+    if let (Some(slow), Some(limit)) = (slow_speed_mm_per_s, protocol.descent_mm_per_s(limits)) {
+        slow.check(faults, |&found| {
+            (found >= limit).then_some(ProtocolFault::SlowNotSlower { found, limit })
+        });
     }
     let Some(speed) = speed_mm_per_s else { return };
     speed.check(faults, |&found| {

@@ -55,8 +55,13 @@ pub(crate) enum ProtocolFault {
          deeper than the touch itself"
     )]
     CoarseAboveIndentation { coarse: f64, indentation: f64 },
-    #[error("speed_mm_per_s is for the method \"descent\" only")]
-    OnlyDescent,
+    #[error("{key} is for the method \"descent\" only")]
+    OnlyDescent { key: &'static str },
+    #[error(
+        "slow_speed_mm_per_s = {found} is not below {limit:.2} mm/s, the speed of the other descents: touches at one \
+         speed show no latency"
+    )]
+    SlowNotSlower { found: f64, limit: f64 },
     #[error(
         "method = \"descent\" needs a stream of readings at one frequency, and the rig states no time of a reading \
          in one (analyzer.stream_overhead_s)"
@@ -205,7 +210,8 @@ impl Complaint for ProtocolFault {
             Self::SlipBelowFine { fine, .. } => {
                 format!("use at least {fine}, or 0 for no check of slip")
             }
-            Self::OnlyDescent => "remove it, or write method = \"descent\"".into(),
+            Self::OnlyDescent { .. } => "remove it, or write method = \"descent\"".into(),
+            Self::SlowNotSlower { limit, .. } => format!("use {:.2} or less", 0.5 * limit),
             Self::NoStream => "write method = \"stepped\"".into(),
             Self::StreamTooSlow { .. } => "write method = \"stepped\", or fewer cycles".into(),
             Self::DescentTooFast { limit, .. } => {

@@ -200,9 +200,19 @@ pub struct Approach {
     /// Speed of a continuous descent, which finds the surface before a search in steps is tried, mm/s; `None`
     /// for the search in steps alone.
     pub descent_mm_per_s: Option<f64>,
+    /// Speed of the descents of every second touch of a pose instead, mm/s: touches at two speeds show the latency
+    /// between stage and analyzer.
+    pub slow_descent_mm_per_s: Option<f64>,
 }
 
 impl Approach {
+    /// The planned speed of the descent of a touch that is the `repeat`th of its pose, mm/s; `None` for a search in
+    /// steps.
+    pub fn descent_of(&self, repeat: u32) -> Option<f64> {
+        let slow_mm_per_s = self.slow_descent_mm_per_s.filter(|_| repeat.is_multiple_of(2));
+        slow_mm_per_s.or(self.descent_mm_per_s)
+    }
+
     /// Whether the surface is looked for again after each sweep.
     pub fn has_slip_check(&self) -> bool {
         0.0 < self.slip_mm

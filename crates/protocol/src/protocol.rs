@@ -120,6 +120,7 @@ pub(crate) struct ApproachKeys {
     pub(crate) slip_mm: Option<Setting<f64>>,
     pub(crate) method: Setting<ApproachMethod>,
     pub(crate) speed_mm_per_s: Option<Setting<f64>>,
+    pub(crate) slow_speed_mm_per_s: Option<Setting<f64>>,
 }
 
 /// How the surface is found.
@@ -227,6 +228,11 @@ impl Protocol {
                 cycles,
                 slip_mm: self.slip_mm(),
                 descent_mm_per_s: self.descent_mm_per_s(limits),
+                slow_descent_mm_per_s: self
+                    .approach
+                    .slow_speed_mm_per_s
+                    .as_ref()
+                    .map(|slow| slow.value),
             },
             on_refusal: self.touch.on_refusal,
         }
@@ -315,6 +321,9 @@ const SLIP_PART: f64 = 0.05;
 /// The same as [`DEPTH_MM`] for the steps of a search, mm.
 pub(crate) const STEP_MM: RangeInclusive<f64> = 0.0005..=10.0;
 
+/// The slowest descents: below, a descent of a millimetre takes a minute.
+const SLOW_MM_PER_S: RangeInclusive<f64> = 0.02..=10.0;
+
 fn touch(table: &mut Table<'_>) -> TouchKeys {
     TouchKeys {
         indentation_mm: table.number("indentation_mm").range(DEPTH_MM).required(),
@@ -345,6 +354,7 @@ fn approach(table: &mut Table<'_>, has_aim: bool) -> ApproachKeys {
             )
             .or(ApproachMethod::Stepped),
         speed_mm_per_s: table.number("speed_mm_per_s").above(0.0).optional(),
+        slow_speed_mm_per_s: table.number("slow_speed_mm_per_s").range(SLOW_MM_PER_S).optional(),
     }
 }
 

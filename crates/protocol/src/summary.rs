@@ -270,6 +270,7 @@ impl Plan {
             mounting: None,
             touches: 0,
             surfaces_s: 0.0,
+            descent_mm_per_s: None,
         };
         let mut levelling_s = 0.0;
         let (mut drift, mut touch_s) = (ExpectedDrift::default(), 0.0);
@@ -288,6 +289,9 @@ impl Plan {
             let limit_hz2 = self.drift_limit_hz().powi(2);
             if self.is_by_drift(index) && drift.variance_hz2(touch_s) <= limit_hz2 {
                 return (0.0, false);
+            }
+            if let Action::Touch(Touch { repeat, .. }) = step.action {
+                bench.descent_mm_per_s = self.touch.approach.descent_of(repeat);
             }
             let there = pose.direction.rotary_position(pose.angle);
             let rotation_s = turn_s(limits, bench.tilt, there);
@@ -332,7 +336,7 @@ impl Plan {
         let surface = limits.geometry.surface_at(pose.direction, pose.angle);
         bench.touches += 1;
         let mounting = bench.mounting.replace(LEARNING_TOUCHES <= bench.touches);
-        let (first, search_s) = match (self.touch.approach.descent_mm_per_s, mounting) {
+        let (first, search_s) = match (bench.descent_mm_per_s, mounting) {
             (descent, None) => {
                 let way_mm = bench.height.value() - self.touch.start(limits, pose).value();
                 let search_s = match descent {
@@ -470,6 +474,8 @@ struct Bench {
     touches: u32,
     /// Time of the ways down and the searches so far, s.
     surfaces_s: f64,
+    /// Planned speed of the descent of the touch, mm/s; `None` for a search in steps.
+    descent_mm_per_s: Option<f64>,
 }
 
 /// Duration of a move from rest to rest.

@@ -17,8 +17,8 @@ use serde::{Deserialize, Serialize};
 
 pub use aim::{Aim, AimPart, AimSettings};
 pub use motion::{
-    Axis, CheckedSurface, Descent, Intent, LostSurface, Move, MoveReason, Surface, SurfaceReading,
-    WayPoint,
+    Axis, CheckedSurface, Descent, Intent, LostSurface, Move, MoveReason, Onset, Surface,
+    SurfaceReading, WayPoint,
 };
 pub use person::{Operator, Prompt, PromptAnswered, PromptAsked, RefusalAnswered, RefusalAsked};
 pub use resume::{Amended, Amendment, Archived, Change, GivenUp, Resumed};

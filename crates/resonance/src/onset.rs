@@ -60,6 +60,8 @@ pub struct Onset {
     pub exponent: f64,
     /// The latency, from what was known of it and from these readings.
     pub latency: Latency,
+    /// Change of the surface for each second of latency beyond that one, mm/s.
+    pub mm_per_latency_s: f64,
     /// χ² per degree of freedom.
     pub chi_squared_per_dof: f64,
 }

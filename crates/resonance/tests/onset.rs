@@ -141,7 +141,8 @@ fn errors(sample: &str, speed: f64, late_s: f64, seeds: u64) -> (Vec<(f64, f64)>
     (errors, refused, depths)
 }
 
-/// At any latency within two standard deviations of what was expected.
+/// At any latency within two standard deviations of what was expected. `cargo test -p rig-resonance --test onset -- --nocapture`
+/// prints the figures.
 #[test]
 fn the_surface_is_found_within_its_standard_deviation() {
     // Speed, sample, latency, and the largest mean depth at which the contact is noticed, µm.
@@ -167,6 +168,7 @@ fn the_surface_is_found_within_its_standard_deviation() {
             "sample {sample}, {speed} mm/s, {late_s} s: bias {bias:.1}, rms {rms:.1}, stated {stated:.1} µm, \
              worst {worst:.1} σ, {refused} refused; noticed at {mean:.0}, at most {deepest:.0} µm"
         );
+        println!("{what}");
         assert!(refused <= 3 && worst < 4.0 && rms < 2.0 * stated && stated < 10.0, "{what}");
         assert!(mean < noticed_um && bias.abs() < 4.0 * speed, "{what}");
     }

@@ -46,12 +46,12 @@ pub use rig_record::{
     Chain, ChainCheck, Change, CheckedSurface, Circuit, CitedCalibration, Clearance, ClockJumped,
     Confirmed, Descent, Device, Digest, Direction, Ending, Expected, Extra, Fault, FitNoise,
     FitSettings, FitTiming, Flaw, Frame, GivenUp, Halfway, Intent, ListEntry, LostSurface, Move,
-    MoveReason, NearCircuit, Operator, Phase, PlanSize, Pose, Prompt, PromptAnswered, PromptAsked,
-    ReadingFlag, ReadingRecord, Record, ReferenceJumped, RefusalAnswered, RefusalAsked,
-    RefusedTouch, Resumed, RetractTried, Run, RunFinished, RunId, RunKind, RunStarted, RunStatus,
-    Sample, ScrewMap, SealedRun, Source, Stalled, StateChanged, StepStarted, StoredRecord, Stretch,
-    Surface, SurfaceReading, Sweep, SweepOutcome, SweepPurpose, Touch, TouchPosition,
-    TouchSettings, WayPoint,
+    MoveReason, NearCircuit, Onset, Operator, Phase, PlanSize, Pose, Prompt, PromptAnswered,
+    PromptAsked, ReadingFlag, ReadingRecord, Record, ReferenceJumped, RefusalAnswered,
+    RefusalAsked, RefusedTouch, Resumed, RetractTried, Run, RunFinished, RunId, RunKind,
+    RunStarted, RunStatus, Sample, ScrewMap, SealedRun, Source, Stalled, StateChanged, StepStarted,
+    StoredRecord, Stretch, Surface, SurfaceReading, Sweep, SweepOutcome, SweepPurpose, Touch,
+    TouchPosition, TouchSettings, WayPoint,
 };
 pub use salvage::{SalvagedRun, salvage};
 pub use schema::FORMAT;

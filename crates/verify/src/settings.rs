@@ -171,10 +171,18 @@ pub(crate) struct Approach {
     slip_mm: Option<f64>,
     /// "descent" for one before the search in steps.
     method: Option<String>,
-    pub(crate) speed_mm_per_s: Option<f64>,
+    speed_mm_per_s: Option<f64>,
+    slow_speed_mm_per_s: Option<f64>,
 }
 
 impl Approach {
+    /// The speed that the protocol asks for in a step, whose name ends in the number of the touch at its pose, mm/s.
+    pub(crate) fn speed_of(&self, step: &str) -> Option<f64> {
+        let number = step.rsplit('/').next().and_then(|last| last.parse::<u32>().ok());
+        let is_slow = number.is_some_and(|number| number % 2 == 0);
+        self.slow_speed_mm_per_s.filter(|_| is_slow).or(self.speed_mm_per_s)
+    }
+
     /// Whether surfaces are found by descents.
     pub(crate) fn is_by_descent(&self) -> bool {
         self.method.as_deref() == Some("descent")

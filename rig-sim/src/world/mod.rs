@@ -352,6 +352,12 @@ impl World {
         self.scene.nuisances.encoder_steps * self.encoder.normal()
     }
 
+    /// The time at which a position was true that a drive reports now.
+    pub fn position_seen_at(&self, now: RigTime) -> RigTime {
+        let age = std::time::Duration::from_secs_f64(self.scene.nuisances.position_age_s);
+        RigTime::ZERO + now.since(RigTime::ZERO + age)
+    }
+
     /// The safety violations up to `now`.
     pub fn violations(&mut self, now: RigTime) -> &[Violation] {
         self.watch(now);

@@ -27,6 +27,8 @@ pub struct Nuisances {
     pub homing_deg: f64,
     /// Standard deviation of the position that an encoder reports, in steps of its drive.
     pub encoder_steps: f64,
+    /// Age of a position that a drive reports, s.
+    pub position_age_s: f64,
     /// The drift of the free resonance.
     pub drift: Drift,
     /// By how much the free resonance is higher for a square volt of the drive, Hz/V²; negative for a sensor that softens.
@@ -55,6 +57,7 @@ impl Nuisances {
         homing_mm: 0.0,
         homing_deg: 0.0,
         encoder_steps: 0.0,
+        position_age_s: 0.0,
         drift: Drift { warm_up_hz: 0.0, warm_up_s: 1.0, walk_hz_per_sqrt_hour: 0.0 },
         level_hz_per_v2: 0.0,
         impedance_rel: 0.0,

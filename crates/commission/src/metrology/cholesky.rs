@@ -2,13 +2,13 @@
 
 /// The lower factor L of a matrix L Lᵀ.
 #[derive(Debug, Clone)]
-pub(super) struct Cholesky {
+pub(crate) struct Cholesky {
     rows: Vec<Vec<f64>>,
 }
 
 impl Cholesky {
     /// `None` for a matrix that is not positive definite, or has an entry that is not finite.
-    pub(super) fn new(size: usize, entry: impl Fn(usize, usize) -> f64) -> Option<Self> {
+    pub(crate) fn new(size: usize, entry: impl Fn(usize, usize) -> f64) -> Option<Self> {
         let mut rows: Vec<Vec<f64>> = Vec::with_capacity(size);
         for i in 0..size {
             let mut row = Vec::with_capacity(i + 1);
@@ -27,7 +27,7 @@ impl Cholesky {
     }
 
     /// L⁻¹ b.
-    pub(super) fn whiten(&self, b: &[f64]) -> Vec<f64> {
+    pub(crate) fn whiten(&self, b: &[f64]) -> Vec<f64> {
         let mut x: Vec<f64> = Vec::with_capacity(b.len());
         for (row, b) in self.rows.iter().zip(b) {
             let i = x.len();
@@ -38,7 +38,7 @@ impl Cholesky {
     }
 
     /// L⁻ᵀ y.
-    pub(super) fn back(&self, y: &[f64]) -> Vec<f64> {
+    pub(crate) fn back(&self, y: &[f64]) -> Vec<f64> {
         let mut x = y.to_vec();
         for i in (0..x.len()).rev() {
             x[i] /= self.rows[i][i];
@@ -51,7 +51,7 @@ impl Cholesky {
     }
 
     /// The logarithm of the determinant of the matrix.
-    pub(super) fn log_determinant(&self) -> f64 {
+    pub(crate) fn log_determinant(&self) -> f64 {
         2.0 * self.rows.iter().enumerate().map(|(i, row)| row[i].ln()).sum::<f64>()
     }
 }

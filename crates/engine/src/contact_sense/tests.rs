@@ -108,6 +108,7 @@ fn a_reading_integrates_as_many_cycles_as_the_noise_asks_for_and_too_much_noise_
         cycles: 2,
         slip_mm: 0.05,
         descent_mm_per_s: None,
+        slow_descent_mm_per_s: None,
     };
     let check = |noise| check_reference(None, &noisy(noise), &approach);
     assert_eq!(check(0.055), Ok(()));

@@ -127,9 +127,9 @@ impl TouchMachine {
             DescentStep::ReadAtRest(readings) => {
                 MachineStep::Do(Operation::Measure { points: vec![point; readings], level })
             }
-            DescentStep::Found(surface) => {
+            DescentStep::Found(surface, onset) => {
                 self.baseline = reference.or(self.baseline);
-                self.found(surface, trail, context)
+                self.found((surface, Some(onset)), trail, context)
             }
             DescentStep::GiveUp(reason) => {
                 let touched = descent.touched();

@@ -80,6 +80,7 @@ pub(crate) fn plan() -> Plan {
                 cycles: 10,
                 slip_mm: 0.025,
                 descent_mm_per_s: None,
+                slow_descent_mm_per_s: None,
             },
             on_refusal: rig_protocol::RefusalPolicy::Record,
         },

@@ -76,8 +76,26 @@ pub struct Surface {
     pub position_mm: f64,
     /// Its standard deviation, mm.
     pub sigma_mm: f64,
+    /// The fit of a descent; missing for a search in steps.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub onset: Option<Onset>,
     /// Every position of the search with its reading, in order.
     pub trail: Vec<SurfaceReading>,
+}
+
+/// What was fitted together with the surface to the readings of a descent.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Onset {
+    /// The latency, from that of the rig file and from these readings, s.
+    pub latency_s: f64,
+    /// Its standard deviation, s.
+    pub latency_sigma_s: f64,
+    /// Change of the surface for each second of latency beyond that one, mm/s.
+    pub mm_per_latency_s: f64,
+    /// The exponent with which the resonance rises with the depth.
+    pub exponent: f64,
+    /// χ² per degree of freedom.
+    pub chi_squared_per_dof: f64,
 }
 
 /// A search that found no surface. The next record has the reason.

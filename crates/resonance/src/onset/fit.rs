@@ -366,8 +366,14 @@ impl<'a> Problem<'a> {
             mean_s: best.contact.latency_s,
             sigma_s: (covariance[4][4] * wider).sqrt().min(self.latency.sigma_s),
         };
-        let exponent = best.contact.exponent;
-        Ok(Onset { surface_mm, sigma_mm, exponent, latency, chi_squared_per_dof })
+        Ok(Onset {
+            surface_mm,
+            sigma_mm,
+            exponent: best.contact.exponent,
+            latency,
+            mm_per_latency_s: covariance[0][4] / covariance[4][4],
+            chi_squared_per_dof,
+        })
     }
 }
 

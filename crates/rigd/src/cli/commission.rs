@@ -2,6 +2,7 @@
 
 mod blocks;
 mod guide;
+mod latency;
 pub(super) mod sensor;
 mod touches;
 
@@ -58,6 +59,8 @@ enum CommissionCommand {
     Blocks(blocks::BlocksArgs),
     /// Judge how well the touches of a run on a hard block repeat
     Touches(touches::TouchesArgs),
+    /// Find the latency between stage and analyzer by touches at two speeds
+    Latency(latency::LatencyArgs),
     /// Measure the free sensor, and judge its drift, its linearity and its change since the last time
     Sensor(sensor::SensorArgs),
     /// Say that the bench was changed: what rests on it is asked for again
@@ -161,7 +164,7 @@ pub(super) enum CommissionFailure {
     #[error(transparent)]
     Check(#[from] CheckError),
     #[error("the bench is not as the rig file says: {changes}")]
-    RigFile { changes: String },
+    RigFile { kind: Option<Kind>, changes: String },
     #[error(transparent)]
     Block(#[from] BlockRunError),
     #[error("{axis}: {trouble}")]
@@ -199,6 +202,13 @@ impl CommissionFailure {
             Self::Block(BlockRunError::OtherAxes { .. }) => {
                 Some("run the protocol of the block again, and evaluate that run")
             }
+            Self::RigFile { kind: Some(Kind::Latency), .. } => {
+                Some("change the rig file, and judge the same run again")
+            }
+            Self::Block(BlockRunError::NoLatency { .. }) => Some(
+                "run `config/protocols/latency.toml`; where its fast touches were found by steps, state a larger \
+                 analyzer.latency_sigma_s in the rig file first",
+            ),
             Self::RigFile { .. } => Some(
                 "change the rig file, and begin `rigd commission` again: the steps that it changes are made again",
             ),
@@ -215,6 +225,7 @@ pub(super) fn commission(args: &CommissionArgs) -> Result<(), Failure> {
         Some(CommissionCommand::Show(args)) => show(args),
         Some(CommissionCommand::Blocks(args)) => blocks::blocks(args),
         Some(CommissionCommand::Touches(args)) => touches::touches(args),
+        Some(CommissionCommand::Latency(args)) => latency::latency(args),
         Some(CommissionCommand::Sensor(args)) => sensor::sensor(args),
         Some(CommissionCommand::Changed(args)) => changed(args),
         Some(CommissionCommand::Changes) => print(&changes()),
@@ -392,7 +403,8 @@ fn judged(kind: Kind, verdict: Verdict) -> Result<(), Failure> {
         Verdict::Failed(why) => Err(CommissionFailure::Failed { kind, why }.into()),
         Verdict::RigFile(changes) => {
             let changes: Vec<_> = changes.iter().map(ToString::to_string).collect();
-            Err(CommissionFailure::RigFile { changes: changes.join("; ") }.into())
+            let changes = changes.join("; ");
+            Err(CommissionFailure::RigFile { kind: Some(kind), changes }.into())
         }
     }
 }

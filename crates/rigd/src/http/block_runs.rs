@@ -1,24 +1,25 @@
-//! Runs on hard blocks that clients have judged.
+//! Runs that clients have judged for the calibration of a bench.
 
-use std::sync::Arc;
+use std::{path::PathBuf, sync::Arc};
 
 use axum::{Extension, Json, extract::State, http::StatusCode, routing::post};
 use rig_commission::{Finding, Verdict};
 use rig_model::with_causes;
+use rig_store::{Reader, Run};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Problem, Shared,
+    Inner, Problem, Shared,
     object::{Object, ObjectBody},
     route::{Route, json},
 };
 use crate::{
-    block_runs::{BlockRunError, keep_repeatability},
+    block_runs::{BlockRunError, keep_latency, keep_repeatability},
     operator::Operator,
 };
 
-/// A run on a hard block.
+/// A run whose touches calibrate the bench.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct BlockRunForm {
@@ -51,15 +52,26 @@ pub(super) struct ValueView {
 }
 
 pub(super) fn routes() -> Vec<Route> {
-    vec![Route::post(
-        "/commission/touches",
-        "judgeTouches",
-        "Judges how well the touches of a run on a hard block repeat",
-        json::<BlockRunForm>(),
-        201,
-        json::<CalibrationView>(),
-        || post(touches),
-    )]
+    vec![
+        Route::post(
+            "/commission/touches",
+            "judgeTouches",
+            "Judges how well the touches of a run on a hard block repeat",
+            json::<BlockRunForm>(),
+            201,
+            json::<CalibrationView>(),
+            || post(touches),
+        ),
+        Route::post(
+            "/commission/latency",
+            "judgeLatency",
+            "Finds the latency between stage and analyzer by a run whose descents have two speeds",
+            json::<BlockRunForm>(),
+            201,
+            json::<CalibrationView>(),
+            || post(latency),
+        ),
+    ]
 }
 
 async fn touches(
@@ -67,14 +79,40 @@ async fn touches(
     Extension(operator): Extension<Operator>,
     form: ObjectBody<BlockRunForm>,
 ) -> Result<(StatusCode, Json<CalibrationView>), Problem> {
+    judged(shared, &operator, form, |run, inner, person| {
+        keep_repeatability(run, &inner.facts.basis, &inner.data, person)
+    })
+    .await
+}
+
+async fn latency(
+    State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
+    form: ObjectBody<BlockRunForm>,
+) -> Result<(StatusCode, Json<CalibrationView>), Problem> {
+    judged(shared, &operator, form, |run, inner, person| {
+        let stated = inner.facts.limits.analyzer.stream;
+        keep_latency(run, stated, (&inner.facts.basis, &inner.data), person)
+    })
+    .await
+}
+
+/// Judges the run of a form, and keeps the record.
+async fn judged(
+    shared: Shared,
+    operator: &Operator,
+    form: ObjectBody<BlockRunForm>,
+    keep: fn(
+        (&Reader, &Run),
+        &Inner,
+        (String, Option<f64>),
+    ) -> Result<(Finding, PathBuf), BlockRunError>,
+) -> Result<(StatusCode, Json<CalibrationView>), Problem> {
     let Json(Object(BlockRunForm { run, temperature_c })) = form?;
     let id = shared.run(&run).await?;
     let inner = Arc::clone(&shared.inner);
-    let witness = (operator.as_str().to_owned(), temperature_c);
-    let kept = shared.read(move |reader| {
-        let run = reader.run(id)?;
-        Ok(keep_repeatability((reader, &run), &inner.facts.basis, &inner.data, witness)?)
-    });
+    let person = (operator.as_str().to_owned(), temperature_c);
+    let kept = shared.read(move |reader| Ok(keep((reader, &reader.run(id)?), &inner, person)?));
     let (finding, path) = kept.await?;
     let file = path.file_name().map(|name| name.to_string_lossy().into_owned());
     Ok((StatusCode::CREATED, Json(CalibrationView::of(finding, file.unwrap_or_default()))))
@@ -105,9 +143,9 @@ impl From<BlockRunError> for Problem {
     fn from(error: BlockRunError) -> Self {
         let detail = with_causes(&error);
         match error {
-            BlockRunError::OtherAxes { .. } | BlockRunError::TooFew { .. } => {
-                Self::unprocessable(detail)
-            }
+            BlockRunError::OtherAxes { .. }
+            | BlockRunError::TooFew { .. }
+            | BlockRunError::NoLatency { .. } => Self::unprocessable(detail),
             BlockRunError::Store(error) => error.into(),
             BlockRunError::RigFile(_) | BlockRunError::Calibrations(_) => Self::internal(&detail),
         }

@@ -18,8 +18,8 @@ use rig_store as store;
 use rig_store::Record;
 
 use self::values::{
-    circuit_of, clearance_of, descent_of, ending_of, extra_of, fit_settings, phase_of, pose_of,
-    reading_of, size, tried,
+    circuit_of, clearance_of, descent_of, ending_of, extra_of, fit_settings, onset_of, phase_of,
+    pose_of, reading_of, size, tried,
 };
 use super::{Setting, resume};
 use crate::{aim, hint, protocol_file::LoadedProtocol};
@@ -226,12 +226,13 @@ impl Recorder {
         let (step, pose) = (self.step_id()?, self.pose()?);
         let tried = |trail: &[_]| trail.iter().map(tried).collect();
         Some(match event {
-            Event::SurfaceFound { position, sigma_mm, trail } => {
+            Event::SurfaceFound { position, sigma_mm, onset, trail } => {
                 Record::SurfaceFound(store::Surface {
                     step,
                     pose,
                     position_mm: position.value(),
                     sigma_mm: *sigma_mm,
+                    onset: onset.as_ref().map(onset_of),
                     trail: tried(trail),
                 })
             }

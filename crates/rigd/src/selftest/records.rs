@@ -44,7 +44,7 @@ const MOTION: [Row; 2] = [
 ];
 
 /// What belongs to metrology. Of a length by touches, a tenth of what a rule shows is enough for a search.
-const METROLOGY: [Row; 8] = [
+const METROLOGY: [Row; 9] = [
     row(Kind::Touches, "touches.scatter", "scatter of a touch on a block", 0.025, "mm"),
     row(Kind::Touches, "touches.trend", "trend of ten touches", 0.025, "mm"),
     uncertainty(Kind::Blocks, "geometry.surface_mm", "uncertainty of the surface", 0.05, "mm"),
@@ -62,6 +62,7 @@ const METROLOGY: [Row; 8] = [
         0.1,
         "mm",
     ),
+    uncertainty(Kind::Latency, "analyzer.latency_s", "uncertainty of the latency", 0.003, "s"),
     row(Kind::Sensor, "sensor.drift", "drift of the free sensor", 1.0, "Hz/h"),
     row(Kind::Sensor, "sensor.level", "shift from the lowest level to the highest", 0.2, "Hz"),
     row(Kind::Sensor, "sensor.loss", "dielectric loss of the sensor", 0.05, "1"),
@@ -75,7 +76,7 @@ pub(crate) fn of_motion(records: &[Calibration], basis: &Basis, unix_s: i64) -> 
 
 /// The checks of metrology.
 pub(crate) fn of_metrology(records: &[Calibration], basis: &Basis, unix_s: i64) -> Vec<Check> {
-    let kinds = [Kind::Touches, Kind::Blocks, Kind::Sensor];
+    let kinds = [Kind::Touches, Kind::Blocks, Kind::Latency, Kind::Sensor];
     of(&kinds, &METROLOGY, (records, basis, unix_s))
 }
 
@@ -122,6 +123,10 @@ const fn how(kind: Kind) -> &'static str {
         Kind::Blocks => {
             "put the block in place, `rigd run config/protocols/block.toml`, then `rigd commission blocks latest`"
         }
+        Kind::Latency => {
+            "put a sample in place, `rigd run config/protocols/latency.toml`, then `rigd commission latency latest`; a rig whose \
+             protocols find surfaces in steps needs none"
+        }
         Kind::Sensor => "`rigd commission sensor`",
         _ => "`rigd commission` asks for what is missing",
     }
@@ -160,6 +165,7 @@ mod tests {
                 ("scatter of a touch on a block", Level::Problem),
                 ("trend of ten touches", Level::Ok),
                 ("blocks", Level::Problem),
+                ("latency", Level::Problem),
                 ("sensor", Level::Problem),
             ]
         );

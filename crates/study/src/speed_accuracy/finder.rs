@@ -30,6 +30,7 @@ const SHIPPED: Approach = Approach {
     cycles: 10,
     slip_mm: 0.0,
     descent_mm_per_s: None,
+    slow_descent_mm_per_s: None,
 };
 /// The expected surface of the shipped rig, mm, and its speeds, mm/s.
 const EXPECTED_MM: f64 = 10.0;

@@ -18,7 +18,7 @@ impl Motion {
         settings: Option<&Settings>,
         findings: &mut Findings,
     ) {
-        let &Descended { target_mm, read_back_mm, speed_mm_per_s, .. } = descended;
+        let Descended { ref step, target_mm, read_back_mm, speed_mm_per_s, .. } = *descended;
         let before = self.linear_mm;
         let Some(settings) = settings else {
             let (target, read_back, is_clear) = (target_mm, read_back_mm, false);
@@ -27,7 +27,7 @@ impl Motion {
         };
         let tolerance = settings.rig.linear.tolerance_mm;
         let limit = settings.rig.limits.contact_speed_mm_per_s;
-        let asked = settings.protocol.approach.speed_mm_per_s;
+        let asked = settings.protocol.approach.speed_of(step);
         if speed_mm_per_s > limit * (1.0 + ROUNDING) {
             let what = "the speed of a descent, mm/s";
             let most = Some(limit.to_string());

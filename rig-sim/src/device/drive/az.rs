@@ -275,7 +275,8 @@ impl Az {
             }
             item::FEEDBACK_POSITION | item::FEEDBACK_COUNTER => {
                 let jitter = world.encoder_jitter();
-                counts(self.motor.encoder(now, world) + self.preset + jitter)
+                let seen_at = world.position_seen_at(now);
+                counts(self.motor.encoder(seen_at, world) + self.preset + jitter)
             }
             item::COMMAND_SPEED_HZ | item::FEEDBACK_SPEED_HZ => counts(speed_hz),
             item::COMMAND_SPEED_RPM | item::FEEDBACK_SPEED_RPM => {

@@ -265,7 +265,7 @@ impl Iai {
 
     fn read(&self, now: RigTime, block: Block, world: &World) -> Result<Reply, Exception> {
         let long = |value: f64, at: u16, address: u16| word(counts(value), address == at);
-        let position = self.motor.encoder(now, world);
+        let position = self.motor.encoder(world.position_seen_at(now), world);
         let register = |address| {
             Some(match address {
                 monitor::POSITION | 0x9001 => long(position, monitor::POSITION, address),

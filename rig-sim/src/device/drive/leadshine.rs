@@ -172,7 +172,8 @@ impl Leadshine {
     }
 
     fn read(&self, now: RigTime, block: Block, world: &World) -> Result<Reply, Exception> {
-        let position = counts(self.motor.encoder(now, world) + self.preset);
+        let seen_at = world.position_seen_at(now);
+        let position = counts(self.motor.encoder(seen_at, world) + self.preset);
         let rpm = self.motor.speed(now, world) * 60.0 / self.pulses_per_revolution();
         let register = |address| {
             Some(match address {

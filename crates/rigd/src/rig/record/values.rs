@@ -3,7 +3,7 @@
 use rig_engine::{Descended, FinishedSweep, RunStatus};
 use rig_model::{Clearance, Direction, Mm, Position, Reading, ReadingFlag, RigTime};
 use rig_protocol::{Phase, Pose};
-use rig_resonance::{Circuit, Extra, Past, Timing};
+use rig_resonance::{Circuit, Extra, Onset, Past, Timing};
 use rig_store as store;
 
 pub(super) const fn ending_of(status: RunStatus) -> store::Ending {
@@ -57,6 +57,16 @@ pub(super) fn descent_of(step: String, pose: store::Pose, descended: &Descended)
         end: descended.end.name().to_owned(),
         way: descended.way.iter().map(way_point).collect(),
         readings: descended.readings.iter().map(reading_of).collect(),
+    }
+}
+
+pub(super) const fn onset_of(onset: &Onset) -> store::Onset {
+    store::Onset {
+        latency_s: onset.latency.mean_s,
+        latency_sigma_s: onset.latency.sigma_s,
+        mm_per_latency_s: onset.mm_per_latency_s,
+        exponent: onset.exponent,
+        chi_squared_per_dof: onset.chi_squared_per_dof,
     }
 }
 

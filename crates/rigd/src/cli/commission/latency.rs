@@ -1,0 +1,45 @@
+//! `rigd commission latency`: the latency between stage and analyzer by the touches of a run, as the journal has them.
+
+use clap::Args;
+use rig_commission::Kind;
+use rig_store::Reader;
+
+use super::{CommissionFailure, blocks::rows, judged};
+use crate::{
+    block_runs::keep_latency,
+    cli::{
+        Failure,
+        args::BenchArgs,
+        screen::say,
+        table::{facts, print},
+    },
+};
+
+/// Finds how much later than its readings say the analyzer integrates, by a run whose descents have two speeds in turn, such as
+/// one of `config/protocols/latency.toml`
+#[derive(Debug, Args)]
+pub(super) struct LatencyArgs {
+    /// Run: its name such as `latency-1`, its id, or `latest`
+    run: String,
+    #[command(flatten)]
+    bench: BenchArgs,
+    /// Temperature at the bench, for the record
+    #[arg(long, value_name = "°C", allow_negative_numbers = true)]
+    temperature: Option<f64>,
+}
+
+pub(super) fn latency(args: &LatencyArgs) -> Result<(), Failure> {
+    let data = args.bench.data.dir();
+    let rig = args.bench.rig.load()?;
+    let reader =
+        Reader::open(&data).map_err(|source| Failure::Data { data: data.clone(), source })?;
+    let run = reader.find(&args.run)?;
+    let (person, stated) =
+        (args.bench.operator.name().as_str().to_owned(), rig.file.limits.analyzer.stream);
+    let basis = rig.basis();
+    let kept = keep_latency((&reader, &run), stated, (&basis, &data), (person, args.temperature));
+    let (finding, path) = kept.map_err(CommissionFailure::from)?;
+    print(&facts(&rows(&finding)))?;
+    say(&format!("Record: {}", path.display()));
+    judged(Kind::Latency, finding.verdict)
+}
