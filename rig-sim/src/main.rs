@@ -57,6 +57,11 @@ struct Serve {
     /// Opens the analyzer's port on TCP.
     #[arg(long, value_name = "ADDRESS")]
     analyzer_tcp: Option<SocketAddr>,
+    /// Opens the analyzer's port as a socket that stands for an instrument on USB. Rig files name it as
+    /// `usbtmc = "PATH"`.
+    #[cfg(target_os = "linux")]
+    #[arg(long, value_name = "PATH")]
+    analyzer_usbtmc: Option<PathBuf>,
 
     /// The make of the drive of the linear stage.
     #[arg(long, default_value_t = DriveMake::OrientalAz,
@@ -98,6 +103,17 @@ struct Serve {
     /// Opens the control connection: lines of text, of which the first to say is `help`.
     #[arg(long, value_name = "ADDRESS")]
     control: Option<SocketAddr>,
+}
+
+impl Serve {
+    /// Whether the analyzer is served elsewhere than on a pseudo-terminal.
+    const fn has_analyzer_port(&self) -> bool {
+        #[cfg(target_os = "linux")]
+        if self.analyzer_usbtmc.is_some() {
+            return true;
+        }
+        self.analyzer_tcp.is_some()
+    }
 }
 
 /// Takes the names of makes that rig files use.
@@ -198,12 +214,17 @@ async fn open_ports(args: &Serve, rig: &SimRig) -> Result<Server, Failure> {
     let serial = LineTransport::Serial { baud: args.baud };
     let bus = Role::Bus(serial);
     let has_bus_tcp = args.bus_tcp.is_some() || args.bus_rtu_tcp.is_some();
+    #[cfg(target_os = "linux")]
+    if let Some(path) = &args.analyzer_usbtmc {
+        server.open_usbtmc(path).map_err(Failure::port)?;
+        announce("analyzer-usbtmc", format_args!("{}", path.display()))?;
+    }
     let ptys = [
-        ("analyzer", Role::Analyzer, &args.analyzer_pty, args.analyzer_tcp.is_some()),
+        ("analyzer", Role::Analyzer, &args.analyzer_pty, args.has_analyzer_port()),
         ("bus", bus, &args.bus_pty, has_bus_tcp),
     ];
-    for (name, role, link, has_tcp) in ptys {
-        if link.is_none() && has_tcp {
+    for (name, role, link, has_other) in ptys {
+        if link.is_none() && has_other {
             continue;
         }
         let path = server.open_pty(role, link.as_deref()).map_err(Failure::port)?;

@@ -196,3 +196,44 @@ async fn a_terminal_that_is_unplugged_comes_back_behind_its_link() {
     let said = client(move || line(&mut open(&path), "*IDN?\r\n")).await;
     assert_eq!(said, IDENTITY);
 }
+
+/// A socket of whole packets, connected to this path.
+#[cfg(target_os = "linux")]
+fn packets(path: &Path) -> std::os::unix::net::UnixStream {
+    use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
+    let flags = SocketFlags::CLOEXEC;
+    let kind = SocketType::SEQPACKET;
+    let socket = rustix::net::socket_with(AddressFamily::UNIX, kind, flags, None).unwrap();
+    rustix::net::connect(&socket, &SocketAddrUnix::new(path).unwrap()).unwrap();
+    socket.into()
+}
+
+#[cfg(target_os = "linux")]
+#[tokio::test]
+async fn a_socket_of_packets_stands_for_an_instrument_on_usb() {
+    let (_rig, mut server) = start();
+    let directory = std::env::temp_dir().join(format!("rig-sim-usbtmc-{}", std::process::id()));
+    std::fs::create_dir_all(&directory).unwrap();
+    let path = directory.join("usbtmc0");
+    server.open_usbtmc(&path).unwrap();
+    let name = path.clone();
+    client(move || {
+        let mut port = packets(&name);
+        // Two packets at once are two messages, and after a clear the first one is forgotten.
+        for packet in [b">:FREQ 150;*ID".as_slice(), b"!", b">*IDN?\r\n"] {
+            assert_eq!(port.write(packet).unwrap(), packet.len());
+        }
+        for expected in ["!".to_owned(), format!(".{IDENTITY}")] {
+            let mut packet = [0; 4096];
+            let received = port.read(&mut packet).unwrap();
+            assert_eq!(String::from_utf8_lossy(&packet[..received]), expected);
+        }
+        // Another packet is no USB.
+        assert_eq!(port.write(b"*IDN?\r\n").unwrap(), 7);
+        assert_eq!(port.read(&mut [0; 8]).unwrap(), 0);
+    })
+    .await;
+    std::fs::write(directory.join("file"), "").unwrap();
+    assert!(server.open_usbtmc(&directory.join("file")).is_err());
+    std::fs::remove_dir_all(&directory).unwrap();
+}

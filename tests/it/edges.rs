@@ -23,7 +23,7 @@ const PURE: [&str; 13] = [
 
 /// The crates of this workspace that each crate may use. A new arrow needs a decision in
 /// docs/decisions.
-const ARROWS: [(&str, &[&str]); 23] = [
+const ARROWS: [(&str, &[&str]); 24] = [
     ("rig-model", &[]),
     ("rig-files", &["rig-model", "rig-contact", "rig-resonance", "rig-scpi"]),
     ("rig-scpi", &[]),
@@ -34,7 +34,8 @@ const ARROWS: [(&str, &[&str]); 23] = [
     ("rig-engine", &["rig-model", "rig-protocol", "rig-resonance"]),
     ("rig-commission", &["rig-model", "rig-files", "rig-record"]),
     ("rig-interlock", &["rig-model"]),
-    ("rig-link", &["rig-model"]),
+    ("rig-usbtmc", &[]),
+    ("rig-link", &["rig-model", "rig-usbtmc"]),
     ("rig-analyzer", &["rig-model", "rig-files", "rig-link", "rig-scpi"]),
     ("rig-stage", &["rig-model", "rig-files", "rig-link"]),
     ("rig-record", &[]),

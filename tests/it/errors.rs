@@ -8,7 +8,7 @@ use std::{
     time::Duration,
 };
 
-use rig_model::{Mm, with_causes};
+use rig_model::{Mm, PortKind, with_causes};
 use rig_store::{Reader, Store, StoreError};
 use rig_tests::shipped;
 use tempfile::TempDir;
@@ -107,12 +107,12 @@ fn an_error_is_told_once_with_all_its_causes() {
     let fault = rig_stage::LineFault::Reopen { source: Arc::new(lost()) };
     let stage = || rig_stage::StageError::<Mm>::from(rig_stage::BusError::from(fault.clone()));
     check(&stage(), "the port was lost: line 1: cannot be opened");
-    let is_serial = true;
+    let kind = PortKind::Serial;
     let (role, source) = ("linear stage", Box::new(stage().into()));
-    let device = rigd::rig::OpenError::Device { role, is_serial, source };
+    let device = rigd::rig::OpenError::Device { role, kind, source };
     check(&device, "linear stage: the port was lost: line 1");
     let (role, source) = ("analyzer", Box::new(asked.into()));
-    let device = rigd::rig::OpenError::Device { role, is_serial, source };
+    let device = rigd::rig::OpenError::Device { role, kind, source };
     check(&device, "analyzer: asked `*IDN?`: line 1");
     check(&rigd::rig::OpenError::Port { role: "bus", source: lost() }, "bus: line 1");
 

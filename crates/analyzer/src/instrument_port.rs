@@ -4,7 +4,7 @@ use std::{sync::Arc, time::Duration};
 
 use rig_files::instrument::dialect::{Handshake, TransportRules};
 use rig_link::{HealthMeter, LineError, Port, escaped};
-use rig_model::{RigTime, Terminator};
+use rig_model::{PortKind, RigTime, Terminator};
 use rig_scpi::{Ending, ExpectedResponse, Framing, Response, ResponseDecoder};
 use tokio::time::Instant;
 
@@ -36,6 +36,9 @@ const NOTED_WITHIN: Duration = Duration::from_millis(2);
 
 /// The same with an echo, which the instrument and its adapter send when they like.
 const ECHO_NOTED_WITHIN: Duration = Duration::from_millis(25);
+
+/// The same on USB, where the instrument takes a message when it likes. Not measured on an instrument.
+const USB_NOTED_WITHIN: Duration = Duration::from_millis(25);
 
 /// Answers are some hundred characters long, or twenty for each number of a trace.
 const ANSWER_BYTES: usize = 256;
@@ -71,15 +74,10 @@ impl InstrumentPort {
         let ending = if sent == Ending::Cr { Ending::Cr } else { Ending::Lf };
         let decoder = ResponseDecoder::new(Framing { ending, ..Framing::default() });
         let health = HealthMeter::default();
-        Self {
-            port,
-            ending: sent,
-            handshake: transport.handshake,
-            settings,
-            decoder,
-            is_answer_pending: false,
-            health,
-        }
+        // The echo is one of the serial interface. On USB, each character would be a message.
+        let handshake =
+            if port.kind() == PortKind::Usb { Handshake::None } else { transport.handshake };
+        Self { port, ending: sent, handshake, settings, decoder, is_answer_pending: false, health }
     }
 
     /// Time limit for the answer to a query about settings.
@@ -195,7 +193,8 @@ impl InstrumentPort {
                 let begun = Instant::now();
                 let sent = self.port.send(&bytes).await;
                 sent.map_err(|error| self.failed(message, error))?;
-                Ok((begun, NOTED_WITHIN))
+                let is_usb = self.port.kind() == PortKind::Usb;
+                Ok((begun, if is_usb { USB_NOTED_WITHIN } else { NOTED_WITHIN }))
             }
             Handshake::EchoEachCharacter => {
                 Ok((self.send_slowly(message, &bytes).await?, ECHO_NOTED_WITHIN))

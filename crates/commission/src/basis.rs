@@ -2,7 +2,7 @@
 
 use rig_files::{
     instrument::Named,
-    rig_file::{AxisFile, Connection, PortFile, RigFile},
+    rig_file::{AxisFile, Connection, RigFile},
 };
 use rig_model::{Axis, Unit};
 use rig_record::{Digest, DigestPart};
@@ -111,8 +111,7 @@ fn drive<U>(file: &AxisFile<U>, rig: &RigFile, sha256: Option<Digest>) -> String
         (Connection::Simulated(simulation), _) => {
             format!("simulated, {}", simulation.scene.display())
         }
-        (Connection::Ports, PortFile::Serial { path, .. }) => path.clone(),
-        (Connection::Ports, PortFile::Tcp { address }) => address.clone(),
+        (Connection::Ports, bus) => bus.place().to_owned(),
     };
     format!("{instrument} at unit {}, {place}", file.unit_id)
 }

@@ -21,7 +21,9 @@ use crate::{
     settings::{self, InForce},
 };
 use rig_contact::SensorDescription;
-use rig_model::{AnalyzerMake, Deg, DriveMake, LineSettings, Mm, RigLimits, Scale, Terminator};
+use rig_model::{
+    AnalyzerMake, Deg, DriveMake, LineSettings, Mm, PortKind, RigLimits, Scale, Terminator,
+};
 
 /// A checked rig file.
 #[derive(Debug, Clone)]
@@ -116,19 +118,36 @@ pub enum PortFile {
         /// Address in the form `host:port`.
         address: String,
     },
+    /// An instrument on USB, behind the driver `usbtmc` of Linux.
+    Usbtmc {
+        /// Device file of the operating system, or the socket of a simulated instrument.
+        path: String,
+    },
 }
 
 impl PortFile {
-    /// Whether the port is serial.
-    pub const fn is_serial(&self) -> bool {
-        matches!(self, Self::Serial { .. })
+    /// What the port is to the computer.
+    pub const fn kind(&self) -> PortKind {
+        match self {
+            Self::Serial { .. } => PortKind::Serial,
+            Self::Tcp { .. } => PortKind::Network,
+            Self::Usbtmc { .. } => PortKind::Usb,
+        }
     }
 
-    /// Format of the characters on a serial port; `None` for a network connection.
+    /// Format of the characters on a serial port; `None` for another port.
     pub const fn line(&self) -> Option<LineSettings> {
         match self {
             Self::Serial { line, .. } => Some(*line),
-            Self::Tcp { .. } => None,
+            Self::Tcp { .. } | Self::Usbtmc { .. } => None,
+        }
+    }
+
+    /// The device file or the address.
+    pub fn place(&self) -> &str {
+        match self {
+            Self::Serial { path, .. } | Self::Usbtmc { path } => path,
+            Self::Tcp { address } => address,
         }
     }
 }

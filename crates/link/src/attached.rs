@@ -1,4 +1,5 @@
-//! The serial ports of this computer: names, USB adapters, and programs that have them open.
+//! The ports of this computer: serial ports with their USB adapters, instruments on USB, and the programs that
+//! have them open.
 
 use std::{
     fmt, fs,
@@ -8,10 +9,13 @@ use std::{
 /// Names of an adapter that do not depend on the order of plugging in.
 const BY_ID: &str = "/dev/serial/by-id";
 
-/// A serial port of this computer.
+/// Names of an instrument on USB, by its serial number. The udev rules of rigd make them.
+const BY_SERIAL_NUMBER: &str = "/dev/rigd/by-serial";
+
+/// A serial port of this computer, or an instrument on USB.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AttachedPort {
-    /// The device file, such as `/dev/ttyUSB0`.
+    /// The device file, such as `/dev/ttyUSB0` or `/dev/usbtmc0`.
     pub device: String,
     /// The name that stays with the adapter, if it has one.
     pub stable_name: Option<String>,
@@ -24,7 +28,7 @@ pub struct AttachedPort {
     pub holders: Vec<Holder>,
 }
 
-/// The identity of an adapter on USB.
+/// The identity of an adapter or an instrument on USB.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct UsbIdentity {
     /// USB vendor id.
@@ -54,9 +58,22 @@ impl fmt::Display for Holder {
     }
 }
 
-/// All serial ports that have hardware behind them, by name.
+/// All serial ports that have hardware behind them, and all instruments on USB that have a device file, by
+/// name.
 pub fn attached_ports() -> Vec<AttachedPort> {
-    let mut ports: Vec<AttachedPort> = tokio_serial::available_ports()
+    let serial = serial_ports();
+    let instruments = instruments_in(Path::new("/sys")).into_iter().map(|(device, usb)| {
+        let path = Path::new(&device);
+        let (stable_name, holders) = (stable_name(path), holders(path));
+        AttachedPort { device, stable_name, usb: Some(usb), latency_ms: None, holders }
+    });
+    let mut ports: Vec<AttachedPort> = serial.into_iter().chain(instruments).collect();
+    ports.sort_by(|a, b| a.device.cmp(&b.device));
+    ports
+}
+
+fn serial_ports() -> Vec<AttachedPort> {
+    tokio_serial::available_ports()
         .unwrap_or_default()
         .into_iter()
         .map(|port| {
@@ -69,9 +86,7 @@ pub fn attached_ports() -> Vec<AttachedPort> {
                 device: port.port_name,
             }
         })
-        .collect();
-    ports.sort_by(|a, b| a.device.cmp(&b.device));
-    ports
+        .collect()
 }
 
 /// The programs that have a device file open, as far as this user may know.
@@ -79,9 +94,40 @@ pub(crate) fn holders(device: &Path) -> Vec<Holder> {
     holders_in(Path::new("/proc"), device)
 }
 
-/// The name that stays with the adapter behind a device file.
+/// The name that stays with the adapter or the instrument behind a device file.
 pub(crate) fn stable_name(device: &Path) -> Option<String> {
-    stable_name_in(Path::new(BY_ID), device)
+    let is_instrument = fs::canonicalize(device).is_ok_and(|device| is_of_usbtmc(&device));
+    let names = if is_instrument { BY_SERIAL_NUMBER } else { BY_ID };
+    stable_name_in(Path::new(names), device)
+}
+
+/// Whether a device file is one of the driver `usbtmc`, by its name.
+pub(crate) fn is_of_usbtmc(device: &Path) -> bool {
+    let name = device.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+    name.strip_prefix("usbtmc").is_some_and(|number| number.parse::<u32>().is_ok())
+}
+
+/// The device files of the driver `usbtmc` and the instruments behind them.
+fn instruments_in(sys: &Path) -> Vec<(String, UsbIdentity)> {
+    let instrument = |class: PathBuf| {
+        // The class has a link to the interface, which is below the device.
+        let interface = fs::canonicalize(class.join("device")).ok()?;
+        let device = interface.parent()?;
+        let text = |name: &str| {
+            fs::read_to_string(device.join(name)).ok().map(|text| text.trim().to_owned())
+        };
+        let number = |name| text(name).and_then(|text| u16::from_str_radix(&text, 16).ok());
+        let identity = UsbIdentity {
+            vendor_id: number("idVendor")?,
+            product_id: number("idProduct")?,
+            serial_number: text("serial"),
+            manufacturer: text("manufacturer"),
+            product: text("product"),
+        };
+        let name = class.file_name()?.to_str()?;
+        is_of_usbtmc(&class).then(|| (format!("/dev/{name}"), identity))
+    };
+    entries(&sys.join("class/usbmisc")).filter_map(instrument).collect()
 }
 
 fn holders_in(proc: &Path, device: &Path) -> Vec<Holder> {
@@ -171,6 +217,33 @@ mod tests {
         assert_eq!(stable_name_in(&by_id, &by_id.join("usb-FTDI_A-if00-port0")), expected);
         assert_eq!(stable_name_in(&by_id, &scratch.path("ttyUSB0")), None);
         assert_eq!(stable_name_in(&by_id, &scratch.path("ttyUSB2")), None);
+    }
+
+    #[test]
+    fn an_instrument_on_usb_is_found_behind_its_device_file() {
+        let scratch = Scratch::new("usbmisc");
+        let interface = scratch.path("devices/1-2/1-2:1.0");
+        let class = scratch.path("class/usbmisc");
+        for directory in [&interface, &class] {
+            fs::create_dir_all(directory).unwrap();
+        }
+        for (name, text) in
+            [("idVendor", "0957\n"), ("idProduct", "0909\n"), ("serial", "MY46100001\n")]
+        {
+            fs::write(scratch.path("devices/1-2").join(name), text).unwrap();
+        }
+        for name in ["usbtmc0", "lp0"] {
+            fs::create_dir(class.join(name)).unwrap();
+            symlink(&interface, class.join(name).join("device")).unwrap();
+        }
+        let expected = UsbIdentity {
+            vendor_id: 0x0957,
+            product_id: 0x0909,
+            serial_number: Some("MY46100001".to_owned()),
+            manufacturer: None,
+            product: None,
+        };
+        assert_eq!(instruments_in(&scratch.0), [("/dev/usbtmc0".to_owned(), expected)]);
     }
 
     #[test]

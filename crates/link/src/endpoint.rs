@@ -5,11 +5,16 @@ use std::{fmt, io, os::unix::fs::FileTypeExt, path::Path, sync::Arc, time::Durat
 use tokio::{net::TcpStream, time::timeout};
 use tokio_serial::SerialPortBuilderExt;
 
-use crate::{OpenError, Transport, attached};
-use rig_model::{LineSettings, Parity, StopBits};
+use crate::{OpenError, Transport, attached, transport::Carrier};
+use rig_model::{LineSettings, Parity, PortKind, StopBits};
 
 /// Time limit of a TCP connection attempt.
 const CONNECT_WITHIN: Duration = Duration::from_secs(3);
+
+/// Time limit for an instrument on USB to be free and to give its status byte. The driver waits for 5 s for a
+/// request that an instrument does not answer.
+#[cfg(target_os = "linux")]
+const USBTMC_OPENS_WITHIN: Duration = Duration::from_secs(11);
 
 /// Where a port is.
 pub enum Endpoint {
@@ -25,6 +30,12 @@ pub enum Endpoint {
     Tcp {
         /// `host:port`.
         address: String,
+    },
+    /// An instrument on USB, behind the driver `usbtmc` of Linux; or a socket that stands for one, as the
+    /// program `rig-sim` serves it.
+    Usbtmc {
+        /// The device file, such as `/dev/usbtmc0`, or a link to it, or the socket.
+        path: String,
     },
     /// A pipe in memory, to a simulated device.
     Memory {
@@ -44,7 +55,7 @@ impl Endpoint {
     /// The name that people read.
     pub fn name(&self) -> Arc<str> {
         match self {
-            Self::Serial { path, .. } => path.as_str().into(),
+            Self::Serial { path, .. } | Self::Usbtmc { path } => path.as_str().into(),
             Self::Tcp { address } => address.as_str().into(),
             Self::Memory { name, .. } => name.clone(),
         }
@@ -55,26 +66,44 @@ impl Endpoint {
     pub fn line(&self) -> Option<LineSettings> {
         match self {
             Self::Serial { path, line } => (!is_pseudo_terminal(path)).then_some(*line),
-            Self::Tcp { .. } => None,
+            Self::Tcp { .. } | Self::Usbtmc { .. } => None,
             Self::Memory { line, .. } => *line,
         }
     }
 
-    /// Opens it, for this program alone where that can be had.
-    pub(crate) async fn connect(&mut self) -> Result<Box<dyn Transport>, OpenError> {
-        let port = self.name();
+    /// What kind of port it is, or stands for.
+    pub const fn kind(&self) -> PortKind {
         match self {
-            Self::Serial { path, line } => {
-                let transport = open_serial(&port, path, *line)?;
-                // The name of the adapter itself finds it again at another place.
-                if let Some(stable) = attached::stable_name(Path::new(path)) {
-                    *path = stable;
-                }
-                Ok(transport)
-            }
-            Self::Tcp { address } => connect_tcp(&port, address).await,
-            Self::Memory { plug, .. } => plug().ok_or(OpenError::Absent { port }),
+            Self::Serial { .. } | Self::Memory { line: Some(_), .. } => PortKind::Serial,
+            Self::Tcp { .. } | Self::Memory { line: None, .. } => PortKind::Network,
+            Self::Usbtmc { .. } => PortKind::Usb,
         }
+    }
+
+    /// The file of the operating system, if it is one.
+    pub(crate) fn file(&self) -> Option<&Path> {
+        match self {
+            Self::Serial { path, .. } | Self::Usbtmc { path } => Some(Path::new(path)),
+            Self::Tcp { .. } | Self::Memory { .. } => None,
+        }
+    }
+
+    /// Opens it, for this program alone where that can be had.
+    pub(crate) async fn connect(&mut self) -> Result<Carrier, OpenError> {
+        let port = self.name();
+        let carrier = match self {
+            Self::Serial { path, line } => Carrier::Bytes(open_serial(&port, path, *line)?),
+            Self::Tcp { address } => Carrier::Bytes(connect_tcp(&port, address).await?),
+            Self::Usbtmc { path } => open_usbtmc(port, path.clone()).await?,
+            Self::Memory { plug, .. } => Carrier::Bytes(plug().ok_or(OpenError::Absent { port })?),
+        };
+        // The name of the adapter or instrument itself finds it again at another place.
+        if let Self::Serial { path, .. } | Self::Usbtmc { path } = self
+            && let Some(stable) = attached::stable_name(Path::new(path))
+        {
+            *path = stable;
+        }
+        Ok(carrier)
     }
 }
 
@@ -105,7 +134,7 @@ fn open_serial(
     // The device file behind any symbolic links: the lock of the library is on it.
     let device = std::fs::canonicalize(path).unwrap_or_else(|_| path.into());
     if let Some(what) = what_it_is(&device) {
-        return Err(OpenError::NotAPort { port: port.clone(), what });
+        return Err(OpenError::NotAPort { port: port.clone(), what, wanted: "a serial port" });
     }
     let stream = tokio_serial::new(device.to_string_lossy(), line.baud)
         .parity(parity)
@@ -117,8 +146,29 @@ fn open_serial(
     }
 }
 
+/// Opens an instrument on USB in a thread of its own: its driver may wait, and the end of the program must not.
+#[cfg(target_os = "linux")]
+async fn open_usbtmc(port: Arc<str>, path: String) -> Result<Carrier, OpenError> {
+    let (done, opened) = tokio::sync::oneshot::channel();
+    let name = port.clone();
+    // What is opened too late is closed again.
+    let open = move || _ = done.send(crate::usbtmc::open(&name, &path));
+    let thread = std::thread::Builder::new().name("usbtmc-open".to_owned()).spawn(open);
+    thread.map_err(|source| OpenError::Io { port: port.clone(), source })?;
+    match timeout(USBTMC_OPENS_WITHIN, opened).await {
+        Ok(Ok(opened)) => opened.map(Carrier::Messages),
+        Ok(Err(ended)) => Err(OpenError::Io { port, source: io::Error::other(ended) }),
+        Err(_) => Err(OpenError::Io { port, source: io::ErrorKind::TimedOut.into() }),
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+async fn open_usbtmc(port: Arc<str>, _: String) -> Result<Carrier, OpenError> {
+    Err(OpenError::Io { port, source: io::ErrorKind::Unsupported.into() })
+}
+
 /// The kind of a file that is not a character device. A missing file shows when it is opened.
-fn what_it_is(path: &Path) -> Option<&'static str> {
+pub(crate) fn what_it_is(path: &Path) -> Option<&'static str> {
     let kind = std::fs::metadata(path).ok()?.file_type();
     if kind.is_char_device() {
         None

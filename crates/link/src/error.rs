@@ -2,6 +2,8 @@
 
 use std::{fmt, io, sync::Arc, time::Duration};
 
+use rig_model::PortKind;
+
 use crate::Holder;
 
 /// The line failed: it is unknown whether the device received or did anything.
@@ -40,13 +42,23 @@ pub enum LineError {
         discarded: usize,
     },
     /// The adapter has disappeared, or the other side has closed the connection.
-    #[error("{port}: {}", if *is_serial { "the port has disappeared" } else { "closed by the \
-             other side" })]
+    #[error("{port}: {}", match kind {
+        PortKind::Serial | PortKind::Usb => "the port has disappeared",
+        PortKind::Network => "closed by the other side",
+    })]
     Lost {
         /// Name of the port.
         port: Arc<str>,
-        /// Whether it is a serial line, and no connection.
-        is_serial: bool,
+        /// What the port is to this computer.
+        kind: PortKind,
+    },
+    /// A device clear does not end.
+    #[error("{port}: the device is not cleared within {} ms", waited.as_millis())]
+    NotCleared {
+        /// Name of the port.
+        port: Arc<str>,
+        /// Duration of the wait.
+        waited: Duration,
     },
     /// The operating system reports an error.
     #[error("{port}: input or output failed")]
@@ -100,13 +112,23 @@ pub enum OpenError {
         /// Name of the port.
         port: Arc<str>,
     },
-    /// The file with this name is not a serial port.
-    #[error("{port}: {what}, not a serial port")]
+    /// The file with this name is not such a port.
+    #[error("{port}: {what}, not {wanted}")]
     NotAPort {
         /// The name given.
         port: Arc<str>,
         /// Kind of the file.
         what: &'static str,
+        /// Kind of the port.
+        wanted: &'static str,
+    },
+    /// The driver of instruments on USB does not give the status byte, which says when there is an answer.
+    #[error(
+        "{port}: the driver usbtmc of this Linux does not give the status byte of the instrument"
+    )]
+    NoStatusByte {
+        /// Name of the port.
+        port: Arc<str>,
     },
     /// Another program has it.
     #[error("{port}: held by {}", names(holders))]

@@ -1,7 +1,7 @@
 //! Owns a port: bytes, deadlines, drain, quarantine, and a transcript of the last frames.
 //!
-//! A [`Port`] is one serial line, one TCP connection or one pipe in memory; its holder is its only
-//! user. It handles time and bytes; the drivers above know the protocol and the form of an answer.
+//! A [`Port`] is one serial line, one TCP connection, one instrument on USB or one pipe in memory; its holder
+//! is its only user. It handles time and bytes; the drivers above know the protocol and the form of an answer.
 //! All waiting is done on the runtime's clock, so that a simulated rig may run on a paused one.
 
 mod attached;
@@ -10,10 +10,13 @@ mod durations;
 mod endpoint;
 mod error;
 mod health;
+mod messages;
 mod port;
 mod stop;
 mod transcript;
 mod transport;
+#[cfg(target_os = "linux")]
+mod usbtmc;
 
 pub use attached::{AttachedPort, Holder, UsbIdentity, attached_ports};
 pub use clock::Clock;

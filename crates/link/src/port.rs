@@ -15,9 +15,9 @@ use tokio::{
 
 use crate::{
     Clock, Endpoint, Flow, Holder, LineError, OpenError, PartialAnswer, Transcript, Transport,
-    attached::holders,
+    attached::holders, transport::Carrier,
 };
-use rig_model::LineSettings;
+use rig_model::{LineSettings, PortKind};
 
 /// Number of frames in the black box: some seconds of a busy line.
 const TRANSCRIPT_FRAMES: usize = 256;
@@ -28,7 +28,11 @@ const SEND_WITHIN: Duration = Duration::from_secs(1);
 /// A quarantine lasts at most this multiple of its requested time.
 const QUARANTINE_PATIENCE: u32 = 10;
 
-/// A serial line, a TCP connection or a pipe in memory, and what went over it last.
+/// Time limit of a device clear, which begins after the request before it: the driver waits for 5 s for an
+/// instrument that does not answer, and for a second for a transfer.
+const CLEARED_WITHIN: Duration = Duration::from_secs(7);
+
+/// A serial line, a TCP connection, an instrument on USB or a pipe in memory, and what went over it last.
 #[derive(Debug)]
 pub struct Port {
     name: Arc<str>,
@@ -36,7 +40,7 @@ pub struct Port {
     endpoint: Option<Endpoint>,
     /// `None` after the other side has closed. It is closed at once, because an adapter that is
     /// plugged in again gets another name while the old one is open.
-    transport: Option<Box<dyn Transport>>,
+    transport: Option<Carrier>,
     line: Option<LineSettings>,
     clock: Clock,
     transcript: Transcript,
@@ -66,12 +70,12 @@ impl Port {
         line: Option<LineSettings>,
         clock: Clock,
     ) -> Self {
-        Self::assemble(name.into(), Box::new(transport), line, clock)
+        Self::assemble(name.into(), Carrier::Bytes(Box::new(transport)), line, clock)
     }
 
     fn assemble(
         name: Arc<str>,
-        transport: Box<dyn Transport>,
+        transport: Carrier,
         line: Option<LineSettings>,
         clock: Clock,
     ) -> Self {
@@ -127,20 +131,21 @@ impl Port {
         self.transcript.clone()
     }
 
-    /// Other programs that have this serial port open and may take its answers, as far as this
-    /// user may know.
+    /// Other programs that have this device file open and may take its answers, as far as this user may
+    /// know.
     pub fn intruders(&self) -> Vec<Holder> {
-        match &self.endpoint {
-            Some(Endpoint::Serial { path, .. }) => {
-                std::fs::canonicalize(path).map(|device| holders(&device)).unwrap_or_default()
-            }
-            _ => Vec::new(),
-        }
+        let file = self.endpoint.as_ref().and_then(Endpoint::file);
+        let device = file.and_then(|file| std::fs::canonicalize(file).ok());
+        device.map(|device| holders(&device)).unwrap_or_default()
     }
 
-    /// Whether it is a serial line, and no connection.
-    pub const fn is_serial(&self) -> bool {
-        matches!(self.endpoint, Some(Endpoint::Serial { .. })) || self.line.is_some()
+    /// What kind of port it is, or stands for.
+    pub const fn kind(&self) -> PortKind {
+        match &self.endpoint {
+            Some(endpoint) => endpoint.kind(),
+            None if self.line.is_some() => PortKind::Serial,
+            None => PortKind::Network,
+        }
     }
 
     /// Transfer time of `bytes` characters; zero on a network.
@@ -172,12 +177,18 @@ impl Port {
     }
 
     /// Reads and discards bytes for at least this time, and then until the line is silent. Returns
-    /// the number of bytes discarded.
+    /// the number of bytes discarded. An instrument on USB is cleared instead: it sends nothing late.
     ///
     /// # Errors
     /// [`LineError::NeverSilent`] when bytes keep coming for ten times as long,
-    /// [`LineError::Lost`].
+    /// [`LineError::NotCleared`], [`LineError::Lost`].
     pub async fn quarantine(&mut self, at_least: Duration) -> Result<usize, LineError> {
+        if let Some(Carrier::Messages(link)) = &mut self.transport {
+            let cleared = timeout(CLEARED_WITHIN, link.cleared()).await;
+            let (port, waited) = (self.name.clone(), CLEARED_WITHIN);
+            let cleared = cleared.map_err(|_| LineError::NotCleared { port, waited })?;
+            return self.notice(cleared).map(|()| 0).map_err(|error| self.explain(error));
+        }
         let end = Instant::now() + at_least;
         let patience = at_least * QUARANTINE_PATIENCE;
         self.discard_until_silent(self.frame_silence(), end, patience).await
@@ -226,19 +237,25 @@ impl Port {
     pub async fn send(&mut self, request: &[u8]) -> Result<(), LineError> {
         self.transcript.cut();
         self.is_discarding = false;
+        let begun = Instant::now();
+        let blocked = |port: &Self, waited| LineError::Blocked {
+            port: port.name.clone(),
+            bytes: request.len(),
+            waited,
+        };
         match timeout(SEND_WITHIN, self.write_all(request)).await {
             Ok(Ok(())) => Ok(()),
+            Ok(Err(error)) if self.is_late(&error) => Err(blocked(self, begun.elapsed())),
             Ok(Err(error)) => Err(self.explain(error)),
-            Err(_) => Err(LineError::Blocked {
-                port: self.name.clone(),
-                bytes: request.len(),
-                waited: SEND_WITHIN,
-            }),
+            Err(_) => {
+                self.give_up();
+                Err(blocked(self, SEND_WITHIN))
+            }
         }
     }
 
     /// Waits for more bytes of an answer and appends them to `answer`, which has the part that has
-    /// arrived so far.
+    /// arrived so far. An instrument on USB is cleared at the deadline, or when its driver gives up before.
     ///
     /// # Errors
     /// [`LineError::TimedOut`] at the deadline, [`LineError::Lost`], [`LineError::Io`].
@@ -248,17 +265,35 @@ impl Port {
         asked: Instant,
         deadline: Instant,
     ) -> Result<(), LineError> {
-        match timeout_at(deadline, self.read_buf(answer)).await {
-            Ok(Ok(_)) => Ok(()),
-            Ok(Err(error)) => Err(self.explain(error)),
-            Err(_) => Err(LineError::TimedOut {
-                port: self.name.clone(),
-                waited: deadline - asked,
-                arrived: Box::new(PartialAnswer {
-                    bytes: answer.clone(),
-                    last_after: self.last_activity.saturating_duration_since(asked),
-                }),
+        let waited = match timeout_at(deadline, self.read_buf(answer)).await {
+            Ok(Ok(_)) => return Ok(()),
+            Ok(Err(error)) if self.is_late(&error) => asked.elapsed(),
+            Ok(Err(error)) => return Err(self.explain(error)),
+            Err(_) => {
+                self.give_up();
+                deadline - asked
+            }
+        };
+        Err(LineError::TimedOut {
+            port: self.name.clone(),
+            waited,
+            arrived: Box::new(PartialAnswer {
+                bytes: answer.clone(),
+                last_after: self.last_activity.saturating_duration_since(asked),
             }),
+        })
+    }
+
+    /// Whether the driver of an instrument on USB has given up waiting. It is cleared then.
+    fn is_late(&self, error: &io::Error) -> bool {
+        matches!(self.transport, Some(Carrier::Messages(_)))
+            && error.kind() == io::ErrorKind::TimedOut
+    }
+
+    /// Lets an instrument on USB be cleared, without a wait for it. On a line there is nothing to be done.
+    fn give_up(&mut self) {
+        if let Some(Carrier::Messages(link)) = &mut self.transport {
+            link.give_up();
         }
     }
 
@@ -266,7 +301,7 @@ impl Port {
     pub fn explain(&self, error: io::Error) -> LineError {
         let port = self.name.clone();
         if is_gone(&error) {
-            return LineError::Lost { port, is_serial: self.is_serial() };
+            return LineError::Lost { port, kind: self.kind() };
         }
         LineError::Io { port, source: Arc::new(error) }
     }

@@ -23,7 +23,7 @@ pub use make::{AnalyzerMake, DriveMake};
 pub use pose::{ContactAngle, ContactAngleError, Direction, Orientation};
 pub use rig_limits::{AnalyzerRange, Clearance, Geometry, MotionLimits, ReadingStream, RigLimits};
 pub use scale::Scale;
-pub use serial::{LineSettings, Parity, StopBits, Terminator};
+pub use serial::{LineSettings, Parity, PortKind, StopBits, Terminator};
 pub use sweep::{
     DriveLevel, Impedance, PointResult, Reading, ReadingFlag, SweepMethod, SweepPoint,
     SweepRequest, SweepRequestError, Window,

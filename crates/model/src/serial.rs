@@ -2,6 +2,17 @@
 
 use std::{fmt, time::Duration};
 
+/// What a port is to this computer, for advice about it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PortKind {
+    /// A serial line.
+    Serial,
+    /// A connection of the network.
+    Network,
+    /// An instrument on USB, without a serial line in between.
+    Usb,
+}
+
 /// The parity bit of a character.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Parity {

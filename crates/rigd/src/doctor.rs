@@ -12,6 +12,7 @@ pub(crate) mod hub;
 mod port;
 #[cfg(test)]
 mod tests;
+mod usbtmc;
 
 use std::path::Path;
 

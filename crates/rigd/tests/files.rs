@@ -134,8 +134,10 @@ fn a_port_that_is_a_file_and_an_address_without_port_are_told_so() {
     assert!(bench.contains(analyzer));
     for (name, what) in [(device.as_path(), "a file"), (scratch.path(), "a directory")] {
         fs::write(&path, bench.replace(analyzer, &name.display().to_string())).unwrap();
-        let said =
-            [&format!("{}: {what}, not a serial port", name.display()), "→ name a serial port"];
+        let said = [
+            &format!("{}: {what}, not a serial port", name.display()),
+            "→ name a port in the rig file",
+        ];
         let data = scratch.path().join("data");
         check(
             &["home".as_ref(), "--rig".as_ref(), &path, "--data".as_ref(), &data],

@@ -101,6 +101,38 @@ async fn a_rig_that_is_well_has_only_good_findings() {
     }
 }
 
+/// A socket stands for the device file of the driver, and the simulated analyzer for the instrument.
+#[cfg(target_os = "linux")]
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_analyzer_on_usb_is_identified_and_looked_at() {
+    let bench = Bench::start().await;
+    let socket = bench.folder.path().join("usbtmc0");
+    let mut server = rig_sim::serve::Server::new(bench.sim.clone());
+    server.open_usbtmc(&socket).unwrap();
+    let tcp = format!("{{ tcp = \"{}\" }}", bench.analyzer);
+    let usbtmc = format!("{{ usbtmc = \"{}\" }}", socket.display());
+    let changes = [(tcp.as_str(), usbtmc.as_str())];
+    let looked = |args: &[&str]| bench.rigd_with(&bench.analyzer, &bench.bus, &changes, args);
+    let identity = looked(&["identify", "--json"]);
+    assert!(identity.status.success(), "{}", stderr(&identity));
+    let devices = json(&identity);
+    assert_eq!(devices[0]["identity"], "HIOKI IM3536, serial number 190512345");
+    assert_eq!(devices[0]["port"], Value::from(socket.to_str().unwrap()));
+    let doctor = looked(&["doctor", "--json"]);
+    assert!(doctor.status.success(), "{}", stderr(&doctor));
+    for check in ["analyzer port, open", "analyzer port, latency", "analyzer, settings"] {
+        check_finding(&doctor, &format!("{check}: ok"), "");
+    }
+
+    drop(server);
+    while socket.exists() {
+        tokio::task::yield_now().await;
+    }
+    let doctor = looked(&["doctor", "--json"]);
+    check_finding(&doctor, "computer, driver of USB instruments: problem", "");
+    check_finding(&doctor, "analyzer port, open: problem", "plug it in");
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn trouble_with_one_device_does_not_hide_the_others() {
     let bench = Bench::start().await;

@@ -1,10 +1,12 @@
-//! Serves the ports of a rig to any program, in real time: pseudo-terminals, TCP, and a control
-//! connection beside them.
+//! Serves the ports of a rig to any program, in real time: pseudo-terminals, TCP, a socket that stands for an
+//! instrument on USB, and a control connection beside them.
 //!
 //! Several clients may be connected at once, so that a client that vanished does not keep others
 //! out.
 
 mod pty;
+#[cfg(target_os = "linux")]
+mod usbtmc;
 
 use std::{
     io,
@@ -38,6 +40,14 @@ pub enum ServeError {
     Link {
         /// Path of the link.
         link: PathBuf,
+        /// The error of the system.
+        source: io::Error,
+    },
+    /// A socket cannot be made.
+    #[error("socket {}", path.display())]
+    Socket {
+        /// Path of the socket.
+        path: PathBuf,
         /// The error of the system.
         source: io::Error,
     },
@@ -108,6 +118,20 @@ impl Server {
         let handle = self.handle.clone();
         self.tasks.spawn(async move { serve_tcp(&handle, role, listener).await });
         Ok(address)
+    }
+
+    /// Serves the analyzer on a socket of whole packets at this path, in place of the device file of an instrument on
+    /// USB. [`SOCK_SEQPACKET`](https://man7.org/linux/man-pages/man7/unix.7.html) is of Linux.
+    ///
+    /// # Errors
+    /// [`ServeError::Socket`].
+    #[cfg(target_os = "linux")]
+    pub fn open_usbtmc(&mut self, path: &Path) -> Result<(), ServeError> {
+        let fail = |source| ServeError::Socket { path: path.to_owned(), source };
+        let socket = usbtmc::Socket::open(path).map_err(fail)?;
+        let handle = self.handle.clone();
+        self.tasks.spawn(async move { socket.serve(&handle).await });
+        Ok(())
     }
 
     /// Serves the control connection on TCP.

@@ -1,4 +1,4 @@
-//! The drivers against instruments made of bytes, on a paused clock.
+//! The drivers against instruments made of bytes, on a paused clock, and against one on USB in real time.
 #![expect(clippy::unwrap_used, reason = "all of it is a test")]
 
 mod held_up;
@@ -7,4 +7,6 @@ mod measurements;
 mod peer;
 mod relatives;
 mod simulated;
+#[cfg(target_os = "linux")]
+mod usbtmc;
 mod user;

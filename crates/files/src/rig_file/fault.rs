@@ -14,24 +14,10 @@ pub(super) enum RigFileFault {
     // Ports.
     #[error("connection = \"simulated\" needs the section [simulation]")]
     NothingToSimulate,
-    #[error("a port is either serial or tcp")]
-    NeitherPort,
-    #[error("a port is serial or tcp, not both")]
-    BothPorts,
-    #[error("{key} is for a serial port")]
-    NotSerial { key: &'static str },
-    #[error("a serial port needs the key baud")]
-    NoBaud,
     #[error("a line of {linear} and {rotary} needs its parity: their factory settings differ")]
     NoParity { linear: DriveMake, rotary: DriveMake },
     #[error("a line with a drive that has a file of its own needs its parity")]
     UnreadParity,
-    #[error("tcp = \"{address}\" is not of the form host:port")]
-    NotAnAddress { address: String },
-    #[error("tcp = \"{address}\": the port {port} does not exist")]
-    NoSuchPort { address: String, port: String },
-    #[error("serial = \"{address}\" is an address, not a device file")]
-    NotADevice { address: String },
     #[error("the analyzer and the bus cannot share the port {port}")]
     SharedPort { port: String },
     #[error("unit_id = {unit_id} is that of the linear stage, on the same bus")]
@@ -78,11 +64,6 @@ impl Complaint for RigFileFault {
     fn suggestion(&self) -> Option<String> {
         let suggestion = match self {
             Self::NothingToSimulate => "add it, or write connection = \"ports\"".into(),
-            Self::NeitherPort => {
-                "write { serial = \"/dev/…\", baud = … } or { tcp = \"host:port\" }".into()
-            }
-            Self::BothPorts | Self::NotSerial { .. } => "remove one".into(),
-            Self::NoBaud => "read it from the display or the switches of the device".into(),
             Self::NoParity { .. } => {
                 "set both drives to one parity, and write it here: parity = \"none\" or \"even\""
                     .into()
@@ -91,12 +72,6 @@ impl Complaint for RigFileFault {
                 "write the parity that is set in the drives: parity = \"none\", \"even\" or \"odd\""
                     .into()
             }
-            Self::NotADevice { address } => format!("write {{ tcp = \"{address}\" }}"),
-            Self::NoSuchPort { .. } => "use the port of the device, from 1 to 65535".into(),
-            Self::NotAnAddress { address } if address.starts_with('/') => {
-                format!("write {{ serial = \"{address}\", baud = … }}")
-            }
-            Self::NotAnAddress { .. } => "write it like \"192.168.0.10:3500\"".into(),
             Self::SharedPort { .. } => "give each its own port".into(),
             Self::SharedUnit { .. } => "set a different unit id on each drive, and write it \
                                         here"

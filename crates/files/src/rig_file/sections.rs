@@ -11,7 +11,7 @@ use super::{
     AnalyzerFile, Connection, Pace, PortFile, RigFile, SimulatedPerson, Simulation,
     axis::{self, AxisRead},
     fault::RigFileFault,
-    port::port,
+    port::{Role, port},
     sensor,
 };
 use crate::{
@@ -30,7 +30,7 @@ pub(super) fn rig(table: &mut Table<'_>) -> RigFile {
     let rotary = table.section("rotary", |table| axis::axis::<Deg>(table, &axis::ROTARY));
     let rotary = rotary.required().value;
     let parity = line_parity(linear.instrument.as_ref(), rotary.instrument.as_ref());
-    let port = |table: &mut Table<'_>| port(table, parity.clone());
+    let port = |table: &mut Table<'_>| port(table, Role::Drives, parity.clone());
     let bus = table.section("bus", |table| table.section("port", port).required().value);
     let bus = bus.required();
     let geometry = table.section("geometry", geometry).required().value;
@@ -115,7 +115,8 @@ struct AnalyzerRead {
 fn analyzer(table: &mut Table<'_>) -> AnalyzerRead {
     let makes = AnalyzerMake::ALL.map(|make| (make.name(), make));
     let instrument = table.choice_or_file("dialect", makes).required();
-    let port = table.section("port", |table| port(table, Ok(Parity::None))).required().value;
+    let port = table.section("port", |table| port(table, Role::Analyzer, Ok(Parity::None)));
+    let port = port.required().value;
     let terminators = Terminator::ALL.map(|terminator| (terminator.name(), terminator));
     let terminator = table.choice("terminator", terminators).optional();
     let reply_timeout_s = table.number("reply_timeout_s").range(0.05..=60.0).or(1.0).value;

@@ -78,16 +78,50 @@ fn a_port_takes_the_settings_of_its_device() {
     check("{ serial = \"/dev/ttyS0\", baud = 9600, parity = \"odd\" }", Ok(serial));
     let tcp = PortFile::Tcp { address: "[::1]:502".into() };
     check("{ tcp = \"[::1]:502\" }", Ok(tcp));
-    check("{}", Err("a port is either serial or tcp"));
+    check("{}", Err("a port is serial or tcp"));
     check(
         "{ serial = \"a\", tcp = \"b:1\", baud = 9600 }",
-        Err("a port is serial or tcp, not both"),
+        Err("a port is serial or tcp, not several of them"),
+    );
+    check(
+        "{ usbtmc = \"/dev/usbtmc0\" }",
+        Err("usbtmc is for the analyzer: the drives are on a line for Modbus"),
     );
     check("{ serial = \"a\" }", Err("a serial port needs the key baud"));
     check("{ tcp = \"a\" }", Err("tcp = \"a\" is not of the form host:port"));
     check("{ tcp = \"a:99999\" }", Err("tcp = \"a:99999\": the port 99999 does not exist"));
     check("{ tcp = \"a:0\" }", Err("tcp = \"a:0\": the port 0 does not exist"));
     check("{ tcp = \"a:1\", baud = 9600 }", Err("baud is for a serial port"));
+}
+
+#[test]
+fn an_analyzer_may_be_on_usb() {
+    #[track_caller]
+    fn check(port: &str, expected: Result<PortFile, &str>) {
+        let text = SIMULATED.replacen(
+            "{ serial = \"/dev/serial/by-id/analyzer\", baud = 38400 }",
+            port,
+            1,
+        );
+        let found = RigFile::read("rig.toml", &text).map(|rig| rig.analyzer.port);
+        let found = found.map_err(|faults| {
+            faults.iter().map(|fault| fault.message.clone()).collect::<Vec<_>>().join("; ")
+        });
+        assert_eq!(found, expected.map_err(str::to_owned));
+    }
+    let usbtmc = PortFile::Usbtmc { path: "/dev/usbtmc0".into() };
+    if cfg!(target_os = "linux") {
+        check("{ usbtmc = \"/dev/usbtmc0\" }", Ok(usbtmc));
+    }
+    check("{}", Err("a port is serial, tcp or usbtmc"));
+    check(
+        "{ usbtmc = \"/dev/usbtmc0\", tcp = \"a:1\" }",
+        Err("a port is serial, tcp or usbtmc, not several of them"),
+    );
+    check("{ usbtmc = \"usbtmc0\" }", Err("usbtmc = \"usbtmc0\" is not a device file"));
+    if cfg!(target_os = "linux") {
+        check("{ usbtmc = \"/dev/usbtmc0\", baud = 9600 }", Err("baud is for a serial port"));
+    }
 }
 
 #[test]

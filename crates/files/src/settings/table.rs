@@ -154,6 +154,11 @@ impl<'d> Table<'d> {
         self.entries.is_some()
     }
 
+    /// Whether a key of this name is written, sound or not.
+    pub fn has(&self, key: &str) -> bool {
+        self.entries.is_some_and(|entries| entries.contains_key(key))
+    }
+
     pub(crate) fn new(
         source: &'d Source<'d>,
         path: String,

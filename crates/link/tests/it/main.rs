@@ -3,3 +3,5 @@
 
 mod pipes;
 mod real;
+#[cfg(target_os = "linux")]
+mod usbtmc;

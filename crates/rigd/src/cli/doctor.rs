@@ -23,7 +23,7 @@ pub(super) struct DoctorArgs {
     rig: RigArgs,
     #[command(flatten)]
     data: DataArgs,
-    /// Print udev rules for serial adapters, and check nothing
+    /// Print udev rules for serial adapters and USB instruments, and check nothing
     #[arg(long, conflicts_with_all = ["ladder", "json"])]
     udev_rules: bool,
     /// Try every speed and parity on the line of the drives, by reading alone, and check nothing else
@@ -33,7 +33,7 @@ pub(super) struct DoctorArgs {
     output: OutputArgs,
 }
 
-/// Rules that give adapters names and access, and keep other programs away.
+/// Rules that give adapters and instruments names and access, and keep other programs away.
 const UDEV_RULES: &str = include_str!("../../../../config/service/99-rigd.rules");
 
 /// The findings as JSON.

@@ -1,4 +1,4 @@
-//! `rigd ports`: the serial ports of this computer and the programs that have them open.
+//! `rigd ports`: the serial ports of this computer, its instruments on USB, and the programs that have them open.
 
 use clap::Args;
 use rig_link::{AttachedPort, UsbIdentity, attached_ports};
@@ -53,7 +53,7 @@ pub(super) fn ports(args: &PortsArgs) -> Result<(), Failure> {
         return print_json(&ports.into_iter().map(PortView::from).collect::<Vec<_>>());
     }
     if ports.is_empty() {
-        note("no serial port with hardware behind it");
+        note("no serial port with hardware behind it, and no instrument on USB (USBTMC)");
         return Ok(());
     }
     print(&text(&ports))

@@ -1,10 +1,11 @@
 //! Advice for a port that does not open and a device with a wrong answer.
 //!
 //! Advice names the thing to check and never a cause that was not observed. It mentions serial
-//! settings for serial lines only, and it never moves an axis.
+//! settings for serial lines only, cables not for a network, and it never moves an axis.
 
 use rig_analyzer::{AnalyzerError, UnexpectedTerminator};
 use rig_link::LineError;
+use rig_model::PortKind;
 use rig_stage::{BusError, LineFault, StageError, Symptom};
 
 use crate::{
@@ -21,7 +22,7 @@ pub(super) const NOT_HOMED: &str = "clear the whole travel of the axis before th
 pub(crate) fn on_rig(error: &OpenError) -> Option<&'static str> {
     match error {
         OpenError::Port { source, .. } => Some(on_port(source)),
-        OpenError::Device { is_serial, source, .. } => Some(on_device(source, *is_serial)),
+        OpenError::Device { kind, source, .. } => Some(on_device(source, *kind)),
         _ => None,
     }
 }
@@ -34,11 +35,15 @@ pub(super) const fn on_port(error: &rig_link::OpenError) -> &'static str {
             "plug it in; `rigd ports` shows what is attached, and the rig file must name it"
         }
         OpenError::NotAPort { .. } => {
-            "name a serial port in the rig file; `rigd ports` shows which there are"
+            "name a port in the rig file; `rigd ports` shows which there are"
+        }
+        OpenError::NoStatusByte { .. } => {
+            "install another release of Linux: some of the year 2025 do not give it"
         }
         OpenError::Busy { .. } => "end that program",
         OpenError::Permission { .. } => {
-            "add this user to the group of the device (often dialout), and log in again"
+            "add this user to the group of the device (often dialout), and log in again; if that group is root, \
+             install the udev rules (`rigd doctor --udev-rules`) first"
         }
         OpenError::TimedOut { .. } => {
             "check the address in the rig file, the network, and that the device is switched on"
@@ -51,15 +56,15 @@ pub(super) const fn on_port(error: &rig_link::OpenError) -> &'static str {
 }
 
 /// Advice for a device with a wrong answer.
-pub(super) fn on_device(error: &DeviceError, is_serial: bool) -> &'static str {
+pub(super) fn on_device(error: &DeviceError, kind: PortKind) -> &'static str {
     match error {
-        DeviceError::Analyzer(error) => on_analyzer(error, is_serial),
-        DeviceError::Linear(error) => on_stage(error, is_serial),
-        DeviceError::Rotary(error) => on_stage(error, is_serial),
+        DeviceError::Analyzer(error) => on_analyzer(error, kind),
+        DeviceError::Linear(error) => on_stage(error, kind),
+        DeviceError::Rotary(error) => on_stage(error, kind),
     }
 }
 
-fn on_analyzer(error: &AnalyzerError, is_serial: bool) -> &'static str {
+fn on_analyzer(error: &AnalyzerError, kind: PortKind) -> &'static str {
     match error {
         AnalyzerError::WrongInstrument { .. } | AnalyzerError::Swapped { .. } => {
             "name its dialect in the rig file, or connect the instrument that is named there"
@@ -84,16 +89,23 @@ fn on_analyzer(error: &AnalyzerError, is_serial: bool) -> &'static str {
             "increase reply_timeout_s in [analyzer] of the rig file; if the answer stays \
              incomplete, compare it with the manual of the instrument"
         }
-        AnalyzerError::Line { source: LineError::TimedOut { .. }, .. } if is_serial => {
+        AnalyzerError::Line { source: LineError::TimedOut { .. }, .. } if is_serial(kind) => {
             "check its power and cable, then compare speed, parity and terminator in the rig file \
              with its settings"
+        }
+        AnalyzerError::Line { source: LineError::TimedOut { .. }, .. } if is_usb(kind) => {
+            "read the display of the instrument; then check that its terminator is the one in the rig file, and \
+             that no other program uses it"
         }
         AnalyzerError::Line { source: LineError::TimedOut { .. }, .. } => {
             "check that this is the instrument's port for commands, and that its terminator is \
              the one in the rig file"
         }
-        AnalyzerError::Frame { .. } if is_serial => {
+        AnalyzerError::Frame { .. } if is_serial(kind) => {
             "compare speed and parity in the rig file with the settings of the instrument"
+        }
+        AnalyzerError::Frame { .. } if is_usb(kind) => {
+            "check that usbtmc in the rig file names the instrument, and that no other program uses it"
         }
         AnalyzerError::Frame { .. } => {
             "check that address and port in the rig file are those of the instrument"
@@ -101,7 +113,7 @@ fn on_analyzer(error: &AnalyzerError, is_serial: bool) -> &'static str {
         AnalyzerError::Line { .. }
         | AnalyzerError::Reopen { .. }
         | AnalyzerError::Unquiet { .. }
-        | AnalyzerError::Strays { .. } => on_lost(is_serial),
+        | AnalyzerError::Strays { .. } => on_lost(kind),
         AnalyzerError::Answer { .. } => {
             "compare the answer with the manual of the instrument, and its model with the dialect \
              in \
@@ -112,17 +124,17 @@ fn on_analyzer(error: &AnalyzerError, is_serial: bool) -> &'static str {
     }
 }
 
-fn on_stage<U: rig_model::Unit>(error: &StageError<U>, is_serial: bool) -> &'static str {
+fn on_stage<U: rig_model::Unit>(error: &StageError<U>, kind: PortKind) -> &'static str {
     match error {
         StageError::Bus(BusError::Failed(LineFault::NoAnswer { symptom, .. })) => {
-            on_symptom(*symptom, is_serial)
+            on_symptom(*symptom, kind)
         }
         StageError::Bus(BusError::Failed(LineFault::Changed { .. })) => {
             "check that register map and unit id in the rig file are those of the drive, and that \
              no \
              other tool writes to it"
         }
-        StageError::Bus(BusError::Failed(_)) => on_lost(is_serial),
+        StageError::Bus(BusError::Failed(_)) => on_lost(kind),
         StageError::Bus(BusError::Refused(_)) => {
             "check that the register map in the rig file is that of the drive"
         }
@@ -139,26 +151,26 @@ fn on_stage<U: rig_model::Unit>(error: &StageError<U>, is_serial: bool) -> &'sta
     }
 }
 
-const fn on_symptom(symptom: Symptom, is_serial: bool) -> &'static str {
+const fn on_symptom(symptom: Symptom, kind: PortKind) -> &'static str {
     match symptom {
-        Symptom::Silence | Symptom::OnlyEcho if is_serial => {
+        Symptom::Silence | Symptom::OnlyEcho if is_serial(kind) => {
             "check its power and cable, then compare speed, parity and unit id in the rig file \
              with its settings"
         }
         Symptom::Silence | Symptom::OnlyEcho => {
             "check its power, and that a device with the unit id of the rig file is at this address"
         }
-        Symptom::Garbage if is_serial => {
+        Symptom::Garbage if is_serial(kind) => {
             "compare speed and parity in the rig file with the settings of the drive"
         }
         Symptom::Garbage => {
             "check that address and port in the rig file are those of a Modbus TCP device"
         }
-        Symptom::Truncated | Symptom::Corrupted if is_serial => {
+        Symptom::Truncated | Symptom::Corrupted if is_serial(kind) => {
             "check the cable, its shield and its termination, and compare speed and parity"
         }
         Symptom::Truncated | Symptom::Corrupted => "check the device or gateway at this address",
-        Symptom::ForeignUnit(_) | Symptom::Surplus | Symptom::OtherAnswer if is_serial => {
+        Symptom::ForeignUnit(_) | Symptom::Surplus | Symptom::OtherAnswer if is_serial(kind) => {
             "look for a second master on the line, and for two devices with the same unit id"
         }
         Symptom::ForeignUnit(_)
@@ -170,10 +182,24 @@ const fn on_symptom(symptom: Symptom, is_serial: bool) -> &'static str {
     }
 }
 
-const fn on_lost(is_serial: bool) -> &'static str {
-    if is_serial {
-        "check the cable and the adapter, and that no other program uses the port"
-    } else {
-        "check the network, that the device stays switched on, and that no other program uses it"
+const fn on_lost(kind: PortKind) -> &'static str {
+    match kind {
+        PortKind::Serial => {
+            "check the cable and the adapter, and that no other program uses the port"
+        }
+        PortKind::Network => {
+            "check the network, that the device stays switched on, and that no other program uses it"
+        }
+        PortKind::Usb => {
+            "check the cable, that the instrument stays switched on, and that no other program uses it"
+        }
     }
+}
+
+const fn is_usb(kind: PortKind) -> bool {
+    matches!(kind, PortKind::Usb)
+}
+
+const fn is_serial(kind: PortKind) -> bool {
+    matches!(kind, PortKind::Serial)
 }

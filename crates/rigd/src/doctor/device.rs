@@ -20,7 +20,7 @@ pub(super) fn findings(device: &DeviceSeen) -> Vec<Finding> {
             return findings.all;
         }
         Some(Err(error)) => {
-            findings.problem("identity", with_causes(error), on_device(error, device.is_serial));
+            findings.problem("identity", with_causes(error), on_device(error, device.kind));
             return findings.all;
         }
         Some(Ok(facts)) => facts,
@@ -32,7 +32,7 @@ pub(super) fn findings(device: &DeviceSeen) -> Vec<Finding> {
         (Ok(()), None) => findings.ok("settings", "taken, and read back"),
         (Err(error), _) => {
             let error = DeviceError::from(error.clone());
-            findings.problem("settings", with_causes(&error), on_device(&error, device.is_serial));
+            findings.problem("settings", with_causes(&error), on_device(&error, device.kind));
         }
     }
     if let Some(axis) = &facts.axis {

@@ -1,4 +1,5 @@
-//! Checks of the computer: programs that take ports away, adapters that cannot be told apart, permissions.
+//! Checks of the computer: programs that take ports away, adapters that cannot be told apart, permissions, and the
+//! driver of an instrument on USB.
 //!
 //! Everything is read below a root directory, so that a test can make a computer of its own.
 
@@ -9,8 +10,12 @@ use std::{
 
 use rig_files::rig_file::{Connection, PortFile, RigFile};
 use rig_link::{AttachedPort, attached_ports};
+use rig_model::PortKind;
 
-use super::{Finding, Findings};
+use super::{
+    Finding, Findings,
+    usbtmc::{self, UsbtmcFacts},
+};
 
 /// Where udev rules are.
 const RULES: [&str; 3] = [
@@ -37,6 +42,10 @@ pub(crate) struct HostFacts {
     /// Device files of the rig, each with its group and whether this user may open it.
     files: Vec<(String, Option<Group>)>,
     has_rules: bool,
+    /// Whether one of those files is a serial port.
+    has_serial: bool,
+    /// The analyzer, if it is an instrument on USB.
+    usbtmc: Option<UsbtmcFacts>,
 }
 
 /// The group of a device file.
@@ -47,33 +56,38 @@ struct Group {
 }
 
 impl HostFacts {
-    /// Looks at this computer, for the serial ports of a rig; `None` for a rig without one.
+    /// Looks at this computer, for the serial ports of a rig and its instrument on USB; `None` for a rig without
+    /// either.
     pub(crate) fn look(rig: &RigFile) -> Option<Self> {
         let ports = [&rig.analyzer.port, &rig.bus];
-        let paths = ports.into_iter().filter_map(|port| match port {
-            PortFile::Serial { path, .. } => Some(path.clone()),
-            PortFile::Tcp { .. } => None,
-        });
-        let paths: Vec<_> = paths.collect();
-        let is_of_ports = rig.connection == Connection::Ports && !paths.is_empty();
-        is_of_ports.then(|| Self::below(Path::new("/"), &paths, attached_ports()))
+        let ports: Vec<_> =
+            ports.into_iter().filter(|port| !matches!(port, PortFile::Tcp { .. })).collect();
+        let is_of_ports = rig.connection == Connection::Ports && !ports.is_empty();
+        is_of_ports.then(|| Self::below(Path::new("/"), &ports, attached_ports()))
     }
 
-    fn below(root: &Path, paths: &[String], attached: Vec<AttachedPort>) -> Self {
+    fn below(root: &Path, ports: &[&PortFile], attached: Vec<AttachedPort>) -> Self {
         let (groups, is_superuser) = (groups(root), is_superuser(root));
-        let group_of = |path: &String| {
+        let group_of = |port: &&PortFile| {
+            let path = port.place();
             let group = group_of(Path::new(path)).map(|id| Group {
                 name: name_of(root, id),
                 is_mine: is_superuser || groups.contains(&id),
             });
-            (path.clone(), group)
+            (path.to_owned(), group)
         };
+        let usbtmc = ports.iter().find_map(|port| match port {
+            PortFile::Usbtmc { path } => UsbtmcFacts::below(root, path),
+            PortFile::Serial { .. } | PortFile::Tcp { .. } => None,
+        });
         Self {
             programs: programs(root),
             without_port: without_port(root),
             attached,
-            files: paths.iter().map(group_of).collect(),
+            files: ports.iter().map(group_of).collect(),
             has_rules: RULES.iter().any(|rules| root.join(rules).exists()),
+            has_serial: ports.iter().any(|port| port.kind() == PortKind::Serial),
+            usbtmc,
         }
     }
 
@@ -86,9 +100,14 @@ impl HostFacts {
 pub(crate) fn findings(host: &HostFacts) -> Vec<Finding> {
     let mut findings = Findings::of("computer");
     permissions(&mut findings, host);
-    names(&mut findings, host);
-    brltty(&mut findings, host);
-    modem_manager(&mut findings, host);
+    if let Some(facts) = &host.usbtmc {
+        usbtmc::findings(&mut findings, facts);
+    }
+    if host.has_serial {
+        names(&mut findings, host);
+        brltty(&mut findings, host);
+        modem_manager(&mut findings, host);
+    }
     if host.has_rules {
         findings.ok("udev rules", "99-rigd.rules is installed");
     } else {
@@ -115,6 +134,12 @@ fn permissions(findings: &mut Findings, host: &HostFacts) {
                     ),
                 );
             }
+            // It would be the group of the superuser to join.
+            Some(Group { name, is_mine: false }) if name == "root" => findings.warning(
+                "permission",
+                format!("{path} is of the group root, and this user is not in it"),
+                "install the udev rules, which give it to the group dialout (`rigd doctor --udev-rules`)",
+            ),
             Some(Group { name, is_mine: false }) => findings.warning(
                 "permission",
                 format!("{path} is of the group {name}, and this user is not in it"),
@@ -197,7 +222,7 @@ fn modem_manager(findings: &mut Findings, host: &HostFacts) {
 }
 
 /// The entries of a directory, sorted; none if it does not exist.
-fn entries(directory: &Path) -> Vec<PathBuf> {
+pub(super) fn entries(directory: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(directory).into_iter().flatten().flatten();
     let mut paths: Vec<_> = entries.map(|entry| entry.path()).collect();
     paths.sort();
@@ -274,6 +299,7 @@ mod tests {
     use std::os::unix::fs::MetadataExt;
 
     use rig_link::UsbIdentity;
+    use rig_model::{LineSettings, Parity, StopBits};
     use tempfile::TempDir;
 
     use super::*;
@@ -303,7 +329,19 @@ mod tests {
 
     /// The checks and levels of a computer, and all of their text.
     fn look(root: &Path, paths: &[String], attached: Vec<AttachedPort>) -> (Vec<Level>, String) {
-        let found = findings(&HostFacts::below(root, paths, attached));
+        let line = LineSettings { baud: 9600, parity: Parity::None, stop_bits: StopBits::One };
+        let serial = |path: &String| PortFile::Serial { path: path.clone(), line };
+        let ports: Vec<_> = paths.iter().map(serial).collect();
+        look_at(root, &ports, attached)
+    }
+
+    fn look_at(
+        root: &Path,
+        ports: &[PortFile],
+        attached: Vec<AttachedPort>,
+    ) -> (Vec<Level>, String) {
+        let ports: Vec<_> = ports.iter().collect();
+        let found = findings(&HostFacts::below(root, &ports, attached));
         let text: Vec<_> = found.iter().map(|finding| finding.text.clone()).collect();
         (found.iter().map(|finding| finding.level).collect(), text.join("\n"))
     }
@@ -362,7 +400,25 @@ mod tests {
         let root = TempDir::new().unwrap();
         let attached =
             vec![adapter("/dev/ttyUSB0", Some("7"), "a"), adapter("/dev/ttyUSB1", Some("7"), "b")];
-        let (levels, text) = look(root.path(), &[], attached);
-        assert_eq!(levels[0], Well, "{text}");
+        let (levels, text) = look(root.path(), &["/dev/ttyUSB0".to_owned()], attached);
+        assert_eq!(levels[levels.len() - 4], Well, "{text}");
+    }
+
+    #[test]
+    fn a_device_file_of_the_group_root_asks_for_the_rules() {
+        let root = TempDir::new().unwrap();
+        let root = root.path();
+        write(root, "dev/usbtmc0", "");
+        let group = fs::metadata(root.join("dev/usbtmc0")).unwrap().gid();
+        write(root, "proc/self/status", "Uid:\t7\t7\nGid:\t4294967294\t4294967294\nGroups:\t\n");
+        write(root, "etc/group", &format!("root:x:{group}:\n"));
+        let path = root.join("dev/usbtmc0").to_str().unwrap().to_owned();
+        let found = HostFacts::below(root, &[&PortFile::Usbtmc { path }], Vec::new());
+        let found = findings(&found);
+        // Nothing is said of serial ports.
+        let checks: Vec<_> = found.iter().map(|finding| finding.check).collect();
+        assert_eq!(checks, ["permission", "driver of USB instruments", "udev rules"]);
+        assert!(found[0].text.ends_with("is of the group root, and this user is not in it"));
+        assert!(found[0].advice.is_some_and(|advice| advice.contains("--udev-rules")));
     }
 }

@@ -4,7 +4,7 @@ use std::{sync::Arc, time::Duration};
 
 use rig_analyzer::{AnalyzerError, Identity, UnexpectedTerminator};
 use rig_link::{Holder, LineError, OpenError as LinkError, PartialAnswer};
-use rig_model::Deg;
+use rig_model::{Deg, PortKind};
 use rig_scpi::FrameError;
 use rig_stage::{
     Alarm, BusError, DeviceRefusal, Exception, LineFault, Request, StageError, Symptom,
@@ -75,20 +75,24 @@ fn a_port_that_does_not_open_is_explained() {
         (LinkError::Absent { port: name.clone() }, "rigd ports"),
         (LinkError::Busy { port: name.clone(), holders: Vec::new() }, "end that program"),
         (LinkError::Permission { port: name.clone() }, "dialout"),
-        (LinkError::NotAPort { port: name, what: "a file" }, "name a serial port"),
+        (LinkError::NoStatusByte { port: name.clone() }, "another release of Linux"),
+        (
+            LinkError::NotAPort { port: name, what: "a file", wanted: "a serial port" },
+            "name a port",
+        ),
     ];
     for (source, expected) in rows {
         check(&port(Err(source)), &[("open", Problem, expected)]);
     }
 }
 
-fn device_on(is_serial: bool, outcome: Option<Result<DeviceFacts, DeviceError>>) -> Vec<Finding> {
+fn device_on(kind: PortKind, outcome: Option<Result<DeviceFacts, DeviceError>>) -> Vec<Finding> {
     let port = "/dev/ttyUSB0".to_owned();
-    device::findings(&DeviceSeen { role: "rotary stage", port, is_serial, outcome })
+    device::findings(&DeviceSeen { role: "rotary stage", port, kind, outcome })
 }
 
 fn device(outcome: Option<Result<DeviceFacts, DeviceError>>) -> Vec<Finding> {
-    device_on(true, outcome)
+    device_on(PortKind::Serial, outcome)
 }
 
 fn axis(place: AxisPosition, state: AxisState) -> DeviceFacts {
@@ -213,12 +217,12 @@ fn errors() -> Vec<(DeviceError, &'static str, &'static str)> {
         found: "\\xc3".into(),
         source: FrameError::NotAscii { byte: 0xC3, offset: 0 },
     };
-    let lost = |is_serial| LineError::Lost { port: port.clone(), is_serial };
-    let gone = |is_serial| AnalyzerError::Line {
+    let lost = |kind| LineError::Lost { port: port.clone(), kind };
+    let gone = |kind| AnalyzerError::Line {
         asked: "*IDN?".into(),
         unexpected_terminator: None,
         intruders: Vec::new(),
-        source: lost(is_serial),
+        source: lost(kind),
     };
     vec![
         (unanswered(b"", None), "parity", "port for commands"),
@@ -231,7 +235,7 @@ fn errors() -> Vec<(DeviceError, &'static str, &'static str)> {
         (unanswered(b"a\n", Some(UnexpectedTerminator::LfForCr)), "terminator", "terminator"),
         (garbled.into(), "parity", "address and port"),
         (strays.into(), "cable", "network"),
-        (gone(true).into(), "cable", "network"),
+        (gone(PortKind::Serial).into(), "cable", "network"),
         (wrong.into(), "dialect", "dialect"),
         (no_answer(Symptom::Silence), "unit id", "unit id"),
         (no_answer(Symptom::OnlyEcho), "parity", "power"),
@@ -242,7 +246,7 @@ fn errors() -> Vec<(DeviceError, &'static str, &'static str)> {
         (no_answer(Symptom::Surplus), "second master", "unit id"),
         (no_answer(Symptom::OtherAnswer), "second master", "unit id"),
         (no_answer(Symptom::WrongCount { found: 6, expected: 4 }), "register map", "register map"),
-        (on_bus(LineFault::Port(lost(false))), "cable", "network"),
+        (on_bus(LineFault::Port(lost(PortKind::Network))), "cable", "network"),
         (on_bus(changed), "register map", "register map"),
         (on_bus(refused), "register map", "register map"),
     ]
@@ -259,7 +263,7 @@ fn a_device_that_does_not_answer_as_it_should_is_explained() {
 #[test]
 fn nothing_that_belongs_to_a_serial_line_is_said_of_a_network() {
     for (error, _, advice) in errors() {
-        let found = device_on(false, Some(Err(error)));
+        let found = device_on(PortKind::Network, Some(Err(error)));
         check(&found, &[("identity", Problem, advice)]);
         let said = format!("{} {}", found[0].text, found[0].advice.unwrap_or_default());
         for word in ["speed", "parity", "baud", "cable", "adapter", "plug"] {
@@ -269,10 +273,22 @@ fn nothing_that_belongs_to_a_serial_line_is_said_of_a_network() {
 }
 
 #[test]
+fn advice_for_usb_names_neither_a_line_nor_a_network() {
+    for (error, ..) in errors() {
+        if let DeviceError::Analyzer(error) = error {
+            let advice = advice::on_device(&error.into(), PortKind::Usb);
+            for word in ["speed", "parity", "baud", "adapter", "network", "address"] {
+                assert!(!advice.contains(word), "{advice}");
+            }
+        }
+    }
+}
+
+#[test]
 fn no_advice_moves_anything() {
     for (error, ..) in errors() {
-        for is_serial in [false, true] {
-            let advice = advice::on_device(&error, is_serial);
+        for kind in [PortKind::Network, PortKind::Serial, PortKind::Usb] {
+            let advice = advice::on_device(&error, kind);
             for word in ["home", "rigd move", "retract", "acknowledge"] {
                 assert!(!advice.contains(word), "{advice}");
             }

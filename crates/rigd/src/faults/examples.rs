@@ -5,7 +5,7 @@ use std::sync::Arc;
 use rig_analyzer::{AnalyzerError, Identity};
 use rig_engine::{Device, Fault};
 use rig_link::LineError;
-use rig_model::{Mm, Position};
+use rig_model::{Mm, PortKind, Position};
 use rig_stage::{
     Alarm, BusError, DeviceRefusal, Exception, LineFault, Request, StageError, Symptom,
 };
@@ -66,7 +66,7 @@ pub(super) fn refusal(exception: Exception) -> StageError<Mm> {
 
 /// The adapter of the bus has disappeared.
 pub(super) fn lost() -> StageError<Mm> {
-    let lost = LineError::Lost { port: bus(), is_serial: true };
+    let lost = LineError::Lost { port: bus(), kind: PortKind::Serial };
     BusError::from(LineFault::from(lost)).into()
 }
 
@@ -85,6 +85,6 @@ pub(super) fn wrong_instrument() -> Seen {
     };
     let (port, expected, found) = (analyzer_port(), "HIOKI IM3536", Box::new(found));
     let source = Box::new(AnalyzerError::WrongInstrument { port, expected, found }.into());
-    let error = OpenError::Device { role: "analyzer", is_serial: true, source };
+    let error = OpenError::Device { role: "analyzer", kind: PortKind::Serial, source };
     Seen::refused(&error, advice::on_rig(&error))
 }

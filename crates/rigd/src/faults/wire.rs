@@ -2,6 +2,7 @@
 
 use rig_analyzer::AnalyzerError;
 use rig_link::Holder;
+use rig_model::PortKind;
 use rig_stage::{Exception, Symptom};
 
 use super::{
@@ -111,7 +112,7 @@ pub(super) const FAULTS: [ListedFault; 16] = [
         seen: Some(|| {
             let error = no_answer(Symptom::Garbage, &[0xE0, 0x1C, 0xFC]);
             let source = Box::new(error.into());
-            let error = OpenError::Device { role: "linear stage", is_serial: true, source };
+            let error = OpenError::Device { role: "linear stage", kind: PortKind::Serial, source };
             Seen::refused(&error, advice::on_rig(&error))
         }),
         tests: &[(

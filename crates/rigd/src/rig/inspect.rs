@@ -6,7 +6,7 @@ use std::{fs, path::Path};
 use rig_analyzer::{Analyzer, AnalyzerError};
 use rig_files::rig_file::{PortFile, RigFile};
 use rig_link::{Clock, Flow, Holder, Port, Transcript, attached_ports};
-use rig_model::{Axis, DriveLevel, RigLimits, Unit};
+use rig_model::{Axis, DriveLevel, PortKind, RigLimits, Unit};
 use rig_stage::{Alarm, AxisStatus, BusHandle, Look, Stage, StageError};
 
 use super::{
@@ -70,8 +70,8 @@ pub struct DeviceSeen {
     pub role: &'static str,
     /// The name of its port.
     pub port: String,
-    /// Whether that is a serial line.
-    pub is_serial: bool,
+    /// What that port is to this computer.
+    pub kind: PortKind,
     /// Facts about it; None if its port could not be opened.
     pub outcome: Option<Result<DeviceFacts, DeviceError>>,
 }
@@ -155,8 +155,8 @@ async fn look_at_analyzer(
     port: Result<Port, rig_link::OpenError>,
 ) -> (PortSeen, DeviceSeen) {
     let name = name(&file.analyzer.port, &port);
-    let is_serial = file.analyzer.port.is_serial();
-    let device = |outcome| DeviceSeen { role: "analyzer", port: name.clone(), is_serial, outcome };
+    let kind = file.analyzer.port.kind();
+    let device = |outcome| DeviceSeen { role: "analyzer", port: name.clone(), kind, outcome };
     let seen = |outcome| PortSeen { role: "analyzer port", name: name.clone(), outcome };
     let port = match port {
         Ok(port) => port,
@@ -181,8 +181,8 @@ async fn look_at_bus(
     port: Result<Port, rig_link::OpenError>,
 ) -> (PortSeen, DeviceSeen, DeviceSeen) {
     let name = name(&file.bus, &port);
-    let is_serial = file.bus.is_serial();
-    let device = |role, outcome| DeviceSeen { role, port: name.clone(), is_serial, outcome };
+    let kind = file.bus.kind();
+    let device = |role, outcome| DeviceSeen { role, port: name.clone(), kind, outcome };
     let seen = |outcome| PortSeen { role: "bus", name: name.clone(), outcome };
     let port = match port {
         Ok(port) => port,
@@ -271,9 +271,8 @@ fn round_trips(transcript: &Transcript) -> Option<RoundTrips> {
 
 /// The name of the open port, or the name in the rig file.
 fn name(file: &PortFile, port: &Result<Port, rig_link::OpenError>) -> String {
-    match (port, file) {
-        (Ok(port), _) => port.name().to_string(),
-        (Err(_), PortFile::Serial { path, .. }) => path.clone(),
-        (Err(_), PortFile::Tcp { address }) => address.clone(),
+    match port {
+        Ok(port) => port.name().to_string(),
+        Err(_) => file.place().to_owned(),
     }
 }

@@ -52,7 +52,9 @@ pub fn climb(
     let LoadedRig { file, instruments, .. } = rig;
     let path = match &file.bus {
         PortFile::Serial { path, .. } if !rig.is_simulated() => path,
-        PortFile::Serial { .. } | PortFile::Tcp { .. } => return Err(LadderError::NoLine),
+        PortFile::Serial { .. } | PortFile::Tcp { .. } | PortFile::Usbtmc { .. } => {
+            return Err(LadderError::NoLine);
+        }
     };
     let (mut found, mut was_open, mut trouble) = (Vec::new(), false, None);
     for parity in PARITIES {

@@ -6,7 +6,7 @@ use rig_analyzer::{Analyzer, AnalyzerError, Dialect, TransportSettings};
 use rig_files::rig_file::{AnalyzerFile, AxisFile, Connection, PortFile, RigFile};
 use rig_interlock::Proven;
 use rig_link::{Clock, Endpoint, Port, Transcript};
-use rig_model::{Deg, Mm, Reading, Unit};
+use rig_model::{Deg, Mm, PortKind, Reading, Unit};
 use rig_stage::{BusHandle, BusSettings, HaltFrames, RegisterMap, Stage, StageError};
 use rig_store::StoreError;
 use tokio::{runtime::Runtime, sync::mpsc};
@@ -61,8 +61,8 @@ pub enum OpenError {
     Device {
         /// Its role on the rig.
         role: &'static str,
-        /// Whether it is on a serial line.
-        is_serial: bool,
+        /// What its port is to this computer.
+        kind: PortKind,
         /// The error of the device, with the failed action.
         source: Box<DeviceError>,
     },
@@ -87,8 +87,8 @@ pub(super) fn device<E: Into<DeviceError>>(
     role: &'static str,
     port: &PortFile,
 ) -> impl Fn(E) -> OpenError {
-    let is_serial = port.is_serial();
-    move |error| OpenError::Device { role, is_serial, source: Box::new(error.into()) }
+    let kind = port.kind();
+    move |error| OpenError::Device { role, kind, source: Box::new(error.into()) }
 }
 
 /// A rig whose devices have answered.
@@ -269,11 +269,11 @@ pub(super) fn describe<U>(file: &AxisFile<U>, map: &RegisterMap) -> String {
     format!("{} at unit {}", map.name, file.unit_id)
 }
 
-/// Modbus RTU on a serial line, Modbus TCP on the network.
+/// Modbus RTU on a serial line, Modbus TCP on the network. A rig file has no drives on another port.
 pub(crate) const fn bus_settings(port: &PortFile) -> BusSettings {
     match port {
         PortFile::Serial { .. } => BusSettings::rtu(),
-        PortFile::Tcp { .. } => BusSettings::tcp(),
+        PortFile::Tcp { .. } | PortFile::Usbtmc { .. } => BusSettings::tcp(),
     }
 }
 
@@ -281,6 +281,7 @@ pub(super) async fn open_port(port: &PortFile, clock: Clock) -> Result<Port, rig
     let endpoint = match port {
         PortFile::Serial { path, line } => Endpoint::Serial { path: path.clone(), line: *line },
         PortFile::Tcp { address } => Endpoint::Tcp { address: address.clone() },
+        PortFile::Usbtmc { path } => Endpoint::Usbtmc { path: path.clone() },
     };
     Port::open(endpoint, clock).await
 }
