@@ -26,6 +26,8 @@ pub struct AimSummary {
     pub stated: Vec<String>,
     /// Whether every touch so far is as wanted, or the mean time is; `None` before the first touch.
     pub is_reached: Option<bool>,
+    /// Touches that were refused: the standard deviations are those of the others.
+    pub refused: usize,
     /// Time of a touch: that of the run over the touches that were made, s.
     pub seconds: Option<f64>,
     /// The expected one, s.
@@ -112,6 +114,7 @@ impl AimSummary {
             no_load: aim.settings.no_load.clone(),
             stated: aim.stated.clone(),
             is_reached,
+            refused: rows.iter().filter(|row| row.status == TouchStatus::Refused).count(),
             seconds,
             expected_seconds: aim.seconds,
             percent: rms(&Relative::own),
@@ -159,7 +162,12 @@ impl AimSummary {
             Some(true) => format!("reached{so_far}"),
             Some(false) => format!("not reached{so_far}: {missed}"),
         };
-        format!("{wanted}, {reached}{seconds}{percent}")
+        let refused = match self.refused {
+            0 => String::new(),
+            1 => "; 1 touch was refused".to_owned(),
+            more => format!("; {more} touches were refused"),
+        };
+        format!("{wanted}, {reached}{seconds}{percent}{refused}")
     }
 }
 

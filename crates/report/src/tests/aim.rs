@@ -65,6 +65,14 @@ fn an_aim_that_is_reached_or_missed_is_said_in_text_page_and_data() {
     }
 }
 
+#[test]
+fn an_aim_says_how_many_touches_its_standard_deviation_leaves_out() {
+    let run = run(Story::Refused, aim(None, Some(1e6)));
+    let refused = run.results().summary().touches_refused;
+    let sentence = format!("; {refused} touches were refused");
+    assert!(run.results().text().contains(&sentence), "{}", run.results().text());
+}
+
 /// The parts add up to the whole, in time and in variance.
 #[test]
 fn the_parts_of_a_touch_are_those_of_the_run() {
