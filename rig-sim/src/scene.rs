@@ -153,9 +153,11 @@ fn contact(table: &mut Table<'_>) -> SensorScene {
 
 fn place(table: &mut Table<'_>) -> TrueGeometry {
     let edge = table.number("edge_mm").optional();
+    let pin = table.number("pin_mm").above(0.0).optional();
     let mut number = |key| table.number(key).required().value;
     TrueGeometry {
         edge_mm: edge.map_or(f64::INFINITY, |edge| edge.value),
+        pin_mm: pin.map(|pin| pin.value),
         surface_mm: number("surface_mm"),
         surface_above_pivot_mm: number("surface_above_pivot_mm"),
         probe_beside_pivot_mm: number("probe_beside_pivot_mm"),

@@ -39,6 +39,8 @@ impl Basis {
             ("geometry.probe_beside_pivot_mm".to_owned(), geometry.probe_beside_pivot_mm),
             ("geometry.probe_radius_mm".to_owned(), geometry.probe_radius_mm),
         ]);
+        let pin = geometry.pin_radius_mm;
+        keys.extend(pin.map(|pin_mm| ("geometry.pin_radius_mm".to_owned(), pin_mm)));
         let [of_linear, of_rotary] = drive_files;
         let drives = [drive(&rig.linear, rig, of_linear), drive(&rig.rotary, rig, of_rotary)];
         Self {
@@ -136,6 +138,10 @@ mod tests {
         let faster = ("max_speed_mm_per_s = 20", "# slower\nmax_speed_mm_per_s = 21");
         assert_eq!(Basis::of(&rig(&[faster]), none), basis);
         let other = Basis::of(&rig(&[("probe_radius_mm", "probe_radius_mm = 0.6 # ")]), none);
+        assert_eq!(other.sha256(Kind::Scale), basis.sha256(Kind::Scale));
+        assert_ne!(other.sha256(Kind::Geometry), basis.sha256(Kind::Geometry));
+        let pin = ("[geometry]", "[geometry]\npin_radius_mm = 2");
+        let other = Basis::of(&rig(&[pin]), none);
         assert_eq!(other.sha256(Kind::Scale), basis.sha256(Kind::Scale));
         assert_ne!(other.sha256(Kind::Geometry), basis.sha256(Kind::Geometry));
         let other =

@@ -90,12 +90,18 @@ impl BenchChange {
             Self::Drive => &Kind::ALL,
             Self::Stop => &[Kind::Stop],
             Self::Limits => &[Kind::Limits],
-            Self::Sensor | Self::Probe => {
+            // The ball is the same one.
+            Self::Sensor => {
                 &[Kind::Geometry, Kind::Blocks, Kind::Touches, Kind::Sensor, Kind::Check]
+            }
+            Self::Probe => {
+                &[Kind::Geometry, Kind::Blocks, Kind::Touches, Kind::Pin, Kind::Sensor, Kind::Check]
             }
             Self::Holder => &[Kind::Geometry, Kind::Blocks, Kind::Touches, Kind::Check],
             // The daily check goes on, and shows what they have changed.
-            Self::Collision => &[Kind::Geometry, Kind::Blocks, Kind::Touches, Kind::Sensor],
+            Self::Collision => {
+                &[Kind::Geometry, Kind::Blocks, Kind::Touches, Kind::Pin, Kind::Sensor]
+            }
             Self::Analyzer => &[Kind::Latency, Kind::Sensor],
             Self::Place => &[Kind::Blocks],
             Self::References => &[Kind::Check],

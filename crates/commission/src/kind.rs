@@ -27,6 +27,8 @@ pub enum Kind {
     Touches,
     /// The latency between stage and analyzer.
     Latency,
+    /// The radius of the ball by touches on a pin.
+    Pin,
     /// The free sensor: its circuit, its drift, its linearity with the level of the drive, and no second mode.
     Sensor,
     /// The bench is as it was at the checks before: the daily check.
@@ -35,7 +37,7 @@ pub enum Kind {
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Stop,
         Self::Signs,
         Self::Geometry,
@@ -45,6 +47,7 @@ impl Kind {
         Self::Blocks,
         Self::Touches,
         Self::Latency,
+        Self::Pin,
         Self::Sensor,
         Self::Check,
     ];
@@ -61,6 +64,7 @@ impl Kind {
             Self::Blocks => "blocks",
             Self::Touches => "touches",
             Self::Latency => "latency",
+            Self::Pin => "pin",
             Self::Sensor => "sensor",
             Self::Check => "check",
         }
@@ -68,7 +72,7 @@ impl Kind {
 
     /// Whether it rests on the geometry of the rig file, and not only on its axes.
     pub(crate) const fn rests_on_geometry(self) -> bool {
-        matches!(self, Self::Geometry | Self::Blocks)
+        matches!(self, Self::Geometry | Self::Blocks | Self::Pin)
     }
 
     /// Whether it rests on the soft limits of the axes too.
@@ -111,6 +115,10 @@ impl Kind {
             }
             Self::Latency => {
                 "see that the sample lies fast and the bench is warm, and run the protocol again with more repeats"
+            }
+            Self::Pin => {
+                "see that the pin is clean, lies fast along the rotary axis and has the radius that was told, touch two blocks \
+                 and evaluate them by `rigd commission blocks` before, and run the protocol of the pin again"
             }
             Self::Sensor => {
                 "see that the clamp of the sensor is fast, its cable hangs free and the analyzer is warm, correct the cable again, \

@@ -17,13 +17,19 @@
 
 mod cholesky;
 mod fit;
+mod least_squares;
+mod pin;
 mod screw;
 
+#[cfg(test)]
+mod pin_tests;
 #[cfg(test)]
 mod tests;
 
 pub(crate) use cholesky::Cholesky;
-pub use fit::{BlockGeometry, TouchNoise, fit};
+pub use fit::{BlockGeometry, fit};
+pub use least_squares::TouchNoise;
+pub use pin::{PinPrior, PinRadius, PinTouch, fit_pin};
 pub use screw::{ScrewError, ScrewMap};
 
 /// A touch on a hard flat block.

@@ -196,6 +196,7 @@ mod tests {
             probe_radius_mm: 0.5,
             sample_half_width_mm: 20.0,
             surface_tolerance_mm: 0.5,
+            pin_radius_mm: None,
         }
     }
 

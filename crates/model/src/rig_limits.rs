@@ -46,7 +46,13 @@ pub struct Geometry {
     pub sample_half_width_mm: f64,
     /// Tolerance of the height of a surface, in mm.
     pub surface_tolerance_mm: f64,
+    /// Radius of the cylindrical pin that lies in place of a flat sample with its axis along the rotary axis, in mm.
+    pub pin_radius_mm: Option<f64>,
 }
+
+/// Sine of the steepest slope of a pin that is touched, 64°: beyond it, a small error of the place of the pin is a large one
+/// of the height.
+const STEEPEST_SINE: f64 = 0.9;
 
 impl Geometry {
     /// The linear position at which the tip is expected to touch the tilted sample.
@@ -63,8 +69,36 @@ impl Geometry {
     pub(crate) fn surface_at_tilt(&self, tilt: Position<Deg>) -> Position<Mm> {
         let tilt = tilt.value().to_radians();
         let (d, r) = (self.surface_above_pivot_mm, self.probe_radius_mm);
-        let height = (d + r - self.probe_beside_pivot_mm * tilt.sin()) / tilt.cos() - r;
+        let height = match self.pin_radius_mm {
+            None => (d + r - self.probe_beside_pivot_mm * tilt.sin()) / tilt.cos() - r,
+            Some(pin_mm) => self.centre_on_pin(pin_mm, tilt) - r,
+        };
         self.surface.offset(height - d)
+    }
+
+    /// Height of the centre of the ball above the rotary axis when it touches a pin, mm, at a tilt in rad. The level pin is
+    /// touched at its top, so that its axis is ρ below the surface, and ρ + R from the centre of the ball at each tilt.
+    fn centre_on_pin(&self, pin_mm: f64, tilt: f64) -> f64 {
+        let reach_mm = self.probe_radius_mm + pin_mm;
+        let (beside_mm, above_mm) = self.axis_of_pin(pin_mm, tilt);
+        // A ball that passes beside the pin is expected at the height of its axis.
+        above_mm + (reach_mm * reach_mm - beside_mm * beside_mm).max(0.0).sqrt()
+    }
+
+    /// How far the axis of the pin lies beside the probe, and above the rotary axis, mm.
+    fn axis_of_pin(&self, pin_mm: f64, tilt: f64) -> (f64, f64) {
+        let (x, y) = (self.probe_beside_pivot_mm, self.surface_above_pivot_mm - pin_mm);
+        let (sin, cos) = tilt.sin_cos();
+        (x * cos + y * sin - self.probe_beside_pivot_mm, y * cos - x * sin)
+    }
+
+    /// Whether the ball touches the pin from above at this tilt, and not at its side or beside it. A flat sample is touched
+    /// at each tilt.
+    pub fn is_above_pin(&self, tilt: Position<Deg>) -> bool {
+        self.pin_radius_mm.is_none_or(|pin_mm| {
+            let (beside_mm, _) = self.axis_of_pin(pin_mm, tilt.value().to_radians());
+            beside_mm.abs() <= STEEPEST_SINE * (self.probe_radius_mm + pin_mm)
+        })
     }
 
     /// The highest point that any sample reaches when it is tilted by up to `tilt_degrees`.
@@ -262,6 +296,7 @@ mod tests {
             probe_radius_mm: 0.5,
             sample_half_width_mm: 20.0,
             surface_tolerance_mm: 0.0,
+            pin_radius_mm: None,
         }
     }
 
@@ -289,6 +324,51 @@ mod tests {
                 assert!((found - expected).abs() < 1e-9, "{direction} {angle}: {found} {expected}");
             }
         }
+    }
+
+    /// The lowest centre of a ball that is nowhere nearer to the circle of the pin than its radius, by bisection.
+    fn touch_of_pin_by_bisection(geometry: &Geometry, pin_mm: f64, tilt: f64) -> f64 {
+        let pivot = geometry.surface.value() - geometry.surface_above_pivot_mm;
+        let distance_mm = |tip_mm: f64| {
+            let (x, y) =
+                (geometry.probe_beside_pivot_mm, tip_mm + geometry.probe_radius_mm - pivot);
+            // The point of the sample below the ball, as it lies when the sample is level.
+            let (x, y) = (x * tilt.cos() - y * tilt.sin(), x * tilt.sin() + y * tilt.cos());
+            let top = (geometry.probe_beside_pivot_mm, geometry.surface_above_pivot_mm);
+            (x - top.0).hypot(y - (top.1 - pin_mm)) - pin_mm
+        };
+        // From the height of the axis of the pin upwards the distance grows.
+        let axis_mm = pivot + (geometry.surface_above_pivot_mm - pin_mm) * tilt.cos()
+            - geometry.probe_beside_pivot_mm * tilt.sin()
+            - geometry.probe_radius_mm;
+        let (mut low, mut high) = (axis_mm, axis_mm + 50.0);
+        for _ in 0..200 {
+            let middle = 0.5 * (low + high);
+            if distance_mm(middle) < geometry.probe_radius_mm {
+                low = middle
+            } else {
+                high = middle
+            }
+        }
+        low
+    }
+
+    #[test]
+    fn a_pin_is_touched_where_the_distance_of_its_axis_from_the_ball_is_both_radii() {
+        for pin_mm in [2.0, 3.5, 5.0] {
+            let geometry = Geometry { pin_radius_mm: Some(pin_mm), ..geometry() };
+            for tilt in [-45.0, -30.0, 0.0, 15.0, 45.0].map(Position::new) {
+                let expected =
+                    touch_of_pin_by_bisection(&geometry, pin_mm, tilt.value().to_radians());
+                let found = geometry.surface_at_tilt(tilt).value();
+                assert!((found - expected).abs() < 1e-9, "{pin_mm} {tilt}: {found} {expected}");
+                assert!(geometry.is_above_pin(tilt));
+            }
+            assert_eq!(geometry.surface_at_tilt(Position::new(0.0)), geometry.surface);
+        }
+        let thin = Geometry { pin_radius_mm: Some(1.0), ..geometry() };
+        assert!(!thin.is_above_pin(Position::new(45.0)) && thin.is_above_pin(Position::new(10.0)));
+        assert!(thin.surface_at_tilt(Position::new(60.0)).value().is_finite());
     }
 
     #[test]

@@ -45,6 +45,7 @@ fn limits() -> RigLimits {
             probe_radius_mm: 0.5,
             sample_half_width_mm: 25.0,
             surface_tolerance_mm: 0.2,
+            pin_radius_mm: None,
         },
         motion: MotionLimits {
             max_indentation_mm: 0.8,

@@ -2,14 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
+use jiff::Timestamp;
 use rig_commission::{
-    Basis, Finding, Kind,
+    Basis, Finding, Kind, holding,
     latency::{DescentTouch, NoLatency, StatedLatency, latency},
-    metrology::BlockTouch,
+    metrology::{BlockTouch, NoGeometry, PinPrior, PinTouch, TouchNoise},
+    prior_by_blocks, prior_by_rule, probe_radius,
     repeatability::{LevelTouch, TooFewTouches, repeatability},
 };
-use rig_model::ReadingStream;
-use rig_store::{Onset, Reader, Record, Run, StoreError};
+use rig_files::rig_file::RigFile;
+use rig_model::{Geometry, ReadingStream, RigLimits};
+use rig_store::{Onset, Reader, Record, Run, RunStarted, StoreError};
 
 use crate::{
     bench_check::tilt_deg,
@@ -19,6 +22,12 @@ use crate::{
 
 /// Largest tilt of a touch that counts as level, degrees.
 const LEVEL_DEG: f64 = 1.0;
+
+/// Error of a tilt, as a share of the tolerance of the rotary stage.
+const TILT_SHARE: f64 = 0.5;
+
+/// Difference of two radii of a pin that are the same, mm: the last digit that a person writes.
+const SAME_PIN_MM: f64 = 0.000_5;
 
 /// Why a run shows nothing.
 #[derive(Debug, thiserror::Error)]
@@ -33,6 +42,14 @@ pub(crate) enum BlockRunError {
     TooFew { run: String, too_few: TooFewTouches },
     #[error("{run} has {no_latency}")]
     NoLatency { run: String, no_latency: NoLatency },
+    #[error("{run} was made without geometry.pin_radius_mm in its rig file: it is no run on a pin")]
+    NoPin { run: String },
+    #[error(
+        "{run} was made with geometry.pin_radius_mm = {run_mm} in its rig file, and {asked_mm} mm is told"
+    )]
+    OtherPin { run: String, run_mm: f64, asked_mm: f64 },
+    #[error("{run}: {why}")]
+    NoRadius { run: String, why: NoGeometry },
     #[error(transparent)]
     Calibrations(#[from] CalibrationsError),
 }
@@ -157,4 +174,88 @@ fn keep(
     let witness = Witness { person, journal: vec![run.id.to_string()], temperature_c };
     let path = calibrations::write(basis, data, (kind, finding.clone()), witness)?;
     Ok((finding, path))
+}
+
+/// The standard deviations of touches: of their heights by the search, and of their tilts by the tolerance of the stage.
+pub(crate) fn noise(
+    sigmas_mm: impl ExactSizeIterator<Item = f64>,
+    limits: &RigLimits,
+) -> TouchNoise {
+    let count = sigmas_mm.len().max(1) as f64;
+    let variance = sigmas_mm.map(|sigma_mm| sigma_mm * sigma_mm).sum::<f64>() / count;
+    TouchNoise { height_mm: variance.sqrt(), tilt_deg: TILT_SHARE * limits.rotary.tolerance() }
+}
+
+/// The radius of the ball that touches on a pin have shown, with its record.
+#[derive(Debug)]
+pub(crate) struct KeptRadius {
+    /// What was found.
+    pub(crate) finding: Finding,
+    /// The record.
+    pub(crate) path: PathBuf,
+    /// Number of touches.
+    pub(crate) touches: usize,
+    /// When the blocks were touched whose record says where the rotary axis is; `None` if a rule has shown it.
+    pub(crate) blocks: Option<String>,
+}
+
+/// Finds the radius of the ball by the touches of a run on a pin of radius `pin_mm`, keeps the record, and returns both. A
+/// record that is not accepted is kept as well.
+///
+/// # Errors
+/// [`BlockRunError`]. There is then no new record.
+pub(crate) fn keep_probe_radius(
+    (reader, run): (&Reader, &Run),
+    pin_mm: f64,
+    (limits, basis): (&RigLimits, &Basis),
+    data: &Path,
+    person: (String, Option<f64>),
+) -> Result<KeptRadius, BlockRunError> {
+    let found = of_run(reader, run, 0.0, basis)?;
+    is_of_pin(reader, run, pin_mm)?;
+    let (prior, blocks) = prior(basis, &limits.geometry, data)?;
+    let noise = noise(found.iter().map(|(_, sigma_mm)| *sigma_mm), limits);
+    let touch = |(touch, _): &(BlockTouch, f64)| PinTouch {
+        tilt_deg: touch.tilt_deg,
+        height_mm: touch.height_mm,
+    };
+    let touches: Vec<PinTouch> = found.iter().map(touch).collect();
+    let radii = (pin_mm, limits.geometry.probe_radius_mm);
+    let finding = probe_radius(&touches, &noise, &prior, radii)
+        .map_err(|why| BlockRunError::NoRadius { run: run.short_name(), why })?;
+    let (finding, path) = keep((Kind::Pin, finding), run, (basis, data), person)?;
+    Ok(KeptRadius { finding, path, touches: touches.len(), blocks })
+}
+
+/// Refuses a run whose rig file has no pin, or one of another radius.
+fn is_of_pin(reader: &Reader, run: &Run, asked_mm: f64) -> Result<(), BlockRunError> {
+    let begun = reader.records(run.id)?.into_iter().find(|stored| stored.kind == "run_started");
+    let begun = begun.map(|stored| stored.record()).transpose().map_err(StoreError::from)?;
+    let rig = match begun {
+        Some(Record::RunStarted(RunStarted { rig, .. })) => {
+            Some(RigFile::read(&rig.name, &rig.toml).map_err(FileError::Faults)?)
+        }
+        _ => None,
+    };
+    let name = run.short_name();
+    match rig.and_then(|rig| rig.limits.geometry.pin_radius_mm) {
+        None => Err(BlockRunError::NoPin { run: name }),
+        Some(run_mm) if (run_mm - asked_mm).abs() < SAME_PIN_MM => Ok(()),
+        Some(run_mm) => Err(BlockRunError::OtherPin { run: name, run_mm, asked_mm }),
+    }
+}
+
+/// Where the rotary axis and the probe are, and the time of the record of blocks that says so.
+fn prior(
+    basis: &Basis,
+    geometry: &Geometry,
+    data: &Path,
+) -> Result<(PinPrior, Option<String>), BlockRunError> {
+    let records = calibrations::read(data)?;
+    let blocks = holding(Kind::Blocks, &records, basis, Timestamp::now().as_second()).ok();
+    let by_blocks = blocks.and_then(|blocks| {
+        let prior = prior_by_blocks(blocks, geometry.probe_radius_mm)?;
+        Some((prior, Some(blocks.made().to_owned())))
+    });
+    Ok(by_blocks.unwrap_or_else(|| (prior_by_rule(geometry), None)))
 }

@@ -285,6 +285,41 @@ fn touches_on_a_block_are_judged_over_http_and_the_next_run_cites_them() {
     daemon.end();
 }
 
+#[test]
+fn the_radius_of_the_ball_is_found_over_http_by_a_run_on_a_pin_alone() {
+    let daemon = daily();
+    daemon.run();
+    let on_block = daemon.post("commission/pin", r#"{"run": "latest", "pin_radius_mm": 2}"#);
+    assert_eq!(on_block.0, 422, "{}", on_block.1);
+    let why = on_block.1["detail"].as_str().unwrap();
+    assert!(why.contains("without geometry.pin_radius_mm"), "{why}");
+    daemon.end();
+
+    let folder = TempDir::new().unwrap();
+    let scene = fs::read_to_string(config("scenes/daily.toml")).unwrap();
+    let scene = scene.replacen("name = \"block\"", "name = \"pin\"", 1);
+    let scene = scene.replacen("[place]", "[place]\npin_mm = 2", 1);
+    fs::write(folder.path().join("scene.toml"), scene).unwrap();
+    let rig = fs::read_to_string(config("rigs/simulated.toml")).unwrap();
+    let rig = rig.replacen("../scenes/paper.toml", "scene.toml", 1);
+    let rig = rig.replacen("# pin_radius_mm = 2", "pin_radius_mm = 2", 1);
+    fs::write(folder.path().join("rig.toml"), rig).unwrap();
+    let daemon = Daemon::serve(folder, "pin.toml");
+    daemon.run();
+    let form = |radius: &str| format!(r#"{{"run": "pin-1", "pin_radius_mm": {radius}}}"#);
+    for radius in ["0", "2.1"] {
+        let (status, why) = daemon.post("commission/pin", &form(radius));
+        assert_eq!(status, 422, "{why}");
+    }
+    let (status, made) = daemon.post("commission/pin", &form("2"));
+    // The rotary axis is known by a rule alone.
+    assert_eq!((status, &made["verdict"]), (201, &Value::from("failed")), "{made}");
+    assert_eq!(made["values"][0]["name"], "geometry.probe_radius_mm", "{made}");
+    let file = made["file"].as_str().unwrap();
+    assert!(daemon.folder.path().join("data/calibrations").join(file).exists());
+    daemon.end();
+}
+
 /// What a person at the bench knows of it: where the axes are, and which way the last step went. A real bench shows it to
 /// the eye; this one says it in the words of its drives, which are right.
 #[derive(Debug, Default)]

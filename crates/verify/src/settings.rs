@@ -54,6 +54,8 @@ pub(crate) struct Geometry {
     probe_radius_mm: f64,
     sample_half_width_mm: f64,
     surface_tolerance_mm: f64,
+    /// Of a pin in place of a flat sample.
+    pin_radius_mm: Option<f64>,
 }
 
 #[derive(Debug, Clone, Deserialize)]
@@ -72,12 +74,21 @@ impl Rig {
     ///
     /// With the normal n = (sin α, cos α) of the plane at the distance d from the pivot, the centre of
     /// a touching ball of radius R has the distance d + R; its tip is R below the centre.
+    ///
+    /// A pin that is touched at its top when it is level has its axis at the distance a = |(p, d − ρ)| from the pivot, at an
+    /// angle φ from the normal, and its centre has the distance ρ + R from that of the ball.
     pub(crate) fn surface_mm(&self, tilt_deg: f64) -> f64 {
         let Geometry { surface_mm, surface_above_pivot_mm: d, probe_radius_mm: r, .. } =
             self.geometry;
+        let p = self.geometry.probe_beside_pivot_mm;
+        if let Some(pin) = self.geometry.pin_radius_mm {
+            let (a, phi) = (p.hypot(d - pin), p.atan2(d - pin));
+            let (sin, cos) = (phi + tilt_deg.to_radians()).sin_cos();
+            let beside = ((a * sin - p) / (pin + r)).clamp(-1.0, 1.0).asin();
+            return surface_mm - d + a * cos + (pin + r) * beside.cos() - r;
+        }
         let (sin, cos) = tilt_deg.to_radians().sin_cos();
-        let centre = (d + r - self.geometry.probe_beside_pivot_mm * sin) / cos;
-        surface_mm - d + centre - r
+        surface_mm - d + (d + r - p * sin) / cos - r
     }
 
     /// The lowest height at which the sample may turn between two tilts below the probe, mm. It is the clear

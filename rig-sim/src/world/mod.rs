@@ -532,7 +532,9 @@ impl World {
 
     fn contact_deg(&self, now: RigTime) -> f64 {
         let slope_deg = self.mounted.map_or(0.0, |mounted| self.point(now, mounted).slope_deg);
-        self.rotary.load(now) + slope_deg
+        let tilt_deg = self.rotary.load(now);
+        let radius_mm = self.scene.sensor.design.probe_radius_mm;
+        tilt_deg + self.scene.place.slope_deg(tilt_deg, radius_mm) + slope_deg
     }
 
     fn stiffness_mpa(&self, now: RigTime, mounted: MountedSample) -> f64 {

@@ -13,6 +13,8 @@ pub struct TrueGeometry {
     pub probe_beside_pivot_mm: f64,
     /// Distance of an edge of the sample from the rotary axis, along its surface on the same side.
     pub edge_mm: f64,
+    /// Radius of a pin in place of each sample, along the rotary axis, whose top is where a level sample is touched.
+    pub pin_mm: Option<f64>,
 }
 
 impl TrueGeometry {
@@ -28,10 +30,44 @@ impl TrueGeometry {
         let (sine, cosine) = tilt_deg.to_radians().sin_cos();
         let pivot_mm = self.surface_mm - self.surface_above_pivot_mm;
         let centre_mm = tip_mm + radius_mm - pivot_mm;
+        if let Some(pin_mm) = self.pin_mm {
+            let top_mm = self.top_above_probe_mm(pin_mm, tilt_deg, radius_mm, raised_mm);
+            return top_mm - centre_mm;
+        }
         // The surface is the plane n·x = d with the normal (sin θ, cos θ).
         let distance_mm = self.probe_beside_pivot_mm * sine + centre_mm * cosine
             - (self.surface_above_pivot_mm + raised_mm);
         (radius_mm - distance_mm) / cosine
+    }
+
+    /// Height of the centre of a ball that touches the pin, above the rotary axis, mm; minus infinity beside the pin.
+    fn top_above_probe_mm(
+        &self,
+        pin_mm: f64,
+        tilt_deg: f64,
+        radius_mm: f64,
+        raised_mm: f64,
+    ) -> f64 {
+        let (x, y) = self.turned(tilt_deg, self.surface_above_pivot_mm + raised_mm - pin_mm);
+        let angle = ((x - self.probe_beside_pivot_mm) / (pin_mm + radius_mm)).asin();
+        // Beside the pin there is no such angle.
+        if angle.is_nan() { f64::NEG_INFINITY } else { y + (pin_mm + radius_mm) * angle.cos() }
+    }
+
+    /// Where a point of the table is that is under the probe, and at this height above the rotary axis, when the table is
+    /// level: beside and above that axis, mm.
+    fn turned(&self, tilt_deg: f64, height_mm: f64) -> (f64, f64) {
+        let (sine, cosine) = tilt_deg.to_radians().sin_cos();
+        let x = self.probe_beside_pivot_mm;
+        (x * cosine + height_mm * sine, height_mm * cosine - x * sine)
+    }
+
+    /// The slope of the surface that is touched, against that of the table, degrees: zero for a flat sample.
+    pub(super) fn slope_deg(&self, tilt_deg: f64, radius_mm: f64) -> f64 {
+        let Some(pin_mm) = self.pin_mm else { return 0.0 };
+        let (x, _) = self.turned(tilt_deg, self.surface_above_pivot_mm - pin_mm);
+        let sine = (x - self.probe_beside_pivot_mm) / (pin_mm + radius_mm);
+        -sine.clamp(-1.0, 1.0).asin().to_degrees() - tilt_deg
     }
 
     /// How far it is along the surface from the touched point to the edge of the sample, mm; negative beyond it.
@@ -56,6 +92,7 @@ mod tests {
             surface_above_pivot_mm: 4.0,
             probe_beside_pivot_mm: 0.0,
             edge_mm: 3.0,
+            pin_mm: None,
         };
         // The side that sinks at 45° has its edge further away, and nearer at -45°.
         for (tilt_deg, expected_mm) in [(0.0, 3.0), (45.0, 3.0 + 4.5), (-45.0, 3.0 - 4.5)] {
@@ -72,6 +109,7 @@ mod tests {
             surface_above_pivot_mm: 4.0,
             probe_beside_pivot_mm: 0.3,
             edge_mm: f64::INFINITY,
+            pin_mm: None,
         };
         let drawn = Geometry {
             surface: Position::new(10.0),
@@ -80,6 +118,7 @@ mod tests {
             probe_radius_mm: 0.5,
             sample_half_width_mm: 20.0,
             surface_tolerance_mm: 0.5,
+            pin_radius_mm: None,
         };
         for degrees in [0.0, 15.0, 30.0, 45.0] {
             let angle = ContactAngle::new(degrees).unwrap();
@@ -92,7 +131,19 @@ mod tests {
                 );
                 let deeper = geometry.indentation_mm(tip - 0.5, tilt, 0.5, 0.0);
                 assert!((deeper - 0.5).abs() < 1e-12, "{direction} {angle}: {deeper}");
+                // A pin too, whose slope against the probe is that of the line between both centres.
+                let (geometry, drawn) = (
+                    TrueGeometry { pin_mm: Some(2.0), ..geometry },
+                    Geometry { pin_radius_mm: Some(2.0), ..drawn },
+                );
+                let tip = drawn.surface_at(direction, angle).value();
+                let off = geometry.indentation_mm(tip, tilt, 0.5, 0.0);
+                assert!(off.abs() < 1e-12, "{direction} {angle}: {off}");
+                let contact_deg = tilt + geometry.slope_deg(tilt, 0.5);
+                assert!(contact_deg * tilt <= 0.0 && contact_deg.abs() < 45.0, "{contact_deg}");
             }
         }
+        let thin = TrueGeometry { pin_mm: Some(0.5), ..geometry };
+        assert_eq!(thin.indentation_mm(0.0, 45.0, 0.5, 0.0), f64::NEG_INFINITY);
     }
 }

@@ -5,13 +5,13 @@ use rig_model::random::{Stream, normal_at};
 use super::*;
 
 /// What is true of a bench.
-struct Truth {
-    geometry: [f64; 4],
-    screw: Screw,
+pub(super) struct Truth {
+    pub(super) geometry: [f64; 4],
+    pub(super) screw: Screw,
 }
 
 #[derive(Debug, Clone, Copy)]
-enum Screw {
+pub(super) enum Screw {
     None,
     /// Amplitude, pitch, mm; phase.
     Periodic(f64, f64, f64),
@@ -19,11 +19,11 @@ enum Screw {
     Broken(f64, f64, u64),
 }
 
-const NOISE: TouchNoise = TouchNoise { height_mm: 0.001, tilt_deg: 0.01 };
+pub(super) const NOISE: TouchNoise = TouchNoise { height_mm: 0.001, tilt_deg: 0.01 };
 const TILTS: [f64; 7] = [-45.0, -30.0, -15.0, 0.0, 15.0, 30.0, 45.0];
 
 impl Screw {
-    fn error(self, at_mm: f64) -> f64 {
+    pub(super) fn error(self, at_mm: f64) -> f64 {
         match self {
             Self::None => 0.0,
             Self::Periodic(amplitude, pitch, phase) => {
@@ -42,12 +42,12 @@ impl Screw {
 }
 
 /// Touches of a bench, three at each tilt.
-fn touches(truth: &Truth, blocks_mm: &[f64], chance: &mut Stream) -> Vec<BlockTouch> {
+pub(super) fn touches(truth: &Truth, blocks_mm: &[f64], chance: &mut Stream) -> Vec<BlockTouch> {
     touches_at(truth, &TILTS.map(|tilt| [tilt; 3]).concat(), blocks_mm, chance)
 }
 
 /// Touches of a bench: the height at which the ball meets the plane, found without the formula of the fit.
-fn touches_at(
+pub(super) fn touches_at(
     truth: &Truth,
     tilts_deg: &[f64],
     blocks_mm: &[f64],
@@ -156,7 +156,7 @@ fn the_map_of_the_screw_makes_a_depth_less_wrong() {
 }
 
 /// Tilts whose heights are a tenth of a millimetre apart, as in `config/protocols/screw.toml`.
-fn even_tilts() -> Vec<f64> {
+pub(super) fn even_tilts() -> Vec<f64> {
     let tilt = |index: i32| {
         let secant = 1.0 + 0.023 * f64::from(index.abs());
         f64::from(index.signum()) * secant.recip().acos().to_degrees()

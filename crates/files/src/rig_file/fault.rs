@@ -58,6 +58,11 @@ pub(super) enum RigFileFault {
          linear stage: no room for surface_tolerance_mm and max_indentation_mm"
     )]
     NoRoomBelow { found: f64, room: f64, limit: f64 },
+    #[error(
+        "pin_radius_mm = {found}: at {tilt_deg}°, a soft limit of the rotary stage, the ball touches the side of the pin or passes \
+         beside it"
+    )]
+    ThinPin { found: f64, tilt_deg: f64 },
 }
 
 impl Complaint for RigFileFault {
@@ -110,6 +115,7 @@ impl Complaint for RigFileFault {
             Self::NotClear { clear, highest, reach_mm } => {
                 clear_advice(*clear, *highest, *reach_mm)
             }
+            Self::ThinPin { .. } => "use a thicker pin, or narrower soft limits".into(),
             Self::NoRoomBelow { found, limit, room } => {
                 let is_right = |mm| limit + room <= mm && mm <= LONGEST_MM;
                 with_unit_hint(

@@ -188,6 +188,7 @@ fn line_parity(
 struct GeometryRead {
     geometry: Geometry,
     surface_mm: Setting<f64>,
+    pin_radius_mm: Option<Setting<f64>>,
     /// Whether none of its values is faulty.
     is_sound: bool,
 }
@@ -200,6 +201,7 @@ fn geometry(table: &mut Table<'_>) -> GeometryRead {
     let probe_radius_mm = table.number("probe_radius_mm").range(0.01..=50.0).required();
     let sample_half_width_mm = table.number("sample_half_width_mm").range(0.5..=500.0).required();
     let surface_tolerance_mm = table.number("surface_tolerance_mm").range(0.0..=50.0).required();
+    let pin_radius_mm = table.number("pin_radius_mm").range(0.1..=50.0).optional();
     let all = [
         &surface_mm,
         &surface_above_pivot_mm,
@@ -209,7 +211,8 @@ fn geometry(table: &mut Table<'_>) -> GeometryRead {
         &surface_tolerance_mm,
     ];
     GeometryRead {
-        is_sound: all.iter().all(|setting| setting.sound().is_some()),
+        is_sound: all.iter().all(|setting| setting.sound().is_some())
+            && pin_radius_mm.as_ref().is_none_or(|pin| pin.sound().is_some()),
         geometry: Geometry {
             surface: Position::new(surface_mm.value),
             surface_above_pivot_mm: surface_above_pivot_mm.value,
@@ -217,8 +220,10 @@ fn geometry(table: &mut Table<'_>) -> GeometryRead {
             probe_radius_mm: probe_radius_mm.value,
             sample_half_width_mm: sample_half_width_mm.value,
             surface_tolerance_mm: surface_tolerance_mm.value,
+            pin_radius_mm: pin_radius_mm.as_ref().map(|pin| pin.value),
         },
         surface_mm,
+        pin_radius_mm,
     }
 }
 
@@ -290,6 +295,13 @@ fn heights(
         if clear <= highest.value() {
             let reach_mm = linear.soft_limits.sound().map(|&(_, max)| max);
             table.refuse(&linear.rest, &RigFileFault::NotClear { clear, highest, reach_mm });
+        }
+    }
+    if let (Some(pin), Some(&(min, max))) = (&geometry.pin_radius_mm, rotary.soft_limits.sound()) {
+        let is_beside = |tilt: &f64| !geometry.geometry.is_above_pin(Position::new(*tilt));
+        if let Some(tilt_deg) = [min, max].into_iter().find(is_beside) {
+            let found = pin.value;
+            table.refuse(pin, &RigFileFault::ThinPin { found, tilt_deg });
         }
     }
     if let (Some(&depth), Some(&(limit, _))) =

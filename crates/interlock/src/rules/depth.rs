@@ -98,12 +98,22 @@ impl Depth {
 
     /// The linear position at which the tip touches a sample of nominal height. A ball of radius r
     /// beside the pivot by x touches the plane x sin α + z cos α = d when its centre fulfils it for
-    /// d + r.
+    /// d + r. In place of the plane a pin of radius ρ may lie with its top there: in the frame of the sample its axis is at
+    /// (x, d − ρ), and the centre of the ball on the vertical line of the probe is ρ + r from it.
     fn expected_surface(&self, tilt: Position<Deg>) -> Position<Mm> {
         let geometry = &self.limits.geometry;
         let (d, r) = (geometry.surface_above_pivot_mm, geometry.probe_radius_mm);
         let (sin, cos) = tilt.value().to_radians().sin_cos();
-        let centre_mm = (d + r - geometry.probe_beside_pivot_mm * sin) / cos;
+        let x = geometry.probe_beside_pivot_mm;
+        let centre_mm = match geometry.pin_radius_mm {
+            None => (d + r - x * sin) / cos,
+            Some(pin_mm) => {
+                // The foot of the perpendicular from the axis of the pin to that line, and its distance.
+                let foot_mm = (d - pin_mm) * cos - x * sin;
+                let off_mm = (d - pin_mm) * sin - x * (1.0 - cos);
+                foot_mm + ((r + pin_mm).powi(2) - off_mm.powi(2)).max(0.0).sqrt()
+            }
+        };
         geometry.surface.offset(centre_mm - r - d)
     }
 

@@ -38,7 +38,17 @@ pub(crate) fn rotary_at(degrees: f64) -> Outcome {
 
 /// An interlock of a rig in service: both axes identified, the probe clear, the sample level.
 pub(crate) fn prepared(now: RigTime) -> Interlock {
-    let mut interlock = fresh();
+    in_service(fresh(), now)
+}
+
+/// The same with a pin of this radius in place of the samples.
+pub(crate) fn prepared_with_pin(now: RigTime, pin_mm: f64) -> Interlock {
+    let mut limits = limits();
+    limits.geometry.pin_radius_mm = Some(pin_mm);
+    in_service(Interlock::new(limits, Proven::Bench), now)
+}
+
+fn in_service(mut interlock: Interlock, now: RigTime) -> Interlock {
     for (command, outcome) in [
         (PortCommand::FindLinear, linear_at(49.0)),
         (lift(), linear_at(REST_MM)),

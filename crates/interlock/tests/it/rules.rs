@@ -5,7 +5,9 @@ use std::time::Duration;
 use rig_interlock::{Interlock, Outcome, PortCommand, Refusal, Word};
 use rig_model::{Position, RigTime};
 
-use crate::bench::{FLOOR_MM, REST_MM, fresh, lift, linear_at, lower, prepared, rotary_at, turn};
+use crate::bench::{
+    FLOOR_MM, REST_MM, fresh, lift, linear_at, lower, prepared, prepared_with_pin, rotary_at, turn,
+};
 
 const NOW: RigTime = RigTime::from_micros(1_000_000);
 
@@ -108,6 +110,22 @@ fn the_floor_follows_from_geometry_and_the_deepest_indentation_whatever_was_decl
     let (cos, deepest_mm) = (0.5_f64.sqrt(), 0.6);
     let floor_mm = 10.0 + 0.5 / cos - 0.5 - 0.5 / cos - deepest_mm;
     admitted(&mut interlock, lower(10.2), linear_at(10.2));
+    assert!(matches!(refused(&mut interlock, lower(floor_mm - 0.001)), Refusal::BelowFloor { .. }));
+    admitted(&mut interlock, lower(floor_mm + 0.001), linear_at(floor_mm));
+}
+
+#[test]
+fn the_floor_above_a_pin_follows_its_slope() {
+    let mut interlock = prepared_with_pin(NOW, 2.0);
+    admitted(&mut interlock, turn(45.0), rotary_at(45.0));
+    interlock.intent_is_durable(Position::new(1.0));
+    // The top of the pin is at the height of the rotary axis, its axis 2 mm below. Both are turned by 45°, and the centre of
+    // the ball of 0.5 mm on the vertical through the rotary axis is 2.5 mm from that of the pin.
+    let aside_mm = 2.0 * 0.5_f64.sqrt();
+    let tip_mm = 10.0 - aside_mm + (2.5_f64.powi(2) - aside_mm.powi(2)).sqrt() - 0.5;
+    let tolerance_mm = 0.5 / 0.5_f64.sqrt();
+    let floor_mm = tip_mm - tolerance_mm - 0.6;
+    admitted(&mut interlock, lower(10.1), linear_at(10.1));
     assert!(matches!(refused(&mut interlock, lower(floor_mm - 0.001)), Refusal::BelowFloor { .. }));
     admitted(&mut interlock, lower(floor_mm + 0.001), linear_at(floor_mm));
 }

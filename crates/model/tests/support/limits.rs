@@ -42,6 +42,7 @@ pub(crate) fn limits() -> RigLimits {
             probe_radius_mm: 0.5,
             sample_half_width_mm: 20.0,
             surface_tolerance_mm: TOLERANCE_MM,
+            pin_radius_mm: None,
         },
         motion: MotionLimits {
             max_indentation_mm: DEEPEST_MM,

@@ -3,6 +3,7 @@
 mod blocks;
 mod guide;
 mod latency;
+mod pin;
 pub(super) mod sensor;
 mod touches;
 
@@ -61,6 +62,8 @@ enum CommissionCommand {
     Touches(touches::TouchesArgs),
     /// Find the latency between stage and analyzer by touches at two speeds
     Latency(latency::LatencyArgs),
+    /// Find the radius of the ball by the touches of a run on a pin
+    Pin(pin::PinArgs),
     /// Measure the free sensor, and judge its drift, its linearity and its change since the last time
     Sensor(sensor::SensorArgs),
     /// Say that the bench was changed: what rests on it is asked for again
@@ -185,7 +188,11 @@ impl CommissionFailure {
         match self {
             Self::RigFile { .. }
             | Self::NotAnAnswer(_)
-            | Self::Block(BlockRunError::OtherAxes { .. })
+            | Self::Block(
+                BlockRunError::OtherAxes { .. }
+                | BlockRunError::NoPin { .. }
+                | BlockRunError::OtherPin { .. },
+            )
             | Self::Check(CheckError::OtherAxes { .. } | CheckError::Samples { .. }) => 2,
             _ => 1,
         }
@@ -209,6 +216,10 @@ impl CommissionFailure {
                 "run `config/protocols/latency.toml`; where its fast touches were found by steps, state a larger \
                  analyzer.latency_sigma_s in the rig file first",
             ),
+            Self::Block(BlockRunError::NoPin { .. }) => Some(
+                "add pin_radius_mm to [geometry] in a copy of the rig file, and run config/protocols/pin.toml with --rig COPY",
+            ),
+            Self::Block(BlockRunError::NoRadius { .. }) => Some(Kind::Pin.remedy()),
             Self::RigFile { .. } => Some(
                 "change the rig file, and begin `rigd commission` again: the steps that it changes are made again",
             ),
@@ -226,6 +237,7 @@ pub(super) fn commission(args: &CommissionArgs) -> Result<(), Failure> {
         Some(CommissionCommand::Blocks(args)) => blocks::blocks(args),
         Some(CommissionCommand::Touches(args)) => touches::touches(args),
         Some(CommissionCommand::Latency(args)) => latency::latency(args),
+        Some(CommissionCommand::Pin(args)) => pin::pin(args),
         Some(CommissionCommand::Sensor(args)) => sensor::sensor(args),
         Some(CommissionCommand::Changed(args)) => changed(args),
         Some(CommissionCommand::Changes) => print(&changes()),

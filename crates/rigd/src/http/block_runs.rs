@@ -1,6 +1,9 @@
 //! Runs that clients have judged for the calibration of a bench.
 
-use std::{path::PathBuf, sync::Arc};
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 use axum::{Extension, Json, extract::State, http::StatusCode, routing::post};
 use rig_commission::{Finding, Verdict};
@@ -15,7 +18,7 @@ use super::{
     route::{Route, json},
 };
 use crate::{
-    block_runs::{BlockRunError, keep_latency, keep_repeatability},
+    block_runs::{BlockRunError, keep_latency, keep_probe_radius, keep_repeatability},
     operator::Operator,
 };
 
@@ -25,6 +28,19 @@ use crate::{
 pub(super) struct BlockRunForm {
     /// Its id, its short name such as `touches-1`, or `latest`.
     run: String,
+    /// Temperature at the bench for the record, °C.
+    #[serde(default)]
+    temperature_c: Option<f64>,
+}
+
+/// A run on a pin.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PinRunForm {
+    /// Its id, its short name such as `pin-1`, or `latest`.
+    run: String,
+    /// Radius of the pin, half of its diameter, mm.
+    pin_radius_mm: f64,
     /// Temperature at the bench for the record, °C.
     #[serde(default)]
     temperature_c: Option<f64>,
@@ -71,6 +87,15 @@ pub(super) fn routes() -> Vec<Route> {
             json::<CalibrationView>(),
             || post(latency),
         ),
+        Route::post(
+            "/commission/pin",
+            "findProbeRadius",
+            "Finds the radius of the ball by the touches of a run on a pin",
+            json::<PinRunForm>(),
+            201,
+            json::<CalibrationView>(),
+            || post(pin),
+        ),
     ]
 }
 
@@ -114,8 +139,35 @@ async fn judged(
     let person = (operator.as_str().to_owned(), temperature_c);
     let kept = shared.read(move |reader| Ok(keep((reader, &reader.run(id)?), &inner, person)?));
     let (finding, path) = kept.await?;
+    Ok(created(finding, &path))
+}
+
+async fn pin(
+    State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
+    form: ObjectBody<PinRunForm>,
+) -> Result<(StatusCode, Json<CalibrationView>), Problem> {
+    let Json(Object(PinRunForm { run, pin_radius_mm, temperature_c })) = form?;
+    if pin_radius_mm <= 0.0 {
+        return Err(Problem::unprocessable(format!(
+            "pin_radius_mm = {pin_radius_mm} is not above 0"
+        )));
+    }
+    let id = shared.run(&run).await?;
+    let inner = Arc::clone(&shared.inner);
+    let witness = (operator.as_str().to_owned(), temperature_c);
+    let kept = shared.read(move |reader| {
+        let run = reader.run(id)?;
+        let rig = (&inner.facts.limits, &inner.facts.basis);
+        Ok(keep_probe_radius((reader, &run), pin_radius_mm, rig, &inner.data, witness)?)
+    });
+    let kept = kept.await?;
+    Ok(created(kept.finding, &kept.path))
+}
+
+fn created(finding: Finding, path: &Path) -> (StatusCode, Json<CalibrationView>) {
     let file = path.file_name().map(|name| name.to_string_lossy().into_owned());
-    Ok((StatusCode::CREATED, Json(CalibrationView::of(finding, file.unwrap_or_default()))))
+    (StatusCode::CREATED, Json(CalibrationView::of(finding, file.unwrap_or_default())))
 }
 
 impl CalibrationView {
@@ -145,7 +197,10 @@ impl From<BlockRunError> for Problem {
         match error {
             BlockRunError::OtherAxes { .. }
             | BlockRunError::TooFew { .. }
-            | BlockRunError::NoLatency { .. } => Self::unprocessable(detail),
+            | BlockRunError::NoLatency { .. }
+            | BlockRunError::NoPin { .. }
+            | BlockRunError::OtherPin { .. }
+            | BlockRunError::NoRadius { .. } => Self::unprocessable(detail),
             BlockRunError::Store(error) => error.into(),
             BlockRunError::RigFile(_) | BlockRunError::Calibrations(_) => Self::internal(&detail),
         }

@@ -61,6 +61,7 @@ fn bench_of(file: &RigFile, plan: &Plan) -> LoadedScene {
             surface_above_pivot_mm: geometry.surface_above_pivot_mm,
             probe_beside_pivot_mm: geometry.probe_beside_pivot_mm,
             edge_mm: f64::INFINITY,
+            pin_mm: geometry.pin_radius_mm,
         },
         linear: Mechanics {
             start: linear.rest_target().position().value(),

@@ -44,7 +44,7 @@ const MOTION: [Row; 2] = [
 ];
 
 /// What belongs to metrology. Of a length by touches, a tenth of what a rule shows is enough for a search.
-const METROLOGY: [Row; 9] = [
+const METROLOGY: [Row; 10] = [
     row(Kind::Touches, "touches.scatter", "scatter of a touch on a block", 0.025, "mm"),
     row(Kind::Touches, "touches.trend", "trend of ten touches", 0.025, "mm"),
     uncertainty(Kind::Blocks, "geometry.surface_mm", "uncertainty of the surface", 0.05, "mm"),
@@ -62,6 +62,13 @@ const METROLOGY: [Row; 9] = [
         0.1,
         "mm",
     ),
+    uncertainty(
+        Kind::Pin,
+        "geometry.probe_radius_mm",
+        "uncertainty of the radius of the ball",
+        0.025,
+        "mm",
+    ),
     uncertainty(Kind::Latency, "analyzer.latency_s", "uncertainty of the latency", 0.003, "s"),
     row(Kind::Sensor, "sensor.drift", "drift of the free sensor", 1.0, "Hz/h"),
     row(Kind::Sensor, "sensor.level", "shift from the lowest level to the highest", 0.2, "Hz"),
@@ -76,7 +83,7 @@ pub(crate) fn of_motion(records: &[Calibration], basis: &Basis, unix_s: i64) -> 
 
 /// The checks of metrology.
 pub(crate) fn of_metrology(records: &[Calibration], basis: &Basis, unix_s: i64) -> Vec<Check> {
-    let kinds = [Kind::Touches, Kind::Blocks, Kind::Latency, Kind::Sensor];
+    let kinds = [Kind::Touches, Kind::Blocks, Kind::Pin, Kind::Latency, Kind::Sensor];
     of(&kinds, &METROLOGY, (records, basis, unix_s))
 }
 
@@ -127,6 +134,10 @@ const fn how(kind: Kind) -> &'static str {
             "put a sample in place, `rigd run config/protocols/latency.toml`, then `rigd commission latency latest`; a rig whose \
              protocols find surfaces in steps needs none"
         }
+        Kind::Pin => {
+            "put the pin in place, add its pin_radius_mm to a copy of the rig file, `rigd run config/protocols/pin.toml --rig COPY`, \
+             then `rigd commission pin latest --pin-radius-mm RADIUS`"
+        }
         Kind::Sensor => "`rigd commission sensor`",
         _ => "`rigd commission` asks for what is missing",
     }
@@ -165,6 +176,7 @@ mod tests {
                 ("scatter of a touch on a block", Level::Problem),
                 ("trend of ten touches", Level::Ok),
                 ("blocks", Level::Problem),
+                ("pin", Level::Problem),
                 ("latency", Level::Problem),
                 ("sensor", Level::Problem),
             ]

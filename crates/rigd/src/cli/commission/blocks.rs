@@ -5,14 +5,14 @@ use std::str::FromStr;
 use clap::Args;
 use rig_commission::{
     Change, Finding, Kind, Value,
-    metrology::{BlockGeometry, BlockTouch, TouchNoise, fit},
+    metrology::{BlockGeometry, BlockTouch, fit},
 };
 use rig_files::rig_file::RigFile;
 use rig_store::Reader;
 
 use super::{CommissionFailure, judged};
 use crate::{
-    block_runs::of_run,
+    block_runs::{noise, of_run},
     calibrations::{self, Witness},
     cli::{
         Failure,
@@ -62,9 +62,6 @@ impl FromStr for Raised {
 const LENGTH_MM: f64 = 0.05;
 const ANGLE_DEG: f64 = 0.1;
 
-/// Error of a tilt, as a share of the tolerance of the rotary stage.
-const TILT_SHARE: f64 = 0.5;
-
 pub(super) fn blocks(args: &BlocksArgs) -> Result<(), Failure> {
     let data = args.bench.data.dir();
     let rig = args.bench.rig.load()?;
@@ -72,20 +69,17 @@ pub(super) fn blocks(args: &BlocksArgs) -> Result<(), Failure> {
     runs.extend(args.raised.iter().map(|raised| (raised.run.clone(), raised.by_mm)));
     let reader =
         Reader::open(&data).map_err(|source| Failure::Data { data: data.clone(), source })?;
-    let (mut touches, mut ids, mut variance) = (Vec::new(), Vec::new(), 0.0_f64);
+    let (mut touches, mut ids, mut sigmas_mm) = (Vec::new(), Vec::new(), Vec::new());
     for (run, raised_mm) in runs {
         let run = reader.find(&run)?;
         let found = of_run(&reader, &run, raised_mm, &rig.basis());
         for (touch, sigma_mm) in found.map_err(CommissionFailure::from)? {
             touches.push(touch);
-            variance += sigma_mm * sigma_mm;
+            sigmas_mm.push(sigma_mm);
         }
         ids.push(run.id.to_string());
     }
-    let noise = TouchNoise {
-        height_mm: (variance / touches.len().max(1) as f64).sqrt(),
-        tilt_deg: TILT_SHARE * rig.file.limits.rotary.tolerance(),
-    };
+    let noise = noise(sigmas_mm.into_iter(), &rig.file.limits);
     let found = fit(&touches, &noise, &heights(&touches)).map_err(CommissionFailure::from)?;
     let finding = finding(&rig.file, &found);
     print(&facts(&rows(&finding)))?;
