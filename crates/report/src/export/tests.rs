@@ -23,7 +23,14 @@ fn records() -> Vec<StoredRecord> {
     let trail = vec![SurfaceReading { position_mm: 10.3, reading: reading(140.0, 0) }];
     let sigma_mm = 0.01 / 12.0_f64.sqrt();
     let checked = CheckedSurface { step: STEP.to_owned(), pose: POSE, trail: trail.clone() };
-    let found = Surface { step: STEP.to_owned(), pose: POSE, position_mm: 10.1, sigma_mm, trail };
+    let found = Surface {
+        step: STEP.to_owned(),
+        pose: POSE,
+        position_mm: 10.1,
+        sigma_mm,
+        onset: None,
+        trail,
+    };
     let records = [
         sample::started(Vec::new()),
         Record::Sweep(sweep(1, SweepPurpose::NoLoad, 140.4)),

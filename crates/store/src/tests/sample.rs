@@ -94,6 +94,7 @@ pub(super) fn records() -> Vec<Record> {
             pose: POSE,
             position_mm: 10.1,
             sigma_mm: 0.01 / 12.0_f64.sqrt(),
+            onset: None,
             trail: vec![SurfaceReading { position_mm: 10.3, reading: reading(140.0, 0) }],
         }),
         sweep(2, SweepPurpose::Touch, 158.3),
