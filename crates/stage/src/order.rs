@@ -2,9 +2,7 @@
 
 use std::time::Duration;
 
-use rig_files::instrument::drive::{
-    AccelerationUnit, Quantity, RegisterContent, SpeedUnit, Step, Width,
-};
+use rig_files::instrument::drive::{AccelerationUnit, Quantity, RegisterContent, Step, Width};
 use rig_model::{Axis, Position, Scale, Unit};
 
 use crate::{RegisterMap, Request, StageError, profile};
@@ -77,14 +75,11 @@ impl Order {
             return Err(StageError::Uncountable { wanted });
         };
         let rpm_per_count_per_s = 60.0 / scale.counts_per_revolution;
-        let per_count_per_s = match map.speed {
-            SpeedUnit::CountsPerSecond => 1.0,
-            SpeedUnit::RevolutionsPerMinute => rpm_per_count_per_s,
-        };
+        let per_count_per_s = map.speed.per_count_per_s(scale);
         // A product that should be whole may be slightly below.
         let speed = (scale.counts_per_s(speed_per_s) * per_count_per_s + 1e-6).floor();
         if speed < 1.0 {
-            let min = scale.per_count.abs() / per_count_per_s;
+            let min = map.speed.slowest_per_s(scale);
             return Err(StageError::TooSlow { asked: speed_per_s, min });
         }
         let counts_per_s2 = scale.counts_per_s(scale.acceleration_per_s2);

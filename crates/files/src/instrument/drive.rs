@@ -1,6 +1,6 @@
 //! What a Modbus axis drive must be told, as data.
 
-use rig_model::{DriveMake, Parity};
+use rig_model::{DriveMake, Parity, Scale};
 
 /// One of the four tables of a Modbus device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -147,6 +147,25 @@ pub enum Quantity {
     LimitMax,
 }
 
+impl Quantity {
+    /// Its name in an instrument file.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Target => "target",
+            Self::Speed => "speed",
+            Self::Acceleration => "acceleration",
+            Self::Deceleration => "deceleration",
+            Self::LimitMin => "limit_min",
+            Self::LimitMax => "limit_max",
+        }
+    }
+
+    /// Whether it is of a move, and not of the axis.
+    pub const fn is_of_a_move(self) -> bool {
+        !matches!(self, Self::LimitMin | Self::LimitMax)
+    }
+}
+
 /// The unit in which a drive takes its speed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SpeedUnit {
@@ -154,6 +173,21 @@ pub enum SpeedUnit {
     CountsPerSecond,
     /// Revolutions of the motor per minute.
     RevolutionsPerMinute,
+}
+
+impl SpeedUnit {
+    /// This unit for a count per second of an axis.
+    pub fn per_count_per_s<U>(self, scale: &Scale<U>) -> f64 {
+        match self {
+            Self::CountsPerSecond => 1.0,
+            Self::RevolutionsPerMinute => 60.0 / scale.counts_per_revolution,
+        }
+    }
+
+    /// The slowest move of an axis, in its unit per second: a drive takes whole numbers.
+    pub fn slowest_per_s<U>(self, scale: &Scale<U>) -> f64 {
+        scale.per_count.abs() / self.per_count_per_s(scale)
+    }
 }
 
 /// The unit in which a drive takes its acceleration.

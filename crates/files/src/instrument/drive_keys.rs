@@ -51,6 +51,9 @@ pub(super) fn drive(table: &mut Table<'_>) -> RegisterMap {
     if commands.sound().is_some() && table.is_there() && !commands.value.sets_target() {
         table.refuse(&commands, &InstrumentFault::NoTarget);
     }
+    if commands.sound().is_some() && commands.value.stops_again() {
+        table.refuse(&commands, &InstrumentFault::StopTwice);
+    }
     differing_lengths(table, &status.blocks, &settings, &signature);
     let Commands { prepare, start, home, stop, release_stop, reset } = commands.value;
     RegisterMap {
@@ -154,6 +157,17 @@ fn status(table: &mut Table<'_>) -> Status {
     let alarm_flag = table.section("alarm_flag", flag).optional();
     let alarm_register = table.section("alarm_register", alarm_block).optional();
 
+    if let Some(command) = &command
+        && command.sound().is_some()
+        && position.sound().is_some()
+        && command.value == position.value
+    {
+        table.refuse(command, &InstrumentFault::OnePosition);
+    }
+    // The opposite levels of one bit are a busy line.
+    if moving.sound().is_some() && ready.sound().is_some() && moving.value == ready.value {
+        table.refuse(&ready, &InstrumentFault::OneBit);
+    }
     let target = match (&command, &register) {
         (Some(at), None) => TargetReadBack::CommandPosition(at.value.within(table, at, &blocks)),
         (None, Some(at)) => TargetReadBack::Register(at.value.within(table, at, &blocks)),
@@ -205,6 +219,11 @@ struct Commands {
 }
 
 impl Commands {
+    /// Whether the release of a stop is the stop.
+    fn stops_again(&self) -> bool {
+        !self.stop.is_empty() && self.stop == self.release_stop
+    }
+
     /// Whether the start of a move writes the target.
     fn sets_target(&self) -> bool {
         let is_target =
@@ -237,7 +256,38 @@ fn settings(table: &mut Table<'_>) -> DriveSettings {
     if read.sound().is_some() && expect.sound().is_some() && table.is_there() && found != expected {
         table.refuse(&expect, &InstrumentFault::ExpectLength { found, expected });
     }
+    if let Some(fault) = other_limit(&write, read.value, &expect.value) {
+        table.refuse(&expect, &fault);
+    }
     DriveSettings { write, read: read.value, expect: expect.value }
+}
+
+/// A limit that is written to one register and expected in another one.
+fn other_limit(write: &[Step], read: Block, expect: &[RegisterContent]) -> Option<InstrumentFault> {
+    let expected = limits_at(read.address, expect);
+    let written = write.iter().flat_map(|step| match step {
+        Step::Registers { address, contents } => limits_at(*address, contents),
+        Step::Register { .. } | Step::Coil { .. } | Step::Hold { .. } => Vec::new(),
+    });
+    written.into_iter().find_map(|(address, written)| {
+        let (_, found) = expected.iter().find(|(other, _)| *other == address)?;
+        let (found, written) = (found.name(), written.name());
+        (found != written).then_some(InstrumentFault::OtherLimit { address, found, written })
+    })
+}
+
+/// The limits in registers from an address on, each with its own address.
+fn limits_at(mut address: u16, contents: &[RegisterContent]) -> Vec<(u16, Quantity)> {
+    let mut found = Vec::new();
+    for content in contents {
+        if let RegisterContent::Of(quantity, _) = *content
+            && !quantity.is_of_a_move()
+        {
+            found.push((address, quantity));
+        }
+        address = address.saturating_add(content.registers());
+    }
+    found
 }
 
 #[derive(Default)]
@@ -248,6 +298,16 @@ struct Alarms {
 
 fn alarms(table: &mut Table<'_>) -> Alarms {
     let names = table.section("names", alarm_name).list().required().value;
+    for (at, name) in names.iter().enumerate() {
+        let code = name.value.0;
+        if let Some(first) = names[..at].iter().find(|first| first.value.0 == code)
+            && name.sound().is_some()
+            && first.sound().is_some()
+        {
+            let (first, second) = (first.value.1.clone(), name.value.1.clone());
+            table.refuse(name, &InstrumentFault::TwoNames { code, first, second });
+        }
+    }
     let code = table.count("emergency_stop").range(1..=0xFFFF).optional();
     let code = code.and_then(|code| u16::try_from(code.value).ok());
     Alarms {

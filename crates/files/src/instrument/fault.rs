@@ -45,13 +45,13 @@ pub(super) enum InstrumentFault {
     TwoMeanings { word: i32 },
 
     // Drives.
-    #[error("{key}: no block has the {registers} register(s) at {address:#06x}")]
+    #[error("{key}: no block has {} at {address:#06x}", registers_of(*registers))]
     OutsideBlock { key: &'static str, address: u16, registers: u16 },
     #[error("{count} addresses from {address:#06x} on reach beyond 0xffff, the last one")]
     BeyondLast { address: u16, count: u16 },
     #[error("{key}: bit {bit} of {what} at {address:#06x} does not exist")]
     NoBit { key: &'static str, bit: u32, what: &'static str, address: u16 },
-    #[error("{count} registers are read by {first} and by {second}: answers must differ in length")]
+    #[error("{} read by {first} and by {second}: answers must differ in length", are(*count))]
     EqualLengths { count: u16, first: String, second: String },
     #[error("min = {min} admits a device that answers zeros, or is above max = {max}")]
     Range { min: i32, max: i32 },
@@ -69,6 +69,22 @@ pub(super) enum InstrumentFault {
     ExpectLength { found: u16, expected: u16 },
     #[error("start does not write the target")]
     NoTarget,
+    #[error(
+        "{command} writes \"{quantity}\": only `start` makes a move, and here its value would be 0"
+    )]
+    NoMove { command: &'static str, quantity: &'static str },
+    #[error("moving and ready are one bit: a drive that moves would be ready for the next move")]
+    OneBit,
+    #[error(
+        "command_position is read where position is: a target that was not reached would not be seen"
+    )]
+    OnePosition,
+    #[error("release_stop writes the same as stop: the axis would be stopped again")]
+    StopTwice,
+    #[error("expect has {found} at {address:#06x}, where write puts {written}")]
+    OtherLimit { address: u16, found: &'static str, written: &'static str },
+    #[error("the alarm {code:#04x} has two names, \"{first}\" and \"{second}\"")]
+    TwoNames { code: u16, first: String, second: String },
     #[error("[status] needs one of `{0}` and `{1}`")]
     OneOf(&'static str, &'static str),
 }
@@ -100,7 +116,21 @@ impl Complaint for InstrumentFault {
                                   conductance_s and susceptance_s"
                     .into()
             }
-            Self::FieldTwice(_) | Self::TwoMeanings { .. } => "remove one".into(),
+            Self::FieldTwice(_) | Self::TwoMeanings { .. } | Self::TwoNames { .. } => {
+                "remove one".into()
+            }
+            Self::NoMove { .. } => "write a number, or a limit".into(),
+            Self::OneBit => "give each the bit that the manual names".into(),
+            Self::OnePosition => {
+                "give the position that the drive commands, or `target_register` instead of it"
+                    .into()
+            }
+            Self::StopTwice => {
+                "write what the manual says, or nothing if a stop needs no release".into()
+            }
+            Self::OtherLimit { .. } => {
+                "expect what was written, in the order of the registers".into()
+            }
             Self::NoStatusWords => "say what its numbers mean".into(),
             Self::NoStatusField => "name the field, or remove the section".into(),
             Self::OutsideBlock { .. } => {
@@ -131,4 +161,13 @@ impl Complaint for InstrumentFault {
             Self::OneOf(..) => "give one".into(),
         })
     }
+}
+
+/// A number of registers, in words.
+fn registers_of(count: u16) -> String {
+    if count == 1 { "the register".to_owned() } else { format!("the {count} registers") }
+}
+
+fn are(count: u16) -> String {
+    if count == 1 { "1 register is".to_owned() } else { format!("{count} registers are") }
 }

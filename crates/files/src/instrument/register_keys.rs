@@ -10,7 +10,7 @@ use crate::settings::{Setting, Table};
 const REGISTERS_MAX: u16 = 123;
 
 /// A number in some block.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct FieldPlace {
     table: RegisterTable,
     address: u16,
@@ -18,7 +18,7 @@ pub(super) struct FieldPlace {
 }
 
 /// A bit in some block.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct FlagPlace {
     table: RegisterTable,
     address: u16,
@@ -149,12 +149,31 @@ fn find<T>(
     })
 }
 
-/// Reads the steps of a command.
+/// The command that makes a move.
+const START: &str = "start";
+
+/// Reads the steps of a command. Only those of the start of a move have its target, speed and ramps: with another command the
+/// axis goes nowhere, and these are 0.
 pub(super) fn steps(table: &mut Table<'_>, key: &'static str, is_required: bool) -> Vec<Step> {
     let entry = table.section(key, step).list().at_most(50);
     let found = if is_required { Some(entry.required()) } else { entry.optional() };
     let steps = found.map(|found| found.value).unwrap_or_default();
+    for step in steps.iter().filter(|_| key != START) {
+        if let Some(quantity) = step.value.as_ref().and_then(of_a_move) {
+            table
+                .refuse(step, &InstrumentFault::NoMove { command: key, quantity: quantity.name() });
+        }
+    }
     steps.into_iter().filter_map(|step| step.value).collect()
+}
+
+/// The first quantity of a move that a step writes.
+fn of_a_move(step: &Step) -> Option<Quantity> {
+    let Step::Registers { contents, .. } = step else { return None };
+    contents.iter().find_map(|content| match content {
+        RegisterContent::Of(quantity, _) if quantity.is_of_a_move() => Some(*quantity),
+        _ => None,
+    })
 }
 
 fn step(table: &mut Table<'_>) -> Option<Step> {

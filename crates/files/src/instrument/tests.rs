@@ -165,9 +165,9 @@ fn a_drive_file_is_told_all_of_its_faults_at_once() {
             ("{ register = 0x007D, value = 0x10 }", "{ register = 0x007D, on = true }"),
         ],
         &[
-            "position: no block has the 2 register(s) at 0x0123",
+            "position: no block has the 2 registers at 0x0123",
             "ready: bit 16 of the register at 0x007f does not exist",
-            "homed: no block has the 1 register(s) at 0x0077",
+            "homed: no block has the register at 0x0077",
             "start does not write the target",
             "`value` is missing beside `register`",
             "`on` is not for `coil`",
@@ -209,5 +209,45 @@ fn a_drive_file_is_told_all_of_its_faults_at_once() {
             "resolution: no block has",
         ],
     );
+    // Each of these would be read, and hurt on the bench.
+    for (old, new, why) in [
+        (
+            "values = [\"0 i32\"] },",
+            "values = [\"target i32\"] },",
+            "reset writes \"target\": only `start` makes a move",
+        ),
+        (
+            "home = [",
+            "home = [{ registers = 0x01, values = [\"speed i32\"] }, ",
+            "home writes \"speed\": only `start` makes a move",
+        ),
+        (
+            "ready = { address = 0x007F, bit = 5 }",
+            "ready = { address = 0x007F, bit = 13 }",
+            "moving and ready are one bit",
+        ),
+        (
+            "command_position = { address = 0x0122",
+            "command_position = { address = 0x0120",
+            "command_position is read where position is",
+        ),
+        (
+            "release_stop = [{ register = 0x007D, value = 0 }]",
+            "release_stop = [{ register = 0x007D, value = 0x20 }]",
+            "release_stop writes the same as stop",
+        ),
+        (
+            "expect = [\"1 i32\", \"limit_max i32\", \"limit_min i32\"]",
+            "expect = [\"1 i32\", \"limit_min i32\", \"limit_max i32\"]",
+            "expect has limit_min at 0x0388, where write puts limit_max",
+        ),
+        (
+            "{ code = 0x22,",
+            "{ code = 0x21,",
+            "the alarm 0x21 has two names, \"main circuit overheat\" and \"overvoltage\"",
+        ),
+    ] {
+        drive(&[(old, new)], &[why]);
+    }
     drive(&[("parity =", "recovery = 1\nparity =")], &["`recovery` is not for an instrument file"]);
 }
