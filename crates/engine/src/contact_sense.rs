@@ -7,7 +7,7 @@
 #[cfg(test)]
 mod tests;
 
-use rig_model::{Impedance, Mm, PointResult, Position, Reading};
+use rig_model::{ContactAngle, Impedance, Mm, PointResult, Position, Reading, RigLimits};
 use rig_protocol::Approach;
 use rig_resonance::{Circuit, Refusal, Resonance};
 
@@ -126,6 +126,21 @@ pub enum ContactSenseFault {
         by_mm: f64,
         /// Largest distance, mm.
         limit_mm: f64,
+    },
+    /// The surface is so low that the touch would end below what the bench allows.
+    #[error(
+        "the surface was found at {found}, and the geometry of the rig file expects it at {expected}: a touch of \
+         {depth_mm:.3} mm needs it at {lowest} or above"
+    )]
+    SurfaceTooLow {
+        /// The surface.
+        found: Position<Mm>,
+        /// Where the geometry of the rig file expects it.
+        expected: Position<Mm>,
+        /// Depth of the touch, mm.
+        depth_mm: f64,
+        /// The lowest surface for this depth.
+        lowest: Position<Mm>,
     },
     /// The contact threshold is too close to the noise.
     #[error(
@@ -459,12 +474,14 @@ impl Neighbours {
     /// The last touch, refused, if a fault contradicts it: it is unknown since when the contact
     /// sense or the position has been wrong.
     pub(crate) fn contradicted_by(&mut self, fault: &Fault) -> Option<TouchResult> {
-        use ContactSenseFault::{Frozen, NoResponse, NotFree, ReferenceMoved, SurfaceMoved};
+        use ContactSenseFault::{
+            Frozen, NoResponse, NotFree, ReferenceMoved, SurfaceMoved, SurfaceTooLow,
+        };
         let is_contradiction = match fault {
             Fault::ContactSense(
                 NotFree { .. } | NoResponse { .. } | Frozen { .. } | ReferenceMoved { .. },
             ) => true,
-            Fault::ContactSense(SurfaceMoved { .. })
+            Fault::ContactSense(SurfaceMoved { .. } | SurfaceTooLow { .. })
             | Fault::NoContact { .. }
             | Fault::ContactTooEarly { .. }
             | Fault::NoReference { .. } => self.is_same_sample,
@@ -476,6 +493,25 @@ impl Neighbours {
         result.outcome = TouchOutcome::Refused { contact: Some(contact), refusal };
         Some(result)
     }
+}
+
+/// Refuses a surface that is too low for a touch of this depth at this angle: it would end below the floor of the bench, which
+/// the interlock in front of the ports keeps.
+pub(crate) fn check_depth(
+    found: Position<Mm>,
+    expected: Position<Mm>,
+    (depth_mm, angle): (f64, ContactAngle),
+    limits: &RigLimits,
+) -> Result<(), ContactSenseFault> {
+    // Along the vertical, a surface that lies lower by t along its normal does so by t/cos α.
+    let tolerance_mm = limits.geometry.surface_tolerance_mm / angle.radians().cos();
+    let room_mm = tolerance_mm + limits.motion.max_indentation_mm - depth_mm;
+    // The stage may be read back a little lower, and the sample at a slightly other tilt.
+    let lowest = expected.offset(limits.linear.tolerance() - room_mm);
+    if lowest <= found {
+        return Ok(());
+    }
+    Err(ContactSenseFault::SurfaceTooLow { found, expected, depth_mm, lowest })
 }
 
 /// Refuses a surface that lies elsewhere than the touches before expect it.

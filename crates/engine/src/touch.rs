@@ -27,7 +27,7 @@ use self::way_down::WayDown;
 use crate::{
     Contact, ContactSenseFault, Fault, Halfway, LoweringPurpose, RunPhase, TouchOutcome,
     TouchRefusal, TouchResult,
-    contact_sense::{check_alive, check_free, check_surface, may_be_drift},
+    contact_sense::{check_alive, check_depth, check_free, check_surface, may_be_drift},
     descent::Descent,
     heights::Prediction,
     listening::Decay,
@@ -470,7 +470,7 @@ impl TouchMachine {
         }
     }
 
-    /// The surface is found, unless it lies elsewhere than the touches before expect it.
+    /// The surface is found, unless it lies elsewhere than the touches before expect it, or too low for the touch.
     fn found(
         &mut self,
         (surface, onset): (Surface, Option<Onset>),
@@ -479,7 +479,10 @@ impl TouchMachine {
     ) -> MachineStep<TouchResult> {
         let tolerance_mm = context.limits.geometry.surface_tolerance_mm;
         let (found, expected) = (surface.position, self.expected(context));
-        if let Err(fault) = check_surface(found, expected, self.outlook.offset_mm, tolerance_mm) {
+        let deepest = (context.plan.touch.indentation_mm, self.touch.pose.angle);
+        let is_expected = check_surface(found, expected, self.outlook.offset_mm, tolerance_mm)
+            .and_then(|()| check_depth(found, expected, deepest, context.limits));
+        if let Err(fault) = is_expected {
             context.surface_not_found(trail, None);
             return MachineStep::Fault(Fault::ContactSense(fault));
         }

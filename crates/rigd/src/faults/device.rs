@@ -122,7 +122,8 @@ pub(super) const FAULTS: [ListedFault; 14] = [
         class: Device,
         what: "an axis loses steps, and its read-back does not show it",
         reaction: "looks for the surface again after each sweep and refuses the touch if it has moved; a \
-                   next surface too far from where it was: safe, and the touch before is refused. A protocol \
+                   next surface too far from where it was, or the first one of a sample too low for the touch by the \
+                   geometry of the rig file: safe, and the touch before on that sample is refused. A protocol \
                    with `slip_mm = 0` has no such check: each of its touches is marked as not checked for slip",
         seen: Some(surface_moved),
         tests: &[(SENSE, "lost_steps_refuse_the_touch_or_are_noticed_at_the_next_surface")],
