@@ -17,7 +17,16 @@ pub enum Clearance {
 }
 
 impl Clearance {
-    /// The word in results and messages.
+    /// What is known of the probe, for a person: that it was lowered does not show a contact.
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::Clear => "clear",
+            Self::InContact => "lowered, and may be in contact",
+            Self::Unknown => "not shown to be clear",
+        }
+    }
+
+    /// The word in results, for a program.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Clear => "clear",
@@ -123,6 +132,8 @@ pub struct MotionLimits {
     pub contact_speed_mm_per_s: f64,
     /// Speed of the rotary stage, in °/s.
     pub rotary_speed_deg_per_s: f64,
+    /// The slowest move of the drive of the linear stage, in mm/s; 0 if that is not known.
+    pub slowest_mm_per_s: f64,
 }
 
 /// The range of the analyzer of a rig.
@@ -132,6 +143,8 @@ pub struct AnalyzerRange {
     pub frequency_hz: (f64, f64),
     /// Highest level, in V.
     pub max_level_v: f64,
+    /// Lowest level that it gives, in V; 0 if that is not known.
+    pub min_level_v: f64,
     /// It integrates no shorter than this at [`RESONANCE_HZ`](Self::RESONANCE_HZ), s; 0 if that is not known.
     pub shortest_integration_s: f64,
     /// Readings one after the other.
@@ -174,7 +187,7 @@ impl AnalyzerRange {
         let asked = [
             ("min_hz", from_hz, min_hz, max_hz),
             ("max_hz", to_hz, min_hz, max_hz),
-            ("level_v", request.level.volt, 0.0, self.max_level_v),
+            ("level_v", request.level.volt, self.min_level_v, self.max_level_v),
         ];
         let refuse = |(what, found, min, max): (&'static str, f64, f64, f64)| {
             let is_within = min <= found && found <= max;
@@ -278,10 +291,12 @@ mod tests {
                 travel_speed_mm_per_s: 10.0,
                 contact_speed_mm_per_s: 1.0,
                 rotary_speed_deg_per_s: 20.0,
+                slowest_mm_per_s: 0.001,
             },
             analyzer: AnalyzerRange {
                 frequency_hz: (4.0, 1e6),
                 max_level_v: 5.0,
+                min_level_v: 0.005,
                 shortest_integration_s: 0.0,
                 stream: ReadingStream::of(AnalyzerMake::HiokiIm3536),
             },

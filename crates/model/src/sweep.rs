@@ -107,7 +107,10 @@ pub struct SweepRequest {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum SweepRequestError {
     /// The window is empty or not a range of positive numbers.
-    #[error("sweep window [{min_hz} Hz, {max_hz} Hz]: min_hz must be positive and below max_hz")]
+    #[error(
+        "sweep window [{min_hz} Hz, {max_hz} Hz]: {}min_hz must be positive and below max_hz",
+        if max_hz.is_finite() { "" } else { "both must be finite, and " }
+    )]
     Window {
         /// Requested lower end, Hz.
         min_hz: f64,

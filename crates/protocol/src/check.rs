@@ -169,8 +169,11 @@ fn sweep(sweep: &SweepKeys, limits: &RigLimits, faults: &mut Faults) {
             (!is_within).then_some(ProtocolFault::BeyondAnalyzer { key, found, min, max })
         });
     }
-    let limit = limits.analyzer.max_level_v;
+    let (least, limit) = (limits.analyzer.min_level_v, limits.analyzer.max_level_v);
     sweep.level_v.check(faults, |&found| {
+        if found < least {
+            return Some(ProtocolFault::LevelTooLow { found, limit: least });
+        }
         (found > limit).then_some(ProtocolFault::LevelTooHigh { found, limit })
     });
 }

@@ -64,6 +64,10 @@ pub(crate) fn check(protocol: &Protocol, limits: &RigLimits, faults: &mut Faults
         if found > contact {
             return Some(ProtocolFault::DescentAboveContactSpeed { found, limit: contact });
         }
+        let slowest = limits.motion.slowest_mm_per_s;
+        if found < slowest {
+            return Some(ProtocolFault::DescentTooSlow { found, limit: slowest });
+        }
         let fault = ProtocolFault::DescentTooFast { found, limit, reading_ms, coarse };
         (found > limit).then_some(fault)
     });

@@ -84,6 +84,10 @@ pub(crate) enum ProtocolFault {
     )]
     DescentAboveContactSpeed { found: f64, limit: f64 },
     #[error(
+        "speed_mm_per_s = {found} is below {limit} mm/s, the slowest move of the drive of the linear stage"
+    )]
+    DescentTooSlow { found: f64, limit: f64 },
+    #[error(
         "slip_mm = {slip} is below fine_step_mm = {fine}, to which the surface is known, and not 0"
     )]
     SlipBelowFine { slip: f64, fine: f64 },
@@ -158,6 +162,8 @@ pub(crate) enum ProtocolFault {
     BeyondAnalyzer { key: &'static str, found: f64, min: f64, max: f64 },
     #[error("level_v = {found} is above the limit of {limit} V of the rig (analyzer.max_level_v)")]
     LevelTooHigh { found: f64, limit: f64 },
+    #[error("level_v = {found} is below {limit} V, the lowest level of the analyzer")]
+    LevelTooLow { found: f64, limit: f64 },
 
     // The aim.
     #[error("an aim is stiffness_percent or seconds_per_touch, and here are both")]
@@ -216,6 +222,9 @@ impl Complaint for ProtocolFault {
             Self::StreamTooSlow { .. } => "write method = \"stepped\", or fewer cycles".into(),
             Self::DescentTooFast { limit, .. } => {
                 format!("use at most {:.2}", (limit * 100.0).floor() / 100.0)
+            }
+            Self::DescentTooSlow { limit, .. } | Self::LevelTooLow { limit, .. } => {
+                format!("use at least {limit}")
             }
             Self::DescentAboveContactSpeed { limit, .. } => format!("use at most {limit}"),
             Self::SlipAboveIndentation { indentation, .. }

@@ -73,6 +73,9 @@ impl LoadedRig {
         let instruments = Instruments::load(path, &file)?;
         file.limits.analyzer.shortest_integration_s =
             instruments.analyzer.shortest_integration_s(AnalyzerRange::RESONANCE_HZ);
+        file.limits.analyzer.min_level_v = instruments.analyzer.level_v.0;
+        file.limits.motion.slowest_mm_per_s =
+            instruments.linear.speed.slowest_per_s(&file.linear.scale);
         let scene = file.scene(path).map(|scene| LoadedScene::load(&scene)).transpose();
         let scene = scene.map_err(|error| at_its_name(error, &name, &file.connection))?;
         if scene.is_some() {

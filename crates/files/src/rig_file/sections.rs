@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use rig_model::{
     AnalyzerMake, AnalyzerRange, Deg, DriveMake, Geometry, Mm, MotionLimits, Parity, Position,
-    ReadingStream, RigLimits, Terminator,
+    ReadingStream, RigLimits, Scale, Terminator,
 };
 
 use super::{
@@ -60,7 +60,7 @@ pub(super) fn rig(table: &mut Table<'_>) -> RigFile {
             linear: linear.axis,
             rotary: rotary.axis,
             geometry: geometry.geometry,
-            motion: limits.limits(),
+            motion: limits.limits(slowest(linear.instrument.as_ref(), &linear.file.scale)),
             analyzer: analyzer.value.range,
         },
         analyzer: analyzer.value.file,
@@ -153,7 +153,12 @@ fn analyzer(table: &mut Table<'_>) -> AnalyzerRead {
         }
         Named::File { .. } => 0.0,
     };
-    let range = AnalyzerRange { frequency_hz, max_level_v, shortest_integration_s, stream };
+    let min_level_v = match instrument.value {
+        Named::Shipped(make) => Dialect::of(make).level_v.0,
+        Named::File { .. } => 0.0,
+    };
+    let range =
+        AnalyzerRange { frequency_hz, max_level_v, min_level_v, shortest_integration_s, stream };
     AnalyzerRead {
         file: AnalyzerFile {
             instrument: instrument.value,
@@ -251,13 +256,22 @@ fn limits(table: &mut Table<'_>) -> LimitsRead {
 }
 
 impl LimitsRead {
-    fn limits(&self) -> MotionLimits {
+    fn limits(&self, slowest_mm_per_s: f64) -> MotionLimits {
         MotionLimits {
             max_indentation_mm: self.max_indentation_mm.value,
             travel_speed_mm_per_s: self.travel_speed_mm_per_s.value,
             contact_speed_mm_per_s: self.contact_speed_mm_per_s.value,
             rotary_speed_deg_per_s: self.rotary_speed_deg_per_s.value,
+            slowest_mm_per_s,
         }
+    }
+}
+
+/// The slowest move of a drive; 0 for one with a file of its own, which says it.
+fn slowest(instrument: Option<&Named<DriveMake>>, scale: &Scale<Mm>) -> f64 {
+    match instrument {
+        Some(Named::Shipped(make)) => RegisterMap::of(*make).speed.slowest_per_s(scale),
+        Some(Named::File { .. }) | None => 0.0,
     }
 }
 

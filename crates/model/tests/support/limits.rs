@@ -49,10 +49,12 @@ pub(crate) fn limits() -> RigLimits {
             travel_speed_mm_per_s: 10.0,
             contact_speed_mm_per_s: 1.0,
             rotary_speed_deg_per_s: 20.0,
+            slowest_mm_per_s: 0.001,
         },
         analyzer: AnalyzerRange {
             frequency_hz: (4.0, 1e6),
             max_level_v: 5.0,
+            min_level_v: 0.005,
             shortest_integration_s: 0.0,
             stream: ReadingStream::of(AnalyzerMake::HiokiIm3536),
         },

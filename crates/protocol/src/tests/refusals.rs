@@ -82,6 +82,11 @@ fn a_descent_is_as_fast_as_the_coarse_step_allows_and_needs_a_stream() {
     for (keys, limits, expected) in [
         ("speed_mm_per_s = 1", limits(), "for the method \"descent\" only"),
         (&*format!("{descent}\nspeed_mm_per_s = 9"), limits(), "limits.contact_speed_mm_per_s"),
+        (
+            &*format!("{descent}\nspeed_mm_per_s = 0.0005"),
+            limits(),
+            "below 0.001 mm/s, the slowest",
+        ),
         (descent, with(None), "stream_overhead_s"),
         (descent, with(Some(0.5)), "no faster than the search in steps"),
         (&*format!("{descent}\nspeed_mm_per_s = 0.9"), with(Some(0.1)), "above 0.38 mm/s"),
