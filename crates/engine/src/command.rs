@@ -120,7 +120,7 @@ pub enum CommandRefusal {
         state: RigState,
     },
     /// The command needs a clear probe, and the probe is not clear.
-    #[error("cannot {command} while the probe is {}", .clearance.name())]
+    #[error("cannot {command} while the probe is {}", .clearance.text())]
     NotClear {
         /// Name of the command.
         command: &'static str,

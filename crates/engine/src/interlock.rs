@@ -25,7 +25,7 @@ use crate::{Operation, Report};
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum InterlockError {
     /// The sample may be tilted only when the probe is proven clear.
-    #[error("the rotary stage must not move: the probe is {}", .clearance.name())]
+    #[error("the rotary stage must not move: the probe is {}", .clearance.text())]
     RotaryNotClear {
         /// Clearance of the probe.
         clearance: Clearance,

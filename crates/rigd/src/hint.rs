@@ -105,8 +105,7 @@ impl Hint {
 /// move that starts from a wrong position, or goes the wrong way, ends in the sample.
 pub(crate) const LOST: &str = "move nothing, not even with the tool of the drive: with the drives \
                                off, check by eye where the axis is, and correct the sign and the \
-                               size of its step, its \
-    zero or its travel in the rig file";
+                               size of its step, its zero or its travel in the rig file";
 
 /// Advice for a linear stage that does not know its position and may home downwards.
 const UNHOMED: &str = "homing this stage may lead downwards: lift the probe by hand if it touches, take \
@@ -115,11 +114,16 @@ const UNHOMED: &str = "homing this stage may lead downwards: lift the probe by h
 
 /// Advice for a bench that nobody has commissioned.
 const UNCOMMISSIONED: &str =
-    "nothing moves until signs, scales and geometry of the bench are shown";
+    "nothing moves until every step of the commissioning is shown, or shown again";
 
 /// Advice after an emergency stop.
 const EMERGENCY_STOP: &str = "make the bench safe before the emergency stop is released: nothing moves by its release, and \
                               the probe goes up first after the acknowledgement";
+
+/// Advice when the journal fails while the probe may be in the sample: nothing else retracts without a journal.
+pub(crate) const WITHOUT_DISK: &str = "the probe may still be in contact: touch neither the sample nor the stages; end rigd, and \
+                                       `rigd safe` retracts the probe without a journal; then check the disk of the \
+                                       data directory";
 
 /// Advice after a mistake of the program itself.
 const MAINTAINER: &str = "keep the journal of this run for the maintainer of rigd";
@@ -155,6 +159,10 @@ const fn contact_sense(fault: &ContactSenseFault) -> &'static str {
         ContactSenseFault::SurfaceMoved { .. } => {
             "look whether the sample has moved, and whether the linear stage has lost steps: its scale \
              and its read-back must agree"
+        }
+        ContactSenseFault::SurfaceTooLow { .. } => {
+            "look whether the sample is in place and as high as the geometry of the rig file says, and whether the linear \
+             stage has lost steps: its scale and its read-back must agree"
         }
         ContactSenseFault::TooNoisy { .. } => {
             "check the cable of the sensor and the level of the drive, or raise contact_threshold in the protocol"
@@ -203,12 +211,16 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
         let then = if is_clear { NextAction::Prepare } else { NextAction::Retract };
         return Hint { text: EMERGENCY_STOP, then };
     }
+    let is_of_disk = matches!(device, Some((Device::Journal, FailureKind::Line)));
+    if is_of_disk && clearance != Clearance::Clear {
+        return Hint { text: WITHOUT_DISK, then: NextAction::Restart };
+    }
     if clearance != Clearance::Clear {
         let text = "the probe may still be in contact: do not touch the sample or the stages; \
                     check by eye, and remove the cause";
         return Hint { text, then: NextAction::Retract };
     }
-    if let Some((Device::Journal, FailureKind::Line)) = device {
+    if is_of_disk {
         let text = "check the disk of the data directory";
         return Hint { text, then: NextAction::Restart };
     }

@@ -181,8 +181,8 @@ async fn an_axis_is_moved_within_what_the_interlock_admits() {
     assert_eq!((&rig["linear_mm"], &rig["probe"]), (&json!(20.0), &json!("in contact")));
 
     let rows = [
-        ("rotary", 0.0, StatusCode::CONFLICT, "while the probe is in contact"),
-        ("rotary", 51.0, StatusCode::CONFLICT, "while the probe is in contact"),
+        ("rotary", 0.0, StatusCode::CONFLICT, "while the probe is lowered, and may be in contact"),
+        ("rotary", 51.0, StatusCode::CONFLICT, "while the probe is lowered, and may be in contact"),
         ("linear", 46.0, StatusCode::UNPROCESSABLE_ENTITY, "outside the soft limits"),
         ("linear", 9.0, StatusCode::UNPROCESSABLE_ENTITY, "the deepest that a touch may go"),
         ("sideways", 1.0, StatusCode::UNPROCESSABLE_ENTITY, "unknown variant `sideways`"),

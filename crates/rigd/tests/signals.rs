@@ -140,7 +140,7 @@ fn a_second_signal_ends_the_daemon_at_once_and_says_where_the_probe_is() {
     let (status, text, data) = program.end();
     assert_eq!(status.code(), Some(1), "{text}");
     assert!(began.elapsed() < Duration::from_secs(1), "{:?}", began.elapsed());
-    assert!(text.contains("it is left as it is, and the probe is in contact"), "{text}");
+    assert!(text.contains("it is left as it is, and the probe is lowered"), "{text}");
     let reader = Reader::open(&data).unwrap();
     let run = reader.find("latest").unwrap();
     let left = reader.interruption(&run).unwrap().unwrap();

@@ -240,11 +240,11 @@ fn a_move_by_hand_obeys_what_a_run_obeys() {
     assert_eq!(world.engine.snapshot().clearance, Clearance::InContact);
     assert_eq!(
         denial(&world, rotary(0.0)),
-        "cannot move the rotary stage while the probe is in contact"
+        "cannot move the rotary stage while the probe is lowered, and may be in contact"
     );
     assert_eq!(
         denial(&world, Command::Run(Box::new(plan()))),
-        "cannot run while the probe is in contact"
+        "cannot run while the probe is lowered, and may be in contact"
     );
     world.command(linear(REST_MM));
     world.step();

@@ -67,6 +67,8 @@ pub(super) enum Failure {
     NoObjects { store: String },
     #[error("--signed-by is for objects of an object store; the journal has no signatures")]
     NotSigned,
+    #[error("--hours is for --level soak; the levels before it take minutes")]
+    NoSoak,
     #[error("data directory {}", data.display())]
     Data { data: PathBuf, source: StoreError },
     #[error(transparent)]
@@ -183,7 +185,7 @@ pub(super) enum Failure {
          drives may still carry out their last command. First check by eye where the probe is; \
          then `rigd home` retracts it",
         state.name(),
-        probe.name(),
+        probe.text(),
         linear.map_or_else(String::new, |at| format!(" (last read back at {at})"))
     )]
     Left { state: RigState, probe: Clearance, linear: Option<Position<Mm>> },
@@ -205,6 +207,7 @@ impl Failure {
             | Self::NoFile { .. }
             | Self::NoFolder { .. }
             | Self::NotSigned
+            | Self::NoSoak
             | Self::CableLength { .. }
             | Self::Daemon(DaemonError::Token(_) | DaemonError::WrongAnswer(_)) => 2,
             Self::Refused(refusal) => code_of(refusal),
@@ -320,6 +323,13 @@ impl Failure {
                     "the run is in the journal; `rigd report RUN --out FILE` writes its report to FILE",
                 )
             }
+            Self::Open(OpenError::Data {
+                source: StoreError::DiskFull | StoreError::Io(_),
+                ..
+            }) => Some(
+                "free or check the disk of the data directory; if the probe may be in the sample, `rigd safe` retracts it without a \
+                 journal",
+            ),
             Self::Data { source: StoreError::NoLog { .. }, .. }
             | Self::Open(OpenError::Data { source: StoreError::NoLog { .. }, .. }) => {
                 Some("try again, or name a directory on a disk of this computer with --data")

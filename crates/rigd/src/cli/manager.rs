@@ -54,7 +54,7 @@ pub(super) async fn feed(shared: Shared) {
 }
 
 fn sentence(status: &Status) -> String {
-    let (state, probe) = (status.snapshot.state, status.snapshot.clearance.name());
+    let (state, probe) = (status.snapshot.state, status.snapshot.clearance.text());
     match (&status.run, &status.snapshot.progress) {
         (Some(run), Some(progress)) if state != RigState::Latched => format!(
             "{}: {} of {} touches of {}; probe {probe}",

@@ -124,7 +124,7 @@ fn show(status: &Status, output: &OutputArgs) -> Result<(), Failure> {
         });
     }
     let mut rows = positions(status);
-    rows.push(("probe", snapshot.clearance.name().to_owned()));
+    rows.push(("probe", snapshot.clearance.text().to_owned()));
     print(&facts(&rows))?;
     if snapshot.clearance != Clearance::Clear {
         note(

@@ -91,7 +91,7 @@ fn sentence(out: &WayOut) -> String {
         _ => "linear stage: no read-back; ".to_owned(),
     };
     let seconds = out.took.as_secs_f64();
-    format!("{moved}the probe is {} after {seconds:.1} s", out.clearance.name())
+    format!("{moved}the probe is {} after {seconds:.1} s", out.clearance.text())
 }
 
 fn view(out: &WayOut) -> SafeView {

@@ -244,7 +244,7 @@ pub(super) fn latched(status: &Status) -> Failure {
     Failure::Latched {
         cause: format!(
             "{cause}\nprobe: {}{unrecorded}\n{}",
-            status.snapshot.clearance.name(),
+            status.snapshot.clearance.text(),
             hint.unwrap_or_default()
         ),
     }
