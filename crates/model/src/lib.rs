@@ -8,6 +8,7 @@
 
 mod axis;
 mod causes;
+mod counted;
 mod make;
 mod pose;
 pub mod random;
@@ -19,6 +20,7 @@ mod time;
 
 pub use axis::{Axis, AxisError, AxisLimits, Deg, Mm, Position, Span, Target, Unit};
 pub use causes::{panic_message, with_causes};
+pub use counted::counted;
 pub use make::{AnalyzerMake, DriveMake};
 pub use pose::{ContactAngle, ContactAngleError, Direction, Orientation};
 pub use rig_limits::{AnalyzerRange, Clearance, Geometry, MotionLimits, ReadingStream, RigLimits};
