@@ -1,5 +1,7 @@
 //! The record of a calibration: a TOML file, written once and never changed.
 
+use std::ops::RangeInclusive;
+
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -36,6 +38,24 @@ pub struct Circumstances {
     pub journal: Vec<String>,
     /// Temperature at the bench, °C, if it was told.
     pub temperature_c: Option<f64>,
+}
+
+/// Temperatures at a bench, °C, that a record takes.
+const TEMPERATURES_C: RangeInclusive<f64> = -50.0..=100.0;
+
+/// A temperature that no bench has.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("a temperature of {found} °C: it must lie between {} °C and {} °C", TEMPERATURES_C.start(), TEMPERATURES_C.end())]
+pub struct NoTemperature {
+    found: f64,
+}
+
+/// A temperature at the bench, °C, for a record.
+///
+/// # Errors
+/// [`NoTemperature`], below −50 °C or above 100 °C, or no number.
+pub fn temperature(found: f64) -> Result<f64, NoTemperature> {
+    if TEMPERATURES_C.contains(&found) { Ok(found) } else { Err(NoTemperature { found }) }
 }
 
 /// A calibration as its file has it.
@@ -259,7 +279,13 @@ impl Calibration {
         &self.person
     }
 
-    pub(crate) const fn made_unix_s(&self) -> i64 {
+    /// The session of the journal with the motions, or the runs that were evaluated.
+    pub fn journal(&self) -> &[String] {
+        &self.journal
+    }
+
+    /// Time at which it was made, s since 1970.
+    pub const fn made_unix_s(&self) -> i64 {
         self.made_unix_s
     }
 }
@@ -300,6 +326,15 @@ mod tests {
     use rig_files::rig_file::RigFile;
 
     use super::*;
+
+    #[test]
+    fn a_temperature_that_no_bench_has_is_refused_with_the_limits() {
+        for found in [f64::NAN, f64::INFINITY, -400.0, 100.1] {
+            let error = temperature(found).unwrap_err().to_string();
+            assert!(error.ends_with("must lie between -50 °C and 100 °C"), "{error}");
+        }
+        assert_eq!(temperature(21.5), Ok(21.5));
+    }
 
     #[test]
     fn a_calibration_reads_back_as_it_was_written_and_nothing_else_is_one() {

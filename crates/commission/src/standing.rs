@@ -128,6 +128,18 @@ pub fn is_homing_begun(records: &[Calibration], basis: &Basis) -> bool {
     of_drives.max_by_key(|record| record.made_unix_s()).is_some_and(Calibration::is_begun)
 }
 
+/// The last record that a change of the bench has voided what was shown of a kind with these drives.
+pub fn last_change<'a>(
+    kind: Kind,
+    records: &'a [Calibration],
+    basis: &Basis,
+) -> Option<&'a Calibration> {
+    let is_change = |record: &&Calibration| {
+        record.kind == kind && record.has_drives_of(basis) && record.is_void()
+    };
+    records.iter().filter(is_change).max_by_key(|record| record.made_unix_s())
+}
+
 /// The daily checks since the bench was changed, the oldest first: those with the present keys and drives, and with
 /// `protocols` of this digest if it is given.
 pub fn checks<'a>(

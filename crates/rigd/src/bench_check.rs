@@ -4,18 +4,20 @@ pub(crate) mod trend;
 
 use std::path::{Path, PathBuf};
 
+use jiff::{SignedDuration, Timestamp};
 use rig_commission::{
-    Basis, Calibration,
+    Basis, Calibration, Kind,
     check::{BlockHeight, CheckValues, Checked, Readings, Unmeasured, judge},
-    checks,
+    checks, last_change,
 };
-use rig_model::{ContactAngle, Direction};
+use rig_model::{ContactAngle, Direction, counted};
 use rig_record::{Digest, DigestPart, SweepOutcome, SweepPurpose};
 use rig_store::{Reader, Record, Run, RunStarted, StoreError};
 
 use crate::{
     calibrations::{self, CalibrationsError, Witness},
     loaded_rig::{FileError, RigFacts},
+    local_time::local,
     protocol_file::LoadedProtocol,
 };
 
@@ -27,6 +29,10 @@ const REFERENCES: (&str, &str) =
 
 /// The kinds of records from which a check is read.
 const KINDS: [&str; 4] = ["run_started", "surface_found", "sweep", "touch_result"];
+
+/// How long after the end of the touches on the block those on the references may begin. A check is of one day: over more time the
+/// bench may change between both parts.
+const TOGETHER: SignedDuration = SignedDuration::from_hours(12);
 
 /// Why a bench was not checked.
 #[derive(Debug, thiserror::Error)]
@@ -41,8 +47,25 @@ pub(crate) enum CheckError {
     Unmeasured(#[from] Unmeasured),
     #[error("{run} was made with other values of [linear] or [rotary] than the rig file has now")]
     OtherAxes { run: String },
-    #[error("{run} has {found} samples, and {part} has {needed}")]
+    #[error("{run} has {}, and {part} has {needed}", counted(*found, "sample"))]
     Samples { run: String, found: usize, part: &'static str, needed: usize },
+    #[error("{run} is still under way")]
+    UnderWay { run: String },
+    #[error("{run} belongs to the check of {made} already, and a run counts once")]
+    Used { run: String, made: String },
+    #[error(
+        "{references} was begun {} and {block} ended {}: the references are touched after the block, and within {} h",
+        local(begun), local(ended), TOGETHER.as_hours()
+    )]
+    Apart { block: String, ended: String, references: String, begun: String },
+    #[error(
+        "{run} was begun {}, before the bench was changed {} ({change})",
+        local(begun),
+        local(changed)
+    )]
+    Changed { run: String, begun: String, changed: String, change: String },
+    #[error("{run} has a time that this rigd does not read")]
+    NoTime { run: String, source: jiff::Error },
     #[error("{}", path.display())]
     Trend { path: PathBuf, source: std::io::Error },
 }
@@ -88,22 +111,76 @@ pub(crate) fn keep(
     witness: Witness,
 ) -> Result<KeptCheck, CheckError> {
     let (name, basis) = rig;
+    let records = calibrations::read(data)?;
     let mut readings = Readings::default();
     let on_block = read(reader, block, basis, ("the check on the block", 1), &mut readings)?;
     let part = ("the check on the references", 2);
     let on_references = read(reader, references, basis, part, &mut readings)?;
+    let made = admit([block, references], &records, basis)?;
     let values = readings.values()?;
     let texts = [&on_block, &on_references].map(|run| DigestPart::Text(&run.protocol.toml));
     let protocols = Digest::of(texts).to_string();
-    let records = calibrations::read(data)?;
-    let before = checks(&records, basis, Some(&protocols));
+    let mut before = checks(&records, basis, Some(&protocols));
+    before.retain(|record| record.made_unix_s() <= made.as_second());
     let mut all: Vec<_> = before.iter().filter_map(|record| CheckValues::of(record)).collect();
     all.push(values);
     let judged = judge(&all);
     let record = |around| Calibration::check(values, &judged, protocols, basis, around);
-    let record = calibrations::keep_check(data, witness, record)?;
+    let record = calibrations::keep_check(data, made, witness, record)?;
     let trend = trend::write(name, basis, data)?;
     Ok(KeptCheck { values, judged, record, trend })
+}
+
+/// The time of a check, which is the end of its runs.
+///
+/// # Errors
+/// [`CheckError`], if both runs are not one check of the bench as it is now, or if a check has used one of them.
+fn admit(runs: [&Run; 2], records: &[Calibration], basis: &Basis) -> Result<Timestamp, CheckError> {
+    for run in runs {
+        let id = run.id.to_string();
+        let is_used =
+            |record: &&Calibration| record.kind == Kind::Check && record.journal().contains(&id);
+        if let Some(used) = records.iter().find(is_used) {
+            return Err(CheckError::Used { run: run.short_name(), made: local(used.made()) });
+        }
+    }
+    let [block, references] = runs;
+    let [on_block, on_references] = [times(block)?, times(references)?];
+    let after = on_references.begun.duration_since(on_block.ended);
+    if after < SignedDuration::ZERO || TOGETHER < after {
+        return Err(CheckError::Apart {
+            block: block.short_name(),
+            ended: on_block.ended.to_string(),
+            references: references.short_name(),
+            begun: references.started_at.clone(),
+        });
+    }
+    match last_change(Kind::Check, records, basis) {
+        Some(change) if on_block.begun.as_second() < change.made_unix_s() => {
+            Err(CheckError::Changed {
+                run: block.short_name(),
+                begun: block.started_at.clone(),
+                changed: change.made().to_owned(),
+                change: change.reason.clone().unwrap_or_default(),
+            })
+        }
+        _ => Ok(on_references.ended),
+    }
+}
+
+/// The times of a run that has ended.
+struct Times {
+    begun: Timestamp,
+    ended: Timestamp,
+}
+
+fn times(run: &Run) -> Result<Times, CheckError> {
+    let read = |time: &str| {
+        time.parse().map_err(|source| CheckError::NoTime { run: run.short_name(), source })
+    };
+    let ended = run.finished_at.as_deref();
+    let ended = ended.ok_or_else(|| CheckError::UnderWay { run: run.short_name() })?;
+    Ok(Times { begun: read(&run.started_at)?, ended: read(ended)? })
 }
 
 /// Adds what a run has measured to the readings, and returns its first record. `part` names the run and the number of its

@@ -248,16 +248,17 @@ pub(crate) fn void_after_interrupted_homing(
 pub(crate) const HOMING_WAS_INTERRUPTED: &str = "A homing was interrupted: the zero of a drive may be at another place. The steps that rest \
      on it are asked for again.";
 
-/// Writes a daily check, and returns the path of its record.
+/// Writes a daily check by runs that ended at `made`, and returns the path of its record.
 ///
 /// # Errors
 /// [`CalibrationsError`]. There is then no new file.
 pub(crate) fn keep_check(
     data: &Path,
+    made: Timestamp,
     witness: Witness,
     record: impl FnOnce(Circumstances) -> Calibration,
 ) -> Result<PathBuf, CalibrationsError> {
-    keep(data, Kind::Check, witness, record)
+    keep_at(made, data, Kind::Check, witness, record)
 }
 
 fn keep(
@@ -266,11 +267,20 @@ fn keep(
     witness: Witness,
     record: impl FnOnce(Circumstances) -> Calibration,
 ) -> Result<PathBuf, CalibrationsError> {
-    let now = Timestamp::now();
+    keep_at(Timestamp::now(), data, kind, witness, record)
+}
+
+fn keep_at(
+    made: Timestamp,
+    data: &Path,
+    kind: Kind,
+    witness: Witness,
+    record: impl FnOnce(Circumstances) -> Calibration,
+) -> Result<PathBuf, CalibrationsError> {
     let Witness { person, journal, temperature_c } = witness;
     let calibration = record(Circumstances {
-        unix_s: now.as_second(),
-        made: now.strftime("%Y-%m-%dT%H:%M:%SZ").to_string(),
+        unix_s: made.as_second(),
+        made: made.strftime("%Y-%m-%dT%H:%M:%SZ").to_string(),
         person,
         software: SOFTWARE.to_owned(),
         journal,
@@ -278,7 +288,7 @@ fn keep(
     });
     let folder = data.join(FOLDER);
     // Names of one kind sort by time, also within a second.
-    let path = folder.join(file_name(kind, &now.strftime("%Y%m%dT%H%M%S.%6fZ").to_string()));
+    let path = folder.join(file_name(kind, &made.strftime("%Y%m%dT%H%M%S.%6fZ").to_string()));
     let text = calibration.to_toml()?;
     let failed = |source| CalibrationsError::File { path: path.clone(), source };
     make_directory(&folder).map_err(failed)?;

@@ -58,11 +58,43 @@ impl Bench {
         command.args(args).args(["--data", &self.path("data")]).output().unwrap()
     }
 
-    /// A check by two runs that were made before.
-    fn judge(&self, block: u64, references: u64) -> Value {
-        let runs = [format!("check-block-{block}"), format!("check-references-{references}")];
-        let output = self.rigd(&["check-bench", "--json", "--runs", &runs[0], &runs[1]]);
-        serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", stderr(&output)))
+    /// Copies the records of checks, each as that of a day before, of other runs.
+    fn copy_checks(&self, days: i64) {
+        let folder = self.path("data/calibrations");
+        let files: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap()).collect();
+        for (file, day) in files.iter().flat_map(|file| (1..=days).map(move |day| (file, day))) {
+            let text = fs::read_to_string(file.path()).unwrap();
+            let earlier = |line: &str| match line.split_once(" = ") {
+                Some(("made_unix_s", s)) => {
+                    format!("made_unix_s = {}", s.parse::<i64>().unwrap() - 86_400 * day)
+                }
+                Some(("journal", _)) => "journal = []".to_owned(),
+                _ => line.to_owned(),
+            };
+            let text: Vec<_> = text.lines().map(earlier).collect();
+            let name = file.file_name().into_string().unwrap();
+            let name = name.replacen("check-", &format!("check-0{day}"), 1);
+            fs::write(PathBuf::from(&folder).join(name), text.join("\n")).unwrap();
+        }
+    }
+
+    /// Makes both runs of a check, and does not judge them.
+    #[track_caller]
+    fn run_both(&self) {
+        for protocol in ["check-block", "check-references"] {
+            let path = config(&format!("protocols/{protocol}.toml"));
+            let run = self.rigd(&["run", path.to_str().unwrap()]);
+            assert!(matches!(run.status.code(), Some(0 | 6)), "{}", stderr(&run));
+        }
+    }
+
+    /// A check by two runs that is refused, and why.
+    #[track_caller]
+    fn refused(&self, runs: [&str; 2], why: &str) {
+        let output = self.rigd(&["check-bench", "--runs", runs[0], runs[1]]);
+        assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+        let said = stderr(&output).split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(said.contains(why), "{said}");
     }
 
     /// A check on a day, with its exit code.
@@ -88,11 +120,7 @@ fn a_bench_that_has_changed_is_told_by_the_quantity_that_shows_it() {
         assert_eq!((&check["verdict"], code), (&Value::from("look"), Some(8)), "{day}: {check}");
         assert_eq!(check["checks"], day);
     }
-    // Runs of the same days, each with those of another one, as further checks.
-    let pairs = (1..=4).flat_map(|block| (1..=4).map(move |references| (block, references)));
-    for (block, references) in pairs.filter(|(block, references)| block != references) {
-        bench.judge(block, references);
-    }
+    bench.copy_checks(3);
     let (check, code) = bench.check(5, &[]);
     assert_eq!((&check["verdict"], code), (&Value::from("accepted"), Some(0)), "{check}");
     assert_eq!(check["checks"], 17);
@@ -128,12 +156,24 @@ fn a_bench_that_has_changed_is_told_by_the_quantity_that_shows_it() {
         assert!(shows.iter().all(|shows| told.contains(shows)), "{changes:?}: {check}");
         assert_eq!(code, Some(8));
     }
+    bench.refused(["check-block-5", "check-references-6"], "check-block-5 belongs to the check of");
+    bench.refused(["check-block-1", "check-references-1"], "and a run counts once");
     // After a change of the bench that is meant, the charts begin again.
+    bench.run_both();
+    bench.refused(["check-block-9", "check-references-6"], "are touched after the block");
     let changed = bench.rigd(&["commission", "changed", "references"]);
     assert!(changed.status.success(), "{}", stderr(&changed));
-    assert_eq!(bench.judge(5, 5)["checks"], 1);
-    let mixed_up = bench.rigd(&["check-bench", "--runs", "check-references-5", "check-block-5"]);
-    assert_eq!(mixed_up.status.code(), Some(2), "{}", stderr(&mixed_up));
-    let said = "check-references-5 has 2 samples, and the check on the block has 1";
-    assert!(stderr(&mixed_up).contains(said), "{}", stderr(&mixed_up));
+    bench.refused(["check-block-9", "check-references-10"], "before the bench was changed");
+    bench.run_both();
+    let judged =
+        bench.rigd(&["check-bench", "--json", "--runs", "check-block-10", "check-references-11"]);
+    let check: Value = serde_json::from_slice(&judged.stdout).unwrap();
+    assert_eq!(check["checks"], 1, "{check}");
+    let record = fs::read_to_string(check["record"].as_str().unwrap()).unwrap();
+    let shown = bench.read(&["runs", "--json"]);
+    let shown: Value = serde_json::from_slice(&shown.stdout).unwrap();
+    let ended = shown[0]["finished_at"].as_str().unwrap();
+    assert!(record.contains(&format!("made = \"{}Z\"", &ended[..19])), "{ended}: {record}");
+    let why = "check-references-5 has 2 samples, and the check on the block has 1";
+    bench.refused(["check-references-5", "check-block-5"], why);
 }

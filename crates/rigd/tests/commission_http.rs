@@ -389,6 +389,9 @@ impl Eye {
 #[test]
 fn a_person_commissions_a_bench_over_http_to_the_end() {
     let daemon = Daemon::start("waits");
+    let (status, problem) = daemon.post("commission", r#"{"temperature_c": -400}"#);
+    assert_eq!(status, 422, "{problem}");
+    assert!(problem["detail"].as_str().unwrap().contains("between -50 °C and 100 °C"), "{problem}");
     let (status, view) = daemon.post("commission", r#"{"temperature_c": 21.5}"#);
     assert_eq!(status, 202, "{view}");
     let (mut eye, mut answered, mut still) = (Eye::default(), 0, 0);

@@ -53,16 +53,16 @@ impl Quantity {
         }
     }
 
-    /// What it is, for a person.
+    /// What it is, for a person. It fits beside five numbers into a line of 80 characters; log is the natural logarithm.
     pub const fn text(self) -> &'static str {
         match self {
             Self::FreeResonance => "free resonance",
             Self::Surface => "surface of the level block",
             Self::TiltSum => "surface at ±45°, mean less level",
             Self::TiltDifference => "surface at ±45°, front less back",
-            Self::FirstReference => "first reference, logarithm of its shift",
-            Self::SecondReference => "second reference, logarithm of its shift",
-            Self::ReferenceRatio => "second reference over first, logarithm",
+            Self::FirstReference => "first reference, log of its shift",
+            Self::SecondReference => "second reference, log of its shift",
+            Self::ReferenceRatio => "second reference over first, log",
         }
     }
 

@@ -1,8 +1,9 @@
 //! Arguments that several commands have.
 
-use std::path::PathBuf;
+use std::{num::ParseFloatError, path::PathBuf};
 
 use clap::Args;
+use rig_commission::NoTemperature;
 use rig_store::{Reader, Run, Store};
 
 use super::{Failure, table::note};
@@ -14,6 +15,23 @@ use crate::{
     reason::reason,
     rig::TouchOrder,
 };
+
+/// Why an argument is no temperature at a bench.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum NotATemperature {
+    #[error(transparent)]
+    NoNumber(#[from] ParseFloatError),
+    #[error(transparent)]
+    Outside(#[from] NoTemperature),
+}
+
+/// A temperature at the bench, °C, for a record.
+///
+/// # Errors
+/// [`NotATemperature`].
+pub(super) fn temperature(text: &str) -> Result<f64, NotATemperature> {
+    Ok(rig_commission::temperature(text.parse()?)?)
+}
 
 /// The rig to use.
 #[derive(Debug, Clone, Args)]

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use super::{
     Failure,
-    args::{BenchArgs, OutputArgs},
+    args::{BenchArgs, OutputArgs, temperature},
     commission::CommissionFailure,
     run::{BenchKind, replay_protocol},
     session::{LeftInContact, with_rig},
@@ -36,13 +36,14 @@ pub(super) struct CheckBenchArgs {
     /// Protocol of the touches on the two reference samples [default: the shipped config/protocols/check-references.toml]
     #[arg(long, value_name = "PROTOCOL")]
     references: Option<PathBuf>,
-    /// Judge two runs of these protocols that were made before, and move nothing
+    /// Judge two runs of these protocols that no check has used, the one on the references begun within 12 h of the end of the
+    /// other, and move nothing
     #[arg(long, num_args = 2, value_names = ["BLOCK", "REFERENCES"], conflicts_with_all = ["block", "references"])]
     runs: Vec<String>,
     #[command(flatten)]
     bench: BenchArgs,
     /// Temperature at the bench, for the record
-    #[arg(long, value_name = "°C", allow_negative_numbers = true)]
+    #[arg(long, value_name = "°C", allow_negative_numbers = true, value_parser = temperature)]
     temperature: Option<f64>,
     #[command(flatten)]
     output: OutputArgs,
@@ -159,7 +160,10 @@ fn say(kept: &KeptCheck, is_json: bool) -> Result<(), Failure> {
     };
     let row = |(quantity, view): (Quantity, &QuantityView)| {
         vec![
-            quantity.text().to_owned(),
+            match quantity.unit() {
+                "1" => quantity.text().to_owned(),
+                unit => format!("{}, {unit}", quantity.text()),
+            },
             format!("{:.4}", view.value),
             number(view.mean, 4),
             number(view.sigma, 4),
@@ -168,9 +172,8 @@ fn say(kept: &KeptCheck, is_json: bool) -> Result<(), Failure> {
         ]
     };
     let rows: Vec<_> = Quantity::ALL.into_iter().zip(&quantities).map(row).collect();
-    let score = format!("score ≤ {SCORE_LIMIT}");
-    let average = format!("average ≤ {AVERAGE_LIMIT:.2}");
-    print(&columns(&["quantity", "value", "mean", "sigma", &score, &average], &rows))?;
+    print(&columns(&["quantity", "value", "mean", "sigma", "score", "average"], &rows))?;
+    print(&format!("limits: score {SCORE_LIMIT}, average of the scores {AVERAGE_LIMIT:.2}"))?;
     print(&format!("\ncheck {}: {}", judged.count, judged.verdict.name()))?;
     for alarm in &judged.alarms {
         note(&format!("→ {}: {}", alarm.quantity.text(), alarm.quantity.advice()));

@@ -6,7 +6,7 @@ use std::{
 };
 
 use axum::{Extension, Json, extract::State, http::StatusCode, routing::post};
-use rig_commission::{Finding, Verdict};
+use rig_commission::{Finding, Verdict, temperature};
 use rig_model::with_causes;
 use rig_store::{Reader, Run};
 use schemars::JsonSchema;
@@ -28,7 +28,7 @@ use crate::{
 pub(super) struct BlockRunForm {
     /// Its id, its short name such as `touches-1`, or `latest`.
     run: String,
-    /// Temperature at the bench for the record, °C.
+    /// Temperature at the bench for the record, °C, from −50 to 100.
     #[serde(default)]
     temperature_c: Option<f64>,
 }
@@ -134,6 +134,7 @@ async fn judged(
     ) -> Result<(Finding, PathBuf), BlockRunError>,
 ) -> Result<(StatusCode, Json<CalibrationView>), Problem> {
     let Json(Object(BlockRunForm { run, temperature_c })) = form?;
+    let temperature_c = temperature_c.map(temperature).transpose()?;
     let id = shared.run(&run).await?;
     let inner = Arc::clone(&shared.inner);
     let person = (operator.as_str().to_owned(), temperature_c);

@@ -6,7 +6,7 @@ use axum::{
     http::StatusCode,
     routing::{get, post},
 };
-use rig_commission::Kind;
+use rig_commission::{Kind, temperature};
 use rig_model::with_causes;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -72,7 +72,7 @@ pub(super) struct QuestionView {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct CommissionForm {
-    /// Temperature at the bench for the records, °C.
+    /// Temperature at the bench for the records, °C, from −50 to 100.
     #[serde(default)]
     temperature_c: Option<f64>,
 }
@@ -136,6 +136,7 @@ async fn start(
     form: ObjectBody<CommissionForm>,
 ) -> Result<(StatusCode, Json<CommissionView>), Problem> {
     let Json(Object(CommissionForm { temperature_c })) = form?;
+    let temperature_c = temperature_c.map(temperature).transpose()?;
     let commissioning = shared.commissioning()?;
     commissioning.start(operator.as_str().to_owned(), temperature_c).await?;
     Ok((StatusCode::ACCEPTED, Json(view(commissioning).await?)))

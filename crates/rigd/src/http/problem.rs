@@ -8,6 +8,7 @@ use axum::{
     http::{HeaderValue, StatusCode, header},
     response::{IntoResponse, Response},
 };
+use rig_commission::NoTemperature;
 use rig_engine::{CommandRefusal, TouchPlace};
 use rig_files::Faults;
 use rig_model::with_causes;
@@ -340,6 +341,12 @@ impl From<StoreError> for Problem {
             },
             error => Self::internal(&with_causes(&error)),
         }
+    }
+}
+
+impl From<NoTemperature> for Problem {
+    fn from(error: NoTemperature) -> Self {
+        Self::unprocessable(format!("temperature_c: {error}"))
     }
 }
 

@@ -6,7 +6,7 @@ use axum::{
     http::StatusCode,
     routing::{get, post},
 };
-use rig_commission::{Kind, Why, holding};
+use rig_commission::{Kind, Why, holding, temperature};
 use rig_model::{Window, with_causes};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -36,7 +36,7 @@ pub(super) struct SensorCheckForm {
     /// Upper end of that window, Hz.
     #[serde(default = "default_max_hz")]
     max_hz: f64,
-    /// Temperature at the bench for the record, °C.
+    /// Temperature at the bench for the record, °C, from −50 to 100.
     #[serde(default)]
     temperature_c: Option<f64>,
 }
@@ -123,6 +123,7 @@ async fn start(
     form: ObjectBody<SensorCheckForm>,
 ) -> Result<(StatusCode, Json<SensorCheckView>), Problem> {
     let Json(Object(SensorCheckForm { minutes, min_hz, max_hz, temperature_c })) = form?;
+    let temperature_c = temperature_c.map(temperature).transpose()?;
     if !MINUTES_RANGE.contains(&minutes) {
         let (least, most) = (MINUTES_RANGE.start(), MINUTES_RANGE.end());
         let detail = format!("minutes = {minutes}: must lie between {least} and {most} min");

@@ -8,6 +8,7 @@ use rig_commission::{
     metrology::{BlockGeometry, BlockTouch, fit},
 };
 use rig_files::rig_file::RigFile;
+use rig_model::counted;
 use rig_store::Reader;
 
 use super::{CommissionFailure, judged};
@@ -16,7 +17,7 @@ use crate::{
     calibrations::{self, Witness},
     cli::{
         Failure,
-        args::BenchArgs,
+        args::{BenchArgs, temperature},
         screen::say,
         table::{facts, print},
     },
@@ -35,7 +36,7 @@ pub(super) struct BlocksArgs {
     #[command(flatten)]
     bench: BenchArgs,
     /// Temperature at the bench, for the record
-    #[arg(long, value_name = "°C", allow_negative_numbers = true)]
+    #[arg(long, value_name = "°C", allow_negative_numbers = true, value_parser = temperature)]
     temperature: Option<f64>,
 }
 
@@ -83,7 +84,7 @@ pub(super) fn blocks(args: &BlocksArgs) -> Result<(), Failure> {
     let found = fit(&touches, &noise, &heights(&touches)).map_err(CommissionFailure::from)?;
     let finding = finding(&rig.file, &found);
     print(&facts(&rows(&finding)))?;
-    say(&format!("From {} touches.", touches.len()));
+    say(&format!("From {}.", counted(touches.len(), "touch")));
     let verdict = finding.verdict.clone();
     let witness = Witness {
         person: args.bench.operator.name().as_str().to_owned(),
@@ -154,7 +155,9 @@ fn finding(rig: &RigFile, found: &BlockGeometry) -> Finding {
 pub(super) fn rows(finding: &Finding) -> Vec<(&'static str, String)> {
     let row = |value: &Value| {
         let Value { name, value, standard_uncertainty, unit } = value;
-        (*name, format!("{value:.4} ± {standard_uncertainty:.4} {unit}"))
+        // That of a ratio is 1.
+        let unit = if *unit == "1" { String::new() } else { format!(" {unit}") };
+        (*name, format!("{value:.4} ± {standard_uncertainty:.4}{unit}"))
     };
     finding.values.iter().map(row).collect()
 }

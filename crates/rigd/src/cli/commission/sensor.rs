@@ -12,7 +12,7 @@ use crate::{
     calibrations::Witness,
     cli::{
         Failure,
-        args::BenchArgs,
+        args::{BenchArgs, temperature},
         measure,
         screen::say,
         session::{LeftInContact, Session, with_rig},
@@ -34,7 +34,7 @@ pub(super) struct SensorArgs {
     #[command(flatten)]
     bench: BenchArgs,
     /// Temperature at the bench, for the record
-    #[arg(long, value_name = "°C", allow_negative_numbers = true)]
+    #[arg(long, value_name = "°C", allow_negative_numbers = true, value_parser = temperature)]
     temperature: Option<f64>,
 }
 
