@@ -6,6 +6,8 @@ mod limits;
 mod scale;
 mod signs;
 mod stop;
+#[cfg(test)]
+mod tests;
 
 use rig_files::rig_file::RigFile;
 
@@ -58,6 +60,20 @@ async fn confirm<B: Bench>(bench: &mut B, asked: Asked) -> Result<(), Early<B::T
         Answer::Choice(Choice::Yes) => Ok(()),
         _ => Err(Early::Failed(format!("not confirmed: {}", asked.text()))),
     }
+}
+
+/// Times that a person is asked to do something before the step fails.
+const TIMES: usize = 5;
+
+/// Asks again for what is not done yet. The step fails if it is not done at last.
+async fn insist<B: Bench>(bench: &mut B, asked: Asked) -> Result<(), Early<B::Trouble>> {
+    for _ in 1..TIMES {
+        if bench.ask(asked).await? == Answer::Choice(Choice::Yes) {
+            return Ok(());
+        }
+        bench.remark("Nothing moves before it is done.");
+    }
+    confirm(bench, asked).await
 }
 
 /// Makes a step of an axis. One that the drive does not make ends the step of commissioning.

@@ -1,5 +1,7 @@
 //! What a person is asked, and the answers.
 
+use std::ops::RangeInclusive;
+
 /// A question to the person at the bench.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Asked {
@@ -19,6 +21,8 @@ pub enum Asked {
     Gauge,
     /// A limit switch or the end of the travel stopped the axis.
     AtLimit,
+    /// Take away what else stopped the axis.
+    ClearWay,
     /// Hold the lower limit switch of the linear stage pressed.
     HoldSwitch,
     /// Let go of it.
@@ -140,6 +144,9 @@ impl Asked {
                 "Was it stopped by its limit switch or by the end of its travel, and by nothing else, such as a cable, a hand \
                  or the stop?"
             }
+            Self::ClearWay => {
+                "Take away what stopped it: nothing may be in the way of the axis up to its limit, and no hand. Is the way free?"
+            }
             Self::HoldSwitch => {
                 "Hold the lower limit switch of the linear stage pressed by hand. Is it pressed? Answer no if it has none."
             }
@@ -184,6 +191,7 @@ impl Asked {
             | Self::PressStop
             | Self::ReleaseStop
             | Self::AtLimit
+            | Self::ClearWay
             | Self::HoldSwitch
             | Self::LetGo
             | Self::SetIndicators
@@ -201,11 +209,33 @@ impl Asked {
         }
     }
 
+    /// The readings that a bench of this size can have, and their unit; `None` for words. A larger one is a slip: a comma that
+    /// was forgotten, or another unit.
+    fn readings(self) -> Option<(RangeInclusive<f64>, &'static str)> {
+        match self {
+            // A dial gauge has a stroke of at most 50 mm.
+            Self::Dial => Some((-50.0..=50.0, "mm")),
+            Self::Gauge => Some((-180.0..=180.0, "°")),
+            Self::WayDown => Some((0.0..=500.0, "mm")),
+            // A lever indicator has a range below 2 mm.
+            Self::Indicator | Self::EdgeIndicator => Some((-2.0..=2.0, "mm")),
+            Self::Gap => Some((0.0..=100.0, "mm")),
+            Self::AbovePivot => Some((-100.0..=100.0, "mm")),
+            Self::BesidePivot => Some((-20.0..=20.0, "mm")),
+            _ => None,
+        }
+    }
+
     /// What answers it, for a person.
     pub fn expected(self) -> String {
+        if let Some((range, unit)) = self.readings() {
+            let (least, most) = (range.start(), range.end());
+            let such = if *least < 0.0 { "-0.25" } else { "0.25" };
+            return format!("a number from {least} to {most} {unit}, such as {such}");
+        }
         let words: Vec<_> = self.choices().iter().map(|choice| choice.name()).collect();
         match words.split_last() {
-            None => "a number such as -0.25".to_owned(),
+            None => String::new(),
             Some((last, rest)) => format!("{} or {last}", rest.join(", ")),
         }
     }
@@ -217,9 +247,9 @@ impl Asked {
     pub fn read(self, text: &str) -> Result<Answer, NotAnAnswer> {
         let word = text.trim().to_lowercase();
         let choices = self.choices();
-        let answer = if choices.is_empty() {
+        let answer = if let Some((range, _)) = self.readings() {
             let number = word.replace(',', ".").parse::<f64>().ok();
-            number.filter(|reading| reading.is_finite()).map(Answer::Reading)
+            number.filter(|reading| range.contains(reading)).map(Answer::Reading)
         } else {
             let starting = choices.iter().filter(|choice| choice.name().starts_with(&word));
             let mut starting = starting.copied().filter(|_| !word.is_empty());
@@ -246,10 +276,16 @@ mod tests {
             (Asked::Dial, "ten"),
             (Asked::Dial, "nan"),
             (Asked::Dial, "inf"),
+            (Asked::Gap, "1e308"),
+            (Asked::BesidePivot, "300"),
+            (Asked::WayDown, "-1"),
         ] {
             assert!(asked.read(text).is_err(), "{asked:?} {text:?}");
         }
         let error = Asked::EdgeSank.read("left").unwrap_err().to_string();
         assert_eq!(error, "\"left\" is no answer; answer with tip, clamp or neither");
+        let error = Asked::BesidePivot.read("300").unwrap_err().to_string();
+        let limits = "answer with a number from -20 to 20 mm, such as -0.25";
+        assert_eq!(error, format!("\"300\" is no answer; {limits}"));
     }
 }

@@ -163,7 +163,8 @@ async fn end<B: Bench>(
                     "the {name} was stopped at {at:.3} {unit}, and not by its limit"
                 )));
             }
-            doubt(bench, true);
+            // It would drive into the same thing again.
+            confirm(bench, Asked::ClearWay).await?;
         }
         jog(bench, axis, -sense * BEFORE).await?;
     }

@@ -1,6 +1,6 @@
 //! The emergency stop, before anything else moves: pressed, it must keep both axes still.
 
-use super::{Early, confirm, contradictory, doubt, jog, reading};
+use super::{Early, confirm, contradictory, doubt, insist, jog, reading};
 use crate::{
     Asked, Bench, Finding, Jog, JogAxis, Order,
     agreement::{Agreement, Progress},
@@ -14,14 +14,14 @@ const ANSWERS: usize = 2;
 
 pub(super) async fn carry_out<B: Bench>(bench: &mut B) -> Result<Finding, Early<B::Trouble>> {
     confirm(bench, Asked::NoSample).await?;
-    confirm(bench, Asked::PressStop).await?;
+    insist(bench, Asked::PressStop).await?;
     for (axis, by) in STEPS {
         if is_seen_to_move(bench, axis, by).await? {
             let axis = axis.name();
             return Err(Early::Failed(format!("the {axis} moved while the stop was pressed")));
         }
     }
-    confirm(bench, Asked::ReleaseStop).await?;
+    insist(bench, Asked::ReleaseStop).await?;
     // A stop that keeps everything still also afterwards shows nothing.
     for (axis, by) in STEPS {
         let mut seen = 0.0;

@@ -1,0 +1,103 @@
+//! Steps with answers that a person gives in another order than the simulated one.
+
+use std::{
+    collections::VecDeque,
+    convert::Infallible,
+    pin::pin,
+    task::{Context, Poll, Waker},
+};
+
+use super::*;
+use crate::Verdict;
+
+/// A bench whose axes go where they are told, up to an end, and whose answers are given.
+struct Scripted {
+    answers: VecDeque<(Asked, Choice)>,
+    at: [f64; 2],
+    /// What was said, and each motion.
+    said: Vec<String>,
+}
+
+/// Where each axis is stopped.
+const ENDS: [f64; 2] = [50.0, 60.0];
+
+impl Bench for Scripted {
+    type Trouble = Infallible;
+
+    async fn ask(&mut self, asked: Asked) -> Result<Answer, Infallible> {
+        let is_next = self.answers.front().is_some_and(|(next, _)| *next == asked);
+        let next = if is_next { self.answers.pop_front() } else { None };
+        self.said.push(format!("{asked:?}"));
+        Ok(Answer::Choice(next.map_or(Choice::No, |(_, choice)| choice)))
+    }
+
+    async fn drive(&mut self, order: Order) -> Result<Result<Jogged, String>, Infallible> {
+        let axis = usize::from(order.axis() == JogAxis::Rotary);
+        let from = self.at[axis];
+        let Order::Step(jog) = order else {
+            return Ok(Ok(Jogged { from, at: from, is_homed: true }));
+        };
+        self.at[axis] = (from + jog.by).clamp(-ENDS[axis], ENDS[axis]);
+        if jog.by != 0.0 {
+            self.said.push(format!("{} moves", jog.axis.name()));
+        }
+        let at = self.at[axis];
+        let is_stopped = (at - from - jog.by).abs() > 1e-9;
+        let made = Jogged { from, at, is_homed: true };
+        Ok(if is_stopped { Err("stopped".to_owned()) } else { Ok(made) })
+    }
+
+    async fn seen(&mut self, _: JogAxis) -> Result<(), Infallible> {
+        Ok(())
+    }
+
+    async fn homing_begins(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+
+    fn remark(&mut self, text: &str) {
+        self.said.push(text.to_owned());
+    }
+}
+
+/// Makes a step with these answers, a no where they do not fit, and returns what was said and moved.
+fn play(step: Step, answers: &[(Asked, Choice)]) -> (Finding, Vec<String>) {
+    let text = include_str!("../../../../config/rigs/simulated.toml");
+    let rig = RigFile::read("rig.toml", text).unwrap();
+    let answers = answers.iter().copied().collect();
+    let mut bench = Scripted { answers, at: [25.0, 0.0], said: Vec::new() };
+    let found = {
+        let mut step = pin!(carry_out(step, &rig, &mut bench));
+        let Poll::Ready(Ok(found)) = step.as_mut().poll(&mut Context::from_waker(Waker::noop()))
+        else {
+            panic!("a scripted bench has nothing to wait for")
+        };
+        found
+    };
+    (found, bench.said)
+}
+
+#[test]
+fn an_axis_that_something_else_stopped_moves_again_only_when_the_way_is_free() {
+    let begin = [(Asked::NoSample, Choice::Yes), (Asked::AtLimit, Choice::No)];
+    let (found, said) = play(Step::Limits, &begin);
+    assert!(matches!(found.verdict, Verdict::Failed(_)), "{found:?}");
+    // The way was not free: nothing moves after the question.
+    assert_eq!(said.last().unwrap(), "ClearWay", "{said:#?}");
+    let (_, said) = play(Step::Limits, &[&begin[..], &[(Asked::ClearWay, Choice::Yes)]].concat());
+    let cleared = said.iter().position(|one| one == "ClearWay").unwrap();
+    assert_eq!(said[cleared + 1], "linear stage moves");
+    assert!(!said.iter().any(|one| one.contains("contradicts")), "{said:#?}");
+}
+
+#[test]
+fn a_stop_that_is_not_pressed_yet_is_asked_for_again_and_nothing_moves() {
+    let begin = [(Asked::NoSample, Choice::Yes), (Asked::PressStop, Choice::No)];
+    let (_, said) = play(Step::Stop, &[&begin[..], &[(Asked::PressStop, Choice::Yes)]].concat());
+    let asked = "PressStop";
+    assert_eq!(said[..4], ["NoSample", asked, "Nothing moves before it is done.", asked]);
+    assert_eq!(said[4], "linear stage moves");
+    let (found, said) = play(Step::Stop, &begin);
+    assert!(matches!(found.verdict, Verdict::Failed(_)), "{found:?}");
+    assert_eq!(said.iter().filter(|one| *one == asked).count(), TIMES);
+}
