@@ -242,3 +242,38 @@ fn no_folder_takes_the_place_of_that_of_another_run() {
     let found = fs::read_dir(data.path().join("runs")).unwrap().count();
     assert_eq!(found, folders.len());
 }
+
+/// What a person reads when a record is damaged is what the checker found, with the exit code of a journal that is not sound.
+#[test]
+fn amendments_are_checked_with_their_run_and_a_damaged_digest_is_a_finding() {
+    let data = with_runs(1);
+    let skip = ["skip", "smoke-1", "main/5/front/0/1", "--why", "a test"];
+    let skipped = rigd(data.path(), &skip);
+    assert!(skipped.status.success(), "{}", String::from_utf8_lossy(&skipped.stderr));
+    let verified = rigd(data.path(), &["verify", "smoke-1"]);
+    assert!(verified.status.success(), "{}", stdout(&verified));
+    assert!(stdout(&verified).contains("smoke-1: 1 amendment: sound: "), "{}", stdout(&verified));
+    for (kind, count) in [("amendment", "1 amendment: 1 not sound"), ("run", "not sound: ")] {
+        let database = rusqlite::Connection::open(data.path().join("rigd.db")).unwrap();
+        let damage = "UPDATE records SET digest = zeroblob(32) WHERE seq = 2 AND run IN (SELECT key FROM runs WHERE kind = ?1)";
+        assert_eq!(database.execute(damage, [kind]).unwrap(), 1, "{kind}");
+        let verified = rigd(data.path(), &["verify", "smoke-1"]);
+        assert_eq!(verified.status.code(), Some(7), "{kind}: {}", stdout(&verified));
+        assert!(stdout(&verified).contains(count), "{kind}: {}", stdout(&verified));
+    }
+}
+
+#[test]
+fn a_sweep_whose_time_ends_before_its_first_reading_is_refused_in_a_sound_journal() {
+    let data = TempDir::new().unwrap();
+    let smoke = include_str!("../../../config/protocols/smoke.toml");
+    let (head, contact) = smoke.split_once("[contact_sweep]").unwrap();
+    let limit = |line: &str| line.starts_with("time_limit_s").then_some("time_limit_s = 0.01");
+    let contact: Vec<_> = contact.lines().map(|line| limit(line).unwrap_or(line)).collect();
+    let protocol = data.path().join("protocol.toml");
+    fs::write(&protocol, format!("{head}[contact_sweep]{}", contact.join("\n"))).unwrap();
+    let run = rigd(data.path(), &["run", protocol.to_str().unwrap()]);
+    assert_eq!(run.status.code(), Some(6), "{}", String::from_utf8_lossy(&run.stderr));
+    let verified = rigd(data.path(), &["verify", "latest"]);
+    assert!(verified.status.success(), "{}", stdout(&verified));
+}

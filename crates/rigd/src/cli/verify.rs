@@ -3,9 +3,9 @@
 
 mod objects;
 
-use rig_record::{Run, RunKind};
+use rig_record::{Run, RunId, RunKind};
 use rig_ship::PublicKey;
-use rig_store::Reader;
+use rig_store::{Reader, StoreError};
 use rig_verify::{FileFinding, ModelCheck, StatedModel, Verdict};
 use serde::Serialize;
 
@@ -31,6 +31,8 @@ struct VerifyView {
     has_folder: bool,
     /// The files of the folder that are not those of its manifest.
     files: Vec<FileFinding>,
+    /// The verdict on each amendment of the run that has ended, the oldest first.
+    amendments: Vec<Verdict>,
 }
 
 #[derive(Debug, Args)]
@@ -53,8 +55,14 @@ pub(super) fn verify(args: &VerifyArgs) -> Result<(), Failure> {
     }
     let (reader, run) = args.run.find()?;
     let data = &args.run.dir()?;
-    let verdict = rig_verify::verify(data, &run.id.to_string())
-        .map_err(|source| Failure::Unchecked { data: data.clone(), source })?;
+    let check = |id: RunId| {
+        rig_verify::verify(data, &id.to_string())
+            .map_err(|source| Failure::Unchecked { data: data.clone(), source })
+    };
+    let verdict = check(run.id)?;
+    let amendments = reader.amendments(run.id)?.into_iter().map(check);
+    let amendments = amendments.collect::<Result<Vec<_>, _>>()?;
+    let are_sound = verdict.is_sound && amendments.iter().all(|amendment| amendment.is_sound);
     let folder = run_files::folder(data, &run);
     let has_folder = folder.is_dir();
     let files = if has_folder {
@@ -63,17 +71,18 @@ pub(super) fn verify(args: &VerifyArgs) -> Result<(), Failure> {
     } else {
         Vec::new()
     };
-    let model = stated_model(&reader, &run)?
+    let model = stated_model(&reader, &run, are_sound)?
         .map(|stated| rig_verify::verify_model(data, &run.id.to_string(), &stated))
         .transpose()
         .map_err(|source| Failure::Unchecked { data: data.clone(), source })?;
     let is_refuted = model.as_ref().is_some_and(|model| model.is_confirmed == Some(false));
-    let is_sound = verdict.is_sound && files.is_empty() && !is_refuted;
-    let view = VerifyView { verdict, model, has_folder, files };
+    let is_sound = are_sound && files.is_empty() && !is_refuted;
+    let view = VerifyView { verdict, model, has_folder, files, amendments };
     if args.output.json {
         print_json(&view)?;
     } else {
-        for finding in &view.verdict.findings {
+        let verdicts = [&view.verdict].into_iter().chain(&view.amendments);
+        for finding in verdicts.flat_map(|verdict| &verdict.findings) {
             print(&finding.to_string())?;
         }
         for FileFinding { file, what } in &view.files {
@@ -81,6 +90,9 @@ pub(super) fn verify(args: &VerifyArgs) -> Result<(), Failure> {
         }
         let name = run.short_name();
         print(&format!("{name}: {}", view.verdict.sentence()))?;
+        if let Some(amendments) = amended(&view.amendments) {
+            print(&format!("{name}: {amendments}"))?;
+        }
         if let Some(model) = &view.model {
             print(&format!("{name}: {}", in_words(model)))?;
         }
@@ -97,13 +109,44 @@ pub(super) fn verify(args: &VerifyArgs) -> Result<(), Failure> {
     if is_sound { Ok(()) } else { Err(Failure::NotSound) }
 }
 
+/// The amendments of a run in a sentence; `None` without one.
+fn amended(amendments: &[Verdict]) -> Option<String> {
+    let records: u64 = amendments.iter().map(|amendment| amendment.records).sum();
+    let unsound = amendments.iter().filter(|amendment| !amendment.is_sound).count();
+    let what = match amendments.len() {
+        0 => return None,
+        1 => "1 amendment".to_owned(),
+        count => format!("{count} amendments"),
+    };
+    Some(match unsound {
+        0 => format!("{what}: sound: {records} records"),
+        unsound => format!("{what}: {unsound} not sound, in {records} records"),
+    })
+}
+
 /// The model that the results of a run state; `None` when they have none, or cannot be read.
-fn stated_model(reader: &Reader, run: &Run) -> Result<Option<StatedModel>, Failure> {
-    if run.kind != RunKind::Run || reader.archive_of(run.id)?.is_some() {
+///
+/// # Errors
+/// The journal. Records that cannot be read are findings of the checker, and are no error if it has found some.
+fn stated_model(
+    reader: &Reader,
+    run: &Run,
+    are_sound: bool,
+) -> Result<Option<StatedModel>, Failure> {
+    if run.kind != RunKind::Run {
         return Ok(None);
     }
-    // Records that cannot be read are findings of the checker.
-    let Ok(results) = results_of(run, &reader.amended(run.id)?) else { return Ok(None) };
+    let records = reader.archive_of(run.id).and_then(|archived| match archived {
+        Some(_) => Ok(None),
+        None => reader.amended(run.id).map(Some),
+    });
+    let records = match records {
+        Ok(Some(records)) => records,
+        Ok(None) => return Ok(None),
+        Err(StoreError::Broken { .. }) if !are_sound => return Ok(None),
+        Err(error) => return Err(error.into()),
+    };
+    let Ok(results) = results_of(run, &records) else { return Ok(None) };
     let stated = results.summary().model.map(|model| StatedModel {
         tangential_ratio: model.tangential_ratio.value,
         arm_mm: model.arm_mm.value,

@@ -156,10 +156,10 @@ impl Labels {
     }
 
     /// Every reading counts, except flagged ones that were measured again, and one in five that was left
-    /// out.
+    /// out. A sweep whose time ends before its first reading is refused, and has none.
     fn check_readings(seq: u64, sweep: &Sweep, findings: &mut Findings) {
         let Sweep { readings, probe_readings, outcome, .. } = sweep;
-        if readings.is_empty() {
+        if readings.is_empty() && matches!(outcome, Outcome::Accepted { .. }) {
             findings.add(Check::Sweep, seq, "the number of readings of a sweep", "some", 0);
         }
         if *probe_readings > 0 {
