@@ -127,29 +127,37 @@ pub enum Refusal {
         what: &'static str,
     },
     /// A step that is too long for what is shown.
-    #[error("{what}: {asked:.3} is more than the {limit:.3} that are allowed before more is shown")]
+    #[error(
+        "{what}: {asked:.3} {unit} is more than the {limit:.3} {unit} that are allowed before more is shown"
+    )]
     JogTooLong {
-        /// The command, whose unit is that of its axis.
+        /// The command.
         what: &'static str,
         /// Length of the step.
         asked: f64,
         /// Longest step.
         limit: f64,
+        /// Unit of the axis.
+        unit: &'static str,
     },
     /// A step that is too fast.
-    #[error("{what}: speed {asked:.3} per second is above {limit:.3}")]
+    #[error("{what}: speed {asked:.3} {unit}/s is above {limit:.3} {unit}/s")]
     JogTooFast {
-        /// The command, whose unit is that of its axis.
+        /// The command.
         what: &'static str,
         /// Requested speed.
         asked: f64,
         /// Highest speed.
         limit: f64,
+        /// Unit of the axis.
+        unit: &'static str,
     },
     /// A step that leads out of the travel.
-    #[error("{what}: it would lead to {to:.3}, outside the travel from {min:.3} to {max:.3}")]
+    #[error(
+        "{what}: it would lead to {to:.3} {unit}, outside the travel from {min:.3} {unit} to {max:.3} {unit}"
+    )]
     BeyondTravel {
-        /// The command, whose unit is that of its axis.
+        /// The command.
         what: &'static str,
         /// End of the step.
         to: f64,
@@ -157,6 +165,8 @@ pub enum Refusal {
         min: f64,
         /// Upper end.
         max: f64,
+        /// Unit of the axis.
+        unit: &'static str,
     },
     /// A command without an operator.
     #[error("a command without the name of an operator")]

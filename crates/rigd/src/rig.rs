@@ -80,6 +80,7 @@ pub(crate) use shell::{CLOCK_WAS_SET, HELD_UP};
 pub(crate) use space::{RESERVE_BYTES, check as check_space, free_bytes};
 pub use status::{DeviceIdentity, RunView, Status};
 pub(crate) use status::{PortFrames, Setting};
+pub use step::NotMade;
 pub use way_out::{WayOut, make_safe};
 
 use self::proof::Purpose;
@@ -229,7 +230,7 @@ enum Request {
     Commission {
         order: Order,
         by: String,
-        reply: oneshot::Sender<Result<oneshot::Receiver<Result<Jogged, String>>, RequestRefusal>>,
+        reply: oneshot::Sender<Result<oneshot::Receiver<Result<Jogged, NotMade>>, RequestRefusal>>,
     },
     StepSeen {
         axis: JogAxis,
@@ -460,7 +461,7 @@ impl RigHandle {
         &self,
         order: Order,
         by: &str,
-    ) -> Result<Result<Jogged, String>, RequestRefusal> {
+    ) -> Result<Result<Jogged, NotMade>, RequestRefusal> {
         let (reply, answer) = oneshot::channel();
         let request = Request::Commission { order, by: by.to_owned(), reply };
         let ended = self.ask(request, answer).await??;

@@ -166,8 +166,8 @@ fn nothing_moves_on_a_bench_that_nobody_has_commissioned() {
     let made = jog("0.2");
     assert!(made.status.success(), "{}", stderr(&made));
     let long = jog("0.3");
-    assert_eq!(long.status.code(), Some(1));
-    assert!(stderr(&long).contains("0.300 is more than the 0.200"), "{}", stderr(&long));
+    assert_eq!(long.status.code(), Some(2));
+    assert!(stderr(&long).contains("0.300 mm is more than the 0.200 mm"), "{}", stderr(&long));
 }
 
 #[test]

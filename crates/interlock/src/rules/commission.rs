@@ -12,8 +12,8 @@ use crate::{PortCommand, Refusal};
 const FRESH: Duration = Duration::from_secs(60);
 
 /// Steps while nothing is shown, after signs and scales are shown, and their highest speed.
-const LINEAR: Bounds = Bounds { first: 0.2, most: 10.0, speed_per_s: 1.0 };
-const ROTARY: Bounds = Bounds { first: 1.0, most: 31.0, speed_per_s: 5.0 };
+const LINEAR: Bounds = Bounds { first: 0.2, most: 10.0, speed_per_s: 1.0, unit: "mm" };
+const ROTARY: Bounds = Bounds { first: 1.0, most: 31.0, speed_per_s: 5.0, unit: "°" };
 
 /// How many times as long as a step that a gauge has shown the next one may be.
 const GROWTH: f64 = 10.0;
@@ -43,6 +43,7 @@ struct Bounds {
     first: f64,
     most: f64,
     speed_per_s: f64,
+    unit: &'static str,
 }
 
 /// The steps of an axis, in its unit.
@@ -141,7 +142,7 @@ impl Commission {
         (bounds, steps): (&Bounds, Steps),
         (by, speed_per_s): (f64, f64),
     ) -> Result<(), Refusal> {
-        let Bounds { first, most, speed_per_s: limit_per_s } = *bounds;
+        let Bounds { first, most, speed_per_s: limit_per_s, unit } = *bounds;
         let limit = match self.proven {
             Proven::Nothing => first,
             Proven::Signs => (GROWTH * steps.seen).clamp(first, most),
@@ -153,11 +154,11 @@ impl Commission {
         let is_short = by.abs() <= limit + ROUNDING;
         let is_slow = 0.0 < speed_per_s && speed_per_s <= limit_per_s;
         if !is_short {
-            return Err(Refusal::JogTooLong { what, asked: by.abs(), limit });
+            return Err(Refusal::JogTooLong { what, asked: by.abs(), limit, unit });
         }
         if !is_slow {
             let (asked, limit) = (speed_per_s, limit_per_s);
-            return Err(Refusal::JogTooFast { what, asked, limit });
+            return Err(Refusal::JogTooFast { what, asked, limit, unit });
         }
         Ok(())
     }
@@ -193,7 +194,7 @@ impl Commission {
             return Ok(());
         }
         let (min, max) = (travel.min.value(), travel.max.value());
-        Err(Refusal::BeyondTravel { what, to: to.value(), min, max })
+        Err(Refusal::BeyondTravel { what, to: to.value(), min, max, unit: U::SYMBOL })
     }
 
     pub(crate) const fn begun(&mut self, command: &PortCommand) {

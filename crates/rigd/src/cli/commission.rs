@@ -18,7 +18,7 @@ use serde::Serialize;
 use self::guide::{Guide, Records};
 use super::{
     Failure,
-    args::{BenchArgs, DataArgs, OutputArgs, RigArgs},
+    args::{BenchArgs, DataArgs, OutputArgs, RigArgs, temperature},
     screen::{indented, say, say_clearly},
     session::open_by,
     signals::Signals,
@@ -31,7 +31,7 @@ use crate::{
     endpoint::{Endpoint, EndpointError},
     loaded_rig::LoadedRig,
     operator::Operator,
-    rig,
+    rig::{self, NotMade},
     sensor_check::NoRecord,
 };
 
@@ -92,7 +92,7 @@ struct WalkArgs {
     #[arg(long)]
     yes: bool,
     /// Temperature at the bench, for the records
-    #[arg(long, value_name = "°C", allow_negative_numbers = true)]
+    #[arg(long, value_name = "°C", allow_negative_numbers = true, value_parser = temperature)]
     temperature: Option<f64>,
 }
 
@@ -171,7 +171,7 @@ pub(super) enum CommissionFailure {
     #[error(transparent)]
     Block(#[from] BlockRunError),
     #[error("{axis}: {trouble}")]
-    NoStep { axis: &'static str, trouble: String },
+    NoStep { axis: &'static str, trouble: NotMade },
 }
 
 impl From<NoRecord> for CommissionFailure {
@@ -193,7 +193,15 @@ impl CommissionFailure {
                 | BlockRunError::NoPin { .. }
                 | BlockRunError::OtherPin { .. },
             )
-            | Self::Check(CheckError::OtherAxes { .. } | CheckError::Samples { .. }) => 2,
+            | Self::NoStep { trouble: NotMade::Refused(_), .. }
+            | Self::Check(
+                CheckError::OtherAxes { .. }
+                | CheckError::Samples { .. }
+                | CheckError::UnderWay { .. }
+                | CheckError::Used { .. }
+                | CheckError::Apart { .. }
+                | CheckError::Changed { .. },
+            ) => 2,
             _ => 1,
         }
     }
@@ -205,6 +213,11 @@ impl CommissionFailure {
             Self::NoGeometry(_) => Some(Kind::Blocks.remedy()),
             Self::Check(CheckError::Unmeasured(_)) => {
                 Some("`rigd show RUN` says why the touches were refused; make the check again")
+            }
+            Self::Check(
+                CheckError::Used { .. } | CheckError::Apart { .. } | CheckError::Changed { .. },
+            ) => {
+                Some("run both protocols of the check again, the block first, and judge these runs")
             }
             Self::Block(BlockRunError::OtherAxes { .. }) => {
                 Some("run the protocol of the block again, and evaluate that run")
@@ -336,9 +349,10 @@ fn show(args: &ShowArgs) -> Result<(), Failure> {
     if args.output.json {
         return print_json(&views(&standing));
     }
+    let missing = if rig.is_put_together_as_described() { "not needed" } else { "missing" };
     let text = |view: &StepView| match (&view.made, &view.person, view.why) {
         (Some(made), Some(person), _) => format!("{made}, {person}"),
-        (_, _, why) => format!("missing: {}", why.unwrap_or_default()),
+        (_, _, why) => format!("{missing}: {}", why.unwrap_or_default()),
     };
     let views = views(&standing);
     print(&wrapped(&views.iter().map(|view| (view.step, text(view))).collect::<Vec<_>>()))?;

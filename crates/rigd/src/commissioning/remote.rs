@@ -117,7 +117,7 @@ impl Bench for Remote {
             Ok(_) => {}
             Err(trouble) => self.say(format!("{axis}: {trouble}")),
         }
-        Ok(jogged)
+        Ok(jogged.map_err(|trouble| trouble.to_string()))
     }
 
     async fn seen(&mut self, axis: JogAxis) -> Result<(), Ended> {

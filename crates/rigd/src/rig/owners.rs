@@ -112,7 +112,10 @@ impl Owners {
     }
 
     /// Has a drive, while the devices are idle, do something for commissioning.
-    pub(super) fn commission(&mut self, order: Order) -> oneshot::Receiver<Result<Jogged, String>> {
+    pub(super) fn commission(
+        &mut self,
+        order: Order,
+    ) -> oneshot::Receiver<Result<Jogged, step::NotMade>> {
         self.axes.attend(async move |axes, stop| step::make(axes, order, stop).await)
     }
 

@@ -1,19 +1,36 @@
 //! What a drive does while the rig is commissioned: the interlock sees it, and the drive gets no settings.
 
 use rig_commission::{Jog, JogAxis, Jogged, Order};
-use rig_interlock::{Outcome, PortCommand};
+use rig_interlock::{Outcome, PortCommand, Refusal};
 use rig_link::StopSignal;
 use rig_model::{Position, Unit, with_causes};
 use rig_stage::{Stage, StageError};
 
 use super::{devices::Axes, gate::Gate};
 
+/// Why a drive did not do what was ordered.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum NotMade {
+    /// The interlock refused it. Nothing was sent.
+    #[error(transparent)]
+    Refused(#[from] Refusal),
+    /// The drive, with all causes.
+    #[error("{0}")]
+    Failed(String),
+}
+
+impl NotMade {
+    fn of(error: &(dyn std::error::Error + 'static)) -> Self {
+        Self::Failed(with_causes(error))
+    }
+}
+
 /// Does what is ordered, or says why not.
 pub(super) async fn make(
     axes: &mut Axes,
     order: Order,
     stop: &StopSignal,
-) -> Result<Jogged, String> {
+) -> Result<Jogged, NotMade> {
     let Axes { linear, rotary, is_homing_up, gate, .. } = axes;
     match order.axis() {
         JogAxis::Linear => {
@@ -49,14 +66,14 @@ async fn along<U: Unit>(
     command: impl FnOnce(Position<U>) -> PortCommand,
     (order, is_homing_up): (Order, bool),
     stop: &StopSignal,
-) -> Result<Jogged, String> {
-    let status = stage.look().await.map_err(|error| with_causes(&error))?.status;
+) -> Result<Jogged, NotMade> {
+    let status = stage.look().await.map_err(|error| NotMade::of(&error))?.status;
     let (from, is_homed) = (status.position, status.is_homed);
     if let Order::Step(Jog { by: 0.0, .. }) = order {
         return Ok(Jogged { from: from.value(), at: from.value(), is_homed });
     }
     let command = command(from);
-    gate.admit_step(&command).map_err(|refusal| refusal.to_string())?;
+    gate.admit_step(&command)?;
     let done = match order {
         Order::Step(Jog { by, axis }) => stage.jog(by, axis.speed_per_s(), stop).await,
         Order::ClearAlarm(_) => stage.reset_alarm().await.map(|status| status.position),
@@ -68,6 +85,6 @@ async fn along<U: Unit>(
         Err(_) => Outcome::Failed,
     };
     gate.step_ended(&command, &outcome);
-    let at = done.map_err(|error| with_causes(&error))?;
+    let at = done.map_err(|error| NotMade::of(&error))?;
     Ok(Jogged { from: from.value(), at: at.value(), is_homed })
 }

@@ -15,7 +15,7 @@ use crate::{
         signals::Signals,
     },
     operator::Operator,
-    rig::{RequestRefusal, RigHandle},
+    rig::{NotMade, RequestRefusal, RigHandle},
 };
 
 /// The name in the record of a step that the simulated person has answered.
@@ -64,10 +64,36 @@ impl Guide {
         // A simulated person sees that nothing is below the probe.
         self.is_simulated = self.handle.ask_simulated(Asked::NoSample).await?.is_some();
         let axis = jog.axis.name();
-        self.drive(Order::Step(jog))
-            .await?
-            .map_err(|trouble| CommissionFailure::NoStep { axis, trouble })?;
+        let made = self.order(Order::Step(jog)).await?;
+        made.map_err(|trouble| CommissionFailure::NoStep { axis, trouble })?;
         Ok(())
+    }
+
+    /// Has a drive do something, once the person lets it.
+    async fn order(&mut self, order: Order) -> Result<Result<Jogged, NotMade>, Failure> {
+        let (axis, unit) = (order.axis().name(), order.axis().unit());
+        if order.may_move() && !self.is_confirmed && !self.is_simulated {
+            self.line("whether the axis may move", format!("Press Enter: {order}")).await?;
+        }
+        let (handle, operator) = (self.handle.clone(), self.operator.clone());
+        let step = handle.drive(order, operator.as_str());
+        tokio::pin!(step);
+        let jogged = tokio::select! {
+            ended = &mut step => ended?,
+            () = self.signals.next() => {
+                handle.command(Command::Stop, None, operator.as_str()).await?;
+                _ = step.await;
+                return Err(Failure::Interrupted);
+            }
+        };
+        match &jogged {
+            Ok(Jogged { from, at, .. }) if from != at => {
+                say(&format!("{axis}: {from:.3} {unit} → {at:.3} {unit}"));
+            }
+            Ok(_) => {}
+            Err(trouble) => say_clearly(&indented(&format!("{axis}: {trouble}"), 0)),
+        }
+        Ok(jogged)
     }
 
     /// Who answered.
@@ -137,29 +163,7 @@ impl Bench for Guide {
     }
 
     async fn drive(&mut self, order: Order) -> Result<Result<Jogged, String>, Failure> {
-        let (axis, unit) = (order.axis().name(), order.axis().unit());
-        if order.may_move() && !self.is_confirmed && !self.is_simulated {
-            self.line("whether the axis may move", format!("Press Enter: {order}")).await?;
-        }
-        let (handle, operator) = (self.handle.clone(), self.operator.clone());
-        let step = handle.drive(order, operator.as_str());
-        tokio::pin!(step);
-        let jogged = tokio::select! {
-            ended = &mut step => ended?,
-            () = self.signals.next() => {
-                handle.command(Command::Stop, None, operator.as_str()).await?;
-                _ = step.await;
-                return Err(Failure::Interrupted);
-            }
-        };
-        match &jogged {
-            Ok(Jogged { from, at, .. }) if from != at => {
-                say(&format!("{axis}: {from:.3} {unit} → {at:.3} {unit}"));
-            }
-            Ok(_) => {}
-            Err(trouble) => say_clearly(&indented(&format!("{axis}: {trouble}"), 0)),
-        }
-        Ok(jogged)
+        Ok(self.order(order).await?.map_err(|trouble| trouble.to_string()))
     }
 
     async fn seen(&mut self, axis: JogAxis) -> Result<(), Failure> {

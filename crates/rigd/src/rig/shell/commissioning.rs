@@ -7,7 +7,7 @@ use rig_store::{Operator, Record};
 use tokio::sync::oneshot;
 
 use super::Shell;
-use crate::rig::{RequestRefusal, proof::Purpose};
+use crate::rig::{NotMade, RequestRefusal, proof::Purpose};
 
 impl Shell {
     /// Refuses what needs a rig in service.
@@ -31,7 +31,7 @@ impl Shell {
         &mut self,
         order: Order,
         by: String,
-    ) -> Result<oneshot::Receiver<Result<Jogged, String>>, RequestRefusal> {
+    ) -> Result<oneshot::Receiver<Result<Jogged, NotMade>>, RequestRefusal> {
         if self.uncommissioned.is_none() {
             return Err(RequestRefusal::InService);
         }
