@@ -9,10 +9,11 @@ pub(crate) mod limit;
 pub(crate) mod prior;
 mod survey;
 
-use rig_model::{Reading, SweepMethod, SweepPoint, SweepRequest};
+use rig_model::{Reading, SweepMethod, SweepPoint, SweepRequest, Window};
 
 use crate::{
-    Bench, FitOptions, FitOutcome, Fitter, Limit, Reason, Refusal, Timing, fit::decay::learn::learn,
+    Bench, FitOptions, FitOutcome, Fitter, Limit, Reason, Refusal, Timing,
+    diagnose::doubts::doubt_place, fit::decay::learn::learn,
 };
 use decay::Decay;
 use limit::{READINGS_MAX, ROWS_PER_PLAN, ROWS_PER_READING_JUDGED, SECONDS_PER_ROW, VERDICTS_MAX};
@@ -185,7 +186,8 @@ impl Planner {
             Ok(bench) => {
                 self.options.bench = Some(bench);
                 let target_hz = self.request.target_sigma_hz;
-                self.verdict().held_to(target_hz, self.readings.len(), Limit::Plan)
+                let window = self.request.window;
+                self.verdict().held_to(target_hz, self.readings.len(), (window, Limit::Plan))
             }
             Err(reason) => refused(reason),
         };
@@ -206,7 +208,8 @@ impl Planner {
     fn finish(&mut self, limit: Limit) -> Next {
         let verdict = self.verdict();
         let target_hz = self.request.target_sigma_hz;
-        Next::Finished(verdict.held_to(target_hz, self.readings.len(), limit))
+        let ended = (self.request.window, limit);
+        Next::Finished(verdict.held_to(target_hz, self.readings.len(), ended))
     }
 
     /// The limit that ends the sweep now, regardless of the result.
@@ -332,9 +335,15 @@ fn needs_more(verdict: &FitOutcome) -> bool {
 
 impl FitOutcome {
     /// The final verdict for a target standard deviation `target_hz`, Hz. A result that misses the
-    /// target becomes a refusal with the estimate as evidence.
+    /// target becomes a refusal with the estimate as evidence. An estimate outside of the window says that the window is
+    /// wrong, whatever ended the sweep.
     #[must_use]
-    pub fn held_to(self, target_hz: f64, readings: usize, limit: Limit) -> Self {
+    pub fn held_to(
+        self,
+        target_hz: f64,
+        readings: usize,
+        (window, limit): (Window, Limit),
+    ) -> Self {
         let estimate = match &self {
             Self::Accepted(found) => Some(*found),
             Self::Refused(refusal) if needs_more(&self) => refusal.estimate,
@@ -344,6 +353,11 @@ impl FitOutcome {
         if sigma_hz.is_some_and(|sigma_hz| sigma_hz <= target_hz) {
             return self;
         }
+        let outside = estimate.as_ref().and_then(|found| doubt_place(found, window));
+        let limit = match (outside, &estimate) {
+            (Some(_), Some(found)) => Limit::Window { estimate_hz: found.resonance_hz },
+            _ => limit,
+        };
         let reason = Reason::TargetNotReached { sigma_hz, target_hz, readings, limit };
         Self::Refused(Refusal { reason, estimate })
     }

@@ -252,6 +252,14 @@ pub enum Limit {
     /// The planner found no further reading that would help.
     #[error("no further reading would help: ask for less")]
     Plan,
+    /// The estimate lies outside of the window, where no reading is.
+    #[error(
+        "the estimate of {estimate_hz:.3} Hz lies outside of the window: measure with a window around the resonance"
+    )]
+    Window {
+        /// The estimate, Hz.
+        estimate_hz: f64,
+    },
     /// The readings were recorded earlier, so that no more can be taken.
     #[error("no more were made: measure again and ask for less, or allow more time")]
     Past,

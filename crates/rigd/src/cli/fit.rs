@@ -182,7 +182,9 @@ impl FileFitView {
         let outcome = match (&sweep.given_up, sweep.fit.target_hz) {
             (Some(refusal), _) => FitOutcome::Refused(refusal.clone()),
             (None, Some(target_hz)) => {
-                fit(readings, &options).held_to(target_hz, readings.len(), Limit::Past)
+                let window = options.window.unwrap_or_else(|| span(readings));
+                let ended = (window, Limit::Past);
+                fit(readings, &options).held_to(target_hz, readings.len(), ended)
             }
             (None, None) => fit(readings, &options),
         };
