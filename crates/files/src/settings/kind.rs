@@ -408,7 +408,11 @@ impl Kind for Interval {
         }
         match ends[..] {
             [min, max] if min.value < max.value => Some((min.value, max.value)),
-            _ => slot.refuse(&ValueFault::NotAnInterval { key: slot.key, count: ends.len() }),
+            _ => {
+                let are_equal = matches!(&ends[..], [min, max] if min.value == max.value);
+                let (key, count) = (slot.key, ends.len());
+                slot.refuse(&ValueFault::NotAnInterval { key, count, are_equal })
+            }
         }
     }
 

@@ -164,7 +164,7 @@ fn an_interval_is_two_rising_numbers() {
     }
     check("[-1, 2.5]", Ok((-1.0, 2.5)));
     let rising = "13: travel_mm is not two rising numbers; put the smaller one first";
-    check("[2, 2]", Err(rising));
+    check("[2, 2]", Err("13: travel_mm is not two rising numbers; give two different numbers"));
     check("[2, 1]", Err(rising));
     let two = "13: travel_mm is not two rising numbers; give the lowest and the highest value";
     check("[2]", Err(two));

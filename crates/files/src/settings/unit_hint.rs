@@ -40,6 +40,8 @@ pub fn unit_hint(key: &str, found: f64, is_right: impl Fn(f64) -> bool) -> Optio
     }
     // Twelve digits: more than a person writes, and fewer than the rounding of a product spoils.
     let meant = |factor: f64| format!("{:.11e}", found * factor).parse::<f64>().ok();
+    // A number without a unit is a share only below 1; a count is none.
+    let is_right = |meant: f64| is_right(meant) && (known.is_some() || meant < 1.0);
     units.iter().find_map(|&(factor, unit)| {
         let meant = meant(factor).filter(|meant| *meant != 0.0 && is_right(*meant))?;
         Some(format!("if {found} is {unit}, write {meant}"))
@@ -73,6 +75,7 @@ mod tests {
         let depth = (0.005, 20.0);
         check("indentation_mm", 0.0005, depth, Some("if 0.0005 is in metres, write 0.5"));
         check("indentation_mm", 500.0, depth, Some("if 500 is in micrometres, write 0.5"));
+        check("cycles", 2e6, (1.0, 1e5), None);
         check("indentation_mm", 0.0, depth, None);
         check("indentation_mm", 30.0, depth, None);
         check("indentation_mm", 0.003, depth, None);

@@ -92,7 +92,7 @@ pub(crate) enum ValueFault {
     #[error("{key} has {count} entries, above the limit of {max}")]
     LongList { key: &'static str, count: usize, max: usize },
     #[error("{key} is not two rising numbers")]
-    NotAnInterval { key: &'static str, count: usize },
+    NotAnInterval { key: &'static str, count: usize, are_equal: bool },
     #[error("{subject} is not one of {}", quoted(words))]
     NotAChoice { subject: FaultyValue, words: Vec<&'static str>, meant: Option<&'static str> },
 }
@@ -148,6 +148,9 @@ impl Complaint for ValueFault {
                 meant.map(|meant| format!("did you mean \"{meant}\"?"))
             }
             Self::EmptyList(_) => Some("give at least one, or leave the key out".into()),
+            Self::NotAnInterval { are_equal: true, .. } => {
+                Some("give two different numbers".into())
+            }
             Self::NotAnInterval { count, .. } if *count == 2 => {
                 Some("put the smaller one first".into())
             }
