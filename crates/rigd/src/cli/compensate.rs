@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::{
     Failure,
     args::{DataArgs, OperatorArgs, OutputArgs, RigArgs},
-    table::{print, print_json},
+    table::{note, print, print_json},
 };
 use crate::{
     corrections::{self, Correction, CorrectionKind, FILE, last_of},
@@ -25,7 +25,7 @@ pub(super) struct CompensateArgs {
     #[arg(value_enum, requires = "cable")]
     what: Option<CorrectionKind>,
     /// The cable and the fixture, as written on them; kept with the date
-    #[arg(long, value_name = "TEXT", requires = "what")]
+    #[arg(long, value_name = "TEXT", requires = "what", value_parser = cable)]
     cable: Option<String>,
     /// Length of the cable that the analyzer corrects for, m
     #[arg(long, value_name = "M", requires = "what")]
@@ -38,6 +38,16 @@ pub(super) struct CompensateArgs {
     operator: OperatorArgs,
     #[command(flatten)]
     output: OutputArgs,
+}
+
+/// A cable without a name.
+#[derive(Debug, thiserror::Error)]
+#[error("the name of the cable is empty; write what is written on cable and fixture")]
+struct NoCable;
+
+fn cable(text: &str) -> Result<String, NoCable> {
+    let cable = text.trim();
+    if cable.is_empty() { Err(NoCable) } else { Ok(cable.to_owned()) }
 }
 
 /// The messages of a correction, if the analyzer has it.
@@ -90,12 +100,31 @@ pub(super) fn compensate(args: &CompensateArgs) -> Result<(), Failure> {
             analyzer: identity,
             operator: args.operator.name().to_string(),
         };
+        for other in others(&made, &done) {
+            note(&format!(
+                "{} was made for {} {}, and {what} now for {cable}: the corrections of one analyzer are for one cable; make \
+                 {} again with this one",
+                other.what.name(),
+                other.cable,
+                local(&other.at),
+                other.what.name(),
+                what = what.name()
+            ));
+        }
         made.push(done);
         make_directory(&args.data.dir()).map_err(failed)?;
         durable::replace(&path, &made, FOR_ALL).map_err(failed)?;
         return print(&format!("{}: measured, and on, for {cable}", what.name()));
     }
     list(args, rig, compensation, &made)
+}
+
+/// The last corrections of the other kinds that were made for this analyzer with another cable.
+fn others(made: &[Correction], done: &Correction) -> Vec<Correction> {
+    let is_other =
+        |other: &Correction| (&other.cable, other.length_m) != (&done.cable, done.length_m);
+    let kinds = CorrectionKind::ALL.into_iter().filter(|kind| *kind != done.what);
+    kinds.filter_map(|kind| last_of(made, kind, &done.analyzer)).filter(is_other).collect()
 }
 
 /// The corrections that are on in the analyzer, each with the last time at which it was made here.

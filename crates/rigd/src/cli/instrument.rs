@@ -118,6 +118,7 @@ fn record_rig(args: &RecordArgs) -> Result<(), Failure> {
         [file_of(&analyzer.instrument), file_of(&linear.instrument), file_of(&rotary.instrument)]
             .map(|file| file.map(|file| beside(&folder.join(file))));
     let (mut incomplete, mut written): (usize, Vec<PathBuf>) = (0, Vec::new());
+    let mut unwritten = None;
     for (recorded, file) in record(rig)?.into_iter().zip(files) {
         let Recorded { device, instrument, file: transcript, fault } = recorded;
         if let Some(fault) = fault {
@@ -130,10 +131,18 @@ fn record_rig(args: &RecordArgs) -> Result<(), Failure> {
         if transcript.sections.is_empty() || written.contains(&path) {
             continue;
         }
-        write_new(&path, &transcript.text())?;
+        written.push(path.clone());
+        // The transcripts of the other devices are as good without this one.
+        if let Err(failure) = write_new(&path, &transcript.text()) {
+            note(&format!("{device}: not recorded in {}", path.display()));
+            unwritten.get_or_insert(failure);
+            continue;
+        }
         let roles: Vec<_> = transcript.sections.iter().map(|section| section.role.name()).collect();
         print(&format!("{device}: {name}, {} recorded in {}", roles.join(", "), path.display()))?;
-        written.push(path);
+    }
+    if let Some(failure) = unwritten {
+        return Err(failure);
     }
     if incomplete > 0 { Err(Failure::Unidentified { silent: incomplete }) } else { Ok(()) }
 }
