@@ -32,9 +32,9 @@ pub(super) struct SelftestArgs {
     /// persons, and serial numbers are hashes
     #[arg(long, value_name = "FILE")]
     archive: Option<PathBuf>,
-    /// Hours of the level soak
-    #[arg(long, value_name = "H", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=24))]
-    hours: u32,
+    /// Hours of the level soak, from 1 to 24 [default: 8]
+    #[arg(long, value_name = "H", value_parser = hours)]
+    hours: Option<u32>,
     #[command(flatten)]
     free: FreeArgs,
     #[command(flatten)]
@@ -60,7 +60,22 @@ enum LevelArg {
     Soak,
 }
 
+/// A time that the soak does not take.
+#[derive(Debug, thiserror::Error)]
+#[error("the soak takes a whole number of hours, from 1 to 24")]
+struct NoHours;
+
+fn hours(text: &str) -> Result<u32, NoHours> {
+    text.parse().ok().filter(|hours| (1..=24).contains(hours)).ok_or(NoHours)
+}
+
+/// Hours of a soak, if the person does not say.
+const HOURS: u32 = 8;
+
 pub(super) fn run(args: &SelftestArgs) -> Result<(), Failure> {
+    if args.hours.is_some() && args.level != LevelArg::Soak {
+        return Err(Failure::NoSoak);
+    }
     let depth = match args.level {
         LevelArg::Host => Depth::Host,
         LevelArg::Talk => Depth::Talk,
@@ -105,7 +120,7 @@ fn in_service(args: &SelftestArgs, report: &mut Report) -> Result<(), Failure> {
     let found = with_rig(rig, &data, &operator, LeftInContact::Refuse, async |session| {
         let mut checks = motion::moves(session, &limits).await?;
         if args.level == LevelArg::Soak {
-            let check = args.free.check(60 * args.hours, &limits.analyzer)?;
+            let check = args.free.check(60 * args.hours.unwrap_or(HOURS), &limits.analyzer)?;
             let night = check.watch(&mut SensorOfSession { session, data: &data }).await?;
             checks.extend(motion::soak(&night));
         }
