@@ -38,7 +38,7 @@ pub struct LevelTouch {
 
 /// Touches that show no repeatability.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("{found} touches on the level block; at least {LEAST} are needed")]
+#[error("{} on the level block; at least {LEAST} are needed", rig_model::counted(*found, "touch"))]
 pub struct TooFewTouches {
     found: usize,
 }

@@ -287,7 +287,8 @@ impl RunData {
             Record::Resumed(resumed) => {
                 let Resumed { who, next, touches_left, changes, .. } = &resumed;
                 let next = next.as_deref().unwrap_or("the end");
-                let mut text = format!("resumed by {who} at {next}; {touches_left} touches left");
+                let touches = if *touches_left == 1 { "touch" } else { "touches" };
+                let mut text = format!("resumed by {who} at {next}; {touches_left} {touches} left");
                 for Change { what, was, is } in changes {
                     write!(text, "; other {what}: {was} → {is}").expect("a string takes all text");
                 }
@@ -440,7 +441,7 @@ fn described(amended: &Amended) -> String {
 const fn whereabouts(probe: Clearance) -> &'static str {
     match probe {
         Clearance::Clear => "clear",
-        Clearance::InContact => "in contact",
+        Clearance::InContact => "lowered, and may be in contact",
         Clearance::Unknown => "at an unknown position",
     }
 }

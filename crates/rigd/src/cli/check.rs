@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use rig_files::FileKind;
-use rig_model::RigLimits;
+use rig_model::{RigLimits, counted};
 use rig_protocol::{Plan, Protocol, Step, Summary};
 use serde::Serialize;
 
@@ -343,8 +343,10 @@ impl CheckedProtocol<'_> {
         let mut lines = vec![
             verdict,
             format!(
-                "{touches} touches, {no_loads} no-load references, {prompts} prompts; up to {disk_mb} MB on \
-                 the disk."
+                "{}, {}, {}; up to {disk_mb} MB on the disk.",
+                counted(*touches, "touch"),
+                counted(*no_loads, "no-load reference"),
+                counted(*prompts, "prompt"),
             ),
             format!("linear stage {linear}, rotary stage {rotary}."),
         ];

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use rig_model::counted;
 use serde::Serialize;
 
 use super::{
@@ -87,7 +88,7 @@ pub(super) fn rehearse_protocol(args: &RehearseArgs) -> Result<(), Failure> {
 fn table(rehearsal: &Rehearsal) -> String {
     let Rehearsal { touches, undisturbed_s, rows } = rehearsal;
     let mut lines = vec![
-        format!("{touches} touches, {} without a fault", duration(*undisturbed_s)),
+        format!("{}, {} without a fault", counted(*touches, "touch"), duration(*undisturbed_s)),
         String::new(),
         row(["#", "fault", "phase", "refused", "repeated", "resumed", "rig time"]),
     ];

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use jiff::Timestamp;
+use rig_model::counted;
 use rig_store::{Reader, StoreError};
 
 use super::Findings;
@@ -98,9 +99,11 @@ fn say(findings: &mut Findings, growth: &Growth, free_bytes: u64) {
     let shortest = lasts_years(*high).min(100.0);
     let text = format!(
         "{:.0} to {:.0} MiB a year; the free space lasts {shortest:.1} to {longest} years; from \
-         {touches} touches in {runs} runs within {days:.0} days",
+         {} in {} within {days:.0} days",
         year_mib(*low),
         year_mib(*high),
+        counted(*touches, "touch"),
+        counted(*runs, "run"),
     );
     if shortest < 1.0 {
         let advice = "`rigd archive DIR --older-than 90d` moves old runs elsewhere";

@@ -1,6 +1,7 @@
 //! What is told: records of the journal as notes, and notes as JSON.
 
 use rig_files::service_file::EventKind;
+use rig_model::counted;
 use rig_store::{Clearance, Ending, Fault, Prompt, Reader, Record, RunId, RunKind, StoreError};
 use serde_json::{Value, json};
 
@@ -80,7 +81,7 @@ impl RunName {
         let Fault { cause, probe, hint, .. } = fault;
         let probe = match probe {
             Clearance::Clear => "clear",
-            Clearance::InContact => "in contact",
+            Clearance::InContact => "lowered, and may be in contact",
             Clearance::Unknown => "not shown to be clear",
         };
         let text = format!("{cause}.\nThe probe is {probe}.\nTo do: {hint}.");
@@ -97,7 +98,8 @@ impl RunName {
             .count();
         let measured = results.len() - refused;
         let status = ending.name().replace('_', " ");
-        let text = format!("The run is {status}: {measured} touches measured, {refused} refused.");
+        let touches = counted(measured, "touch");
+        let text = format!("The run is {status}: {touches} measured, {refused} refused.");
         Ok(self.note(EventKind::End, &format!("run {status}"), &text, None))
     }
 }
