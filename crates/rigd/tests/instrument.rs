@@ -121,6 +121,13 @@ fn what_was_recorded_proves_the_files_until_they_change() {
         let text = done(&["instrument", "check", &bench.path(name)]);
         assert_eq!(text.matches("proven").count(), roles, "{text}");
     }
+    // One that exists is kept, and the others are recorded.
+    fs::remove_file(bench.path("oriental-az.transcript")).unwrap();
+    let rig = bench.path("rig.toml");
+    let again = rigd(&["instrument", "record", "--rig", &rig, "--out", &bench.path("")]);
+    assert_eq!(again.status.code(), Some(1));
+    let told = String::from_utf8_lossy(&again.stderr).into_owned();
+    assert!(told.contains("analyzer: not recorded in"), "{told}");
     // The other axis has a shipped drive.
     let transcript = bench.path("oriental-az.transcript");
     let text = done(&["instrument", "check", "oriental-az", "--transcript", &transcript]);
@@ -204,6 +211,10 @@ fn a_correction_is_kept_with_its_cable_and_its_date() {
                 .contains("--length-m 3 is no length that the analyzer corrects for: 0, 1, 2, 4 m"),
         "{text}"
     );
+    let (is_done, text) = compensate(&["short", "--cable", "  "]);
+    assert!(!is_done && text.contains("the name of the cable is empty"), "{text}");
+    let (is_done, text) = compensate(&["short", "--cable", "RG58"]);
+    assert!(is_done && text.contains("open was made for RG174, blue"), "{text}");
     let (is_done, text) = compensate(&["load", "--cable", "x"]);
     assert!(
         !is_done && text.contains("the file of meter has no commands for this: load"),
@@ -219,6 +230,14 @@ fn a_correction_is_kept_with_its_cable_and_its_date() {
 fn a_selftest_has_a_line_for_each_check_and_an_archive_whose_transcripts_replay() {
     let bench = Bench::new();
     let (rig, archive) = (bench.path("rig.toml"), bench.path("selftest.json"));
+    for (args, why) in [
+        (&["--hours", "2"][..], "--hours is for --level soak"),
+        (&["--level", "soak", "--hours", "0.01"], "a whole number of hours, from 1 to 24"),
+    ] {
+        let refused = rigd(&[&["selftest", "--rig", &rig], args].concat());
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(String::from_utf8_lossy(&refused.stderr).contains(why), "{why}");
+    }
     let text = done(&["selftest", "--rig", &rig, "--archive", &archive]);
     for said in [
         "ok       computer, ports: the rig has no serial port of this computer",
