@@ -53,8 +53,13 @@ pub(crate) fn check(protocol: &Protocol, limits: &RigLimits, faults: &mut Faults
         let fault = ProtocolFault::StreamTooSlow { limit, reading_ms, coarse, least };
         return faults.refuse(method, &fault);
     }
+    let slowest = limits.motion.slowest_mm_per_s;
     if let (Some(slow), Some(limit)) = (slow_speed_mm_per_s, protocol.descent_mm_per_s(limits)) {
         slow.check(faults, |&found| {
+            if found < slowest {
+                let key = "slow_speed_mm_per_s";
+                return Some(ProtocolFault::DescentTooSlow { key, found, limit: slowest });
+            }
             (found >= limit).then_some(ProtocolFault::SlowNotSlower { found, limit })
         });
     }
@@ -64,9 +69,9 @@ pub(crate) fn check(protocol: &Protocol, limits: &RigLimits, faults: &mut Faults
         if found > contact {
             return Some(ProtocolFault::DescentAboveContactSpeed { found, limit: contact });
         }
-        let slowest = limits.motion.slowest_mm_per_s;
         if found < slowest {
-            return Some(ProtocolFault::DescentTooSlow { found, limit: slowest });
+            let key = "speed_mm_per_s";
+            return Some(ProtocolFault::DescentTooSlow { key, found, limit: slowest });
         }
         let fault = ProtocolFault::DescentTooFast { found, limit, reading_ms, coarse };
         (found > limit).then_some(fault)

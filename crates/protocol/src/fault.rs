@@ -84,9 +84,9 @@ pub(crate) enum ProtocolFault {
     )]
     DescentAboveContactSpeed { found: f64, limit: f64 },
     #[error(
-        "speed_mm_per_s = {found} is below {limit} mm/s, the slowest move of the drive of the linear stage"
+        "{key} = {found} is below {limit} mm/s, the slowest move of the drive of the linear stage"
     )]
-    DescentTooSlow { found: f64, limit: f64 },
+    DescentTooSlow { key: &'static str, found: f64, limit: f64 },
     #[error(
         "slip_mm = {slip} is below fine_step_mm = {fine}, to which the surface is known, and not 0"
     )]

@@ -254,7 +254,7 @@ pub enum Limit {
     Plan,
     /// The estimate lies outside of the window, where no reading is.
     #[error(
-        "the estimate of {estimate_hz:.3} Hz lies outside of the window: measure with a window around the resonance"
+        "the estimate of {estimate_hz:.3} Hz lies outside of the window: measure in a wider one"
     )]
     Window {
         /// The estimate, Hz.

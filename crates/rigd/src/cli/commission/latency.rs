@@ -9,7 +9,7 @@ use crate::{
     block_runs::keep_latency,
     cli::{
         Failure,
-        args::BenchArgs,
+        args::{BenchArgs, temperature},
         screen::say,
         table::{facts, print},
     },
@@ -24,7 +24,7 @@ pub(super) struct LatencyArgs {
     #[command(flatten)]
     bench: BenchArgs,
     /// Temperature at the bench, for the record
-    #[arg(long, value_name = "°C", allow_negative_numbers = true)]
+    #[arg(long, value_name = "°C", allow_negative_numbers = true, value_parser = temperature)]
     temperature: Option<f64>,
 }
 
