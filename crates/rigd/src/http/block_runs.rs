@@ -41,7 +41,7 @@ pub(super) struct PinRunForm {
     run: String,
     /// Radius of the pin, half of its diameter, mm.
     pin_radius_mm: f64,
-    /// Temperature at the bench for the record, °C.
+    /// Temperature at the bench for the record, °C, from −50 to 100.
     #[serde(default)]
     temperature_c: Option<f64>,
 }
@@ -149,6 +149,7 @@ async fn pin(
     form: ObjectBody<PinRunForm>,
 ) -> Result<(StatusCode, Json<CalibrationView>), Problem> {
     let Json(Object(PinRunForm { run, pin_radius_mm, temperature_c })) = form?;
+    let temperature_c = temperature_c.map(temperature).transpose()?;
     if pin_radius_mm <= 0.0 {
         return Err(Problem::unprocessable(format!(
             "pin_radius_mm = {pin_radius_mm} is not above 0"

@@ -9,7 +9,7 @@ use crate::{
     block_runs::keep_probe_radius,
     cli::{
         Failure,
-        args::BenchArgs,
+        args::{BenchArgs, temperature},
         screen::say,
         table::{facts, print},
     },
@@ -28,7 +28,7 @@ pub(super) struct PinArgs {
     #[command(flatten)]
     bench: BenchArgs,
     /// Temperature at the bench, for the record
-    #[arg(long, value_name = "°C", allow_negative_numbers = true)]
+    #[arg(long, value_name = "°C", allow_negative_numbers = true, value_parser = temperature)]
     temperature: Option<f64>,
 }
 
