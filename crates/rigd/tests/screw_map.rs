@@ -154,6 +154,57 @@ impl Bench {
     }
 }
 
+/// A calibration whose map is not what its touches show.
+#[derive(Debug, Clone, Copy)]
+enum Forged {
+    /// Half a millimetre of the map is shifted by 20 µm.
+    Shifted,
+    /// Standard deviations are half as large.
+    Sure,
+}
+
+impl Bench {
+    /// Puts a forged calibration in place of the last one on blocks, touches the samples with it, and gives what the checker
+    /// says of that run. The calibration is then as before.
+    fn verified_with(&self, forged: Forged) -> Output {
+        let folder = self.folder.path().join("data/calibrations");
+        let mut files: Vec<_> =
+            fs::read_dir(folder).unwrap().map(|file| file.unwrap().path()).collect();
+        files.sort();
+        let file =
+            files.into_iter().rfind(|path| path.to_str().unwrap().contains("blocks-")).unwrap();
+        let honest = fs::read_to_string(&file).unwrap();
+        let mut keys: toml::Table = toml::from_str(&honest).unwrap();
+        let rows =
+            |keys: &mut toml::Table, key: &str, change: &dyn Fn(usize, usize, f64) -> f64| {
+                let rows = keys[key].as_array_mut().unwrap().iter_mut();
+                for (i, row) in rows.enumerate() {
+                    for (j, entry) in row.as_array_mut().unwrap().iter_mut().enumerate() {
+                        *entry = toml::Value::Float(change(i, j, entry.as_float().unwrap()));
+                    }
+                }
+            };
+        match forged {
+            Forged::Shifted => rows(&mut keys, "screw_mm", &|i, j, value| {
+                if j == 1 && (10..15).contains(&i) { value + 0.02 } else { value }
+            }),
+            Forged::Sure => {
+                rows(&mut keys, "screw_mm", &|_, j, value| {
+                    if j == 2 { 0.5 * value } else { value }
+                });
+                rows(&mut keys, "screw_covariance_um2", &|_, _, value| 0.25 * value);
+            }
+        }
+        fs::write(&file, toml::to_string(&keys).unwrap()).unwrap();
+        // The check at the end of the run finds it too.
+        let run = ["run", &self.path("samples.toml"), "--rig", &self.path("rig.toml")];
+        assert_eq!(self.rigd(&run).status.code(), Some(7));
+        let verified = self.rigd(&["verify", "latest"]);
+        fs::write(&file, honest).unwrap();
+        verified
+    }
+}
+
 impl Touches {
     const fn directions(self) -> &'static str {
         match self {
@@ -289,7 +340,15 @@ fn the_map_of_the_screw_makes_stiffness_less_wrong_and_says_by_how_much() {
         let all = right.len();
         assert!(said.contains(&format!("is taken out of {all} of {all}")), "{said}");
         let verified = bench.rigd(&["verify", "latest"]);
-        assert!(verified.status.success(), "{}", stderr(&verified));
+        assert!(verified.status.success(), "{}", String::from_utf8_lossy(&verified.stdout));
+        for (forged, expected) in [
+            (Forged::Shifted, "χ² per degree of freedom of the touches from which blocks-"),
+            (Forged::Sure, "standard deviation of a way of 0.5 mm by blocks-"),
+        ] {
+            let verified = bench.verified_with(forged);
+            let said = String::from_utf8(verified.stdout).unwrap();
+            assert!(verified.status.code() == Some(7) && said.contains(expected), "{said}");
+        }
         let [by_drive, by_map] = [&wrong, &right].map(|found| errors(found, &without));
         println!(
             "bench {seed}: error and stated part of the depth {by_drive:?}, by the map {by_map:?}"

@@ -62,6 +62,7 @@ pub(crate) fn check(connection: &Connection, journal: &Journal, note: &Journal) 
         checker: env!("CARGO_PKG_VERSION").to_owned(),
         archived: Some(ArchivedPart { records: archived, place }),
         findings,
+        notes: Vec::new(),
     }
 }
 

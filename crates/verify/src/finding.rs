@@ -76,7 +76,8 @@ pub enum Check {
     Sigma,
     /// An accepted sweep keeps the window and the precision that the protocol asks for.
     Request,
-    /// The cited calibrations are the files that are there, and the map of the screw is that of its file.
+    /// The cited calibrations are the files that are there, the map of the screw is that of its file, and the touches from
+    /// which it was made bear it.
     Calibration,
 }
 
@@ -208,6 +209,9 @@ pub struct Verdict {
     pub archived: Option<ArchivedPart>,
     /// What was found, in the order of the records.
     pub findings: Vec<Finding>,
+    /// What could not be checked because it is not here, in sentences.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
 }
 
 /// The readings of a run that were moved to an archive.

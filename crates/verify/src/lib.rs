@@ -35,6 +35,7 @@ mod record;
 mod refused;
 mod results;
 mod screw;
+mod screw_map;
 mod settings;
 mod surface;
 mod survey;
@@ -61,7 +62,11 @@ pub fn verify(data: &Path, run: &str) -> Result<Verdict, JournalError> {
     let mut verdict = walk::check(&connection, &journal);
     let mut findings = finding::Findings::default();
     let read = |file: &str| std::fs::read_to_string(data.join("calibrations").join(file)).ok();
-    screw::check_files(&journal.cited(), read, &mut findings);
+    let cited = journal.cited();
+    let maps = screw::check_files(&cited, read, &mut findings);
+    for map in &maps {
+        verdict.notes.extend(screw_map::check(&connection, map, &mut findings)?);
+    }
     verdict.is_sound &= findings.0.is_empty();
     verdict.findings.extend(findings.0);
     Ok(verdict)

@@ -5,11 +5,11 @@
 pub(crate) const GLOBAL: usize = 8;
 
 /// Symmetric positive definite equations, as their lower triangular factor.
-struct Factor(Vec<Vec<f64>>);
+pub(crate) struct Factor(Vec<Vec<f64>>);
 
 impl Factor {
     /// `None` if the matrix is not positive definite.
-    fn new(mut a: Vec<Vec<f64>>) -> Option<Self> {
+    pub(crate) fn new(mut a: Vec<Vec<f64>>) -> Option<Self> {
         for i in 0..a.len() {
             for j in 0..=i {
                 let sum: f64 = (0..j).map(|k| a[i][k] * a[j][k]).sum();
@@ -21,7 +21,20 @@ impl Factor {
         Some(Self(a))
     }
 
-    fn solve(&self, b: &[f64]) -> Vec<f64> {
+    /// The logarithm of the determinant of the matrix.
+    pub(crate) fn log_determinant(&self) -> f64 {
+        2.0 * self.0.iter().enumerate().map(|(index, row)| row[index].ln()).sum::<f64>()
+    }
+
+    /// The inverse of the matrix.
+    pub(crate) fn inverse(&self) -> Vec<Vec<f64>> {
+        let unit = |column: usize| {
+            (0..self.0.len()).map(|row| f64::from(u8::from(row == column))).collect::<Vec<_>>()
+        };
+        (0..self.0.len()).map(|column| self.solve(&unit(column))).collect()
+    }
+
+    pub(crate) fn solve(&self, b: &[f64]) -> Vec<f64> {
         let (l, mut x) = (&self.0, b.to_vec());
         for i in 0..x.len() {
             let sum: f64 = (0..i).map(|k| l[i][k] * x[k]).sum();

@@ -16,6 +16,9 @@ use crate::{
 #[derive(Debug, Deserialize)]
 struct CalibrationKeys {
     verdict: String,
+    /// The runs that were evaluated.
+    #[serde(default)]
+    journal: Vec<String>,
     #[serde(default)]
     screw_mm: Vec<[f64; 3]>,
     #[serde(default)]
@@ -38,13 +41,25 @@ pub(crate) fn check(cited: &[Cited], seq: u64, findings: &mut Findings) {
     }
 }
 
+/// A cited map that is the one of its file.
+#[derive(Debug)]
+pub(crate) struct FiledMap<'a> {
+    /// Name of the file.
+    pub(crate) file: &'a str,
+    /// The map.
+    pub(crate) screw: &'a Screw,
+    /// Ids of the runs from whose touches it was made.
+    pub(crate) runs: Vec<String>,
+}
+
 /// Compares the cited calibrations with the files as `read` gives them by their names. Those that are not there are not
-/// compared.
-pub(crate) fn check_files(
-    cited: &[Cited],
+/// compared. Returns the maps that are those of their files.
+pub(crate) fn check_files<'a>(
+    cited: &'a [Cited],
     read: impl Fn(&str) -> Option<String>,
     findings: &mut Findings,
-) {
+) -> Vec<FiledMap<'a>> {
+    let mut maps = Vec::new();
     for Cited { file, sha256, screw, .. } in cited {
         let is_name = Path::new(file).file_name().is_some_and(|name| name == file.as_str());
         if !is_name {
@@ -60,12 +75,17 @@ pub(crate) fn check_files(
             continue;
         }
         let Some(screw) = screw else { continue };
-        let is_its = toml::from_str(&text).is_ok_and(|keys: CalibrationKeys| keys.has(screw));
-        if !is_its {
-            let what = format!("the map of the screw from {file}");
-            findings.add(Check::Calibration, 1, what, "that of the accepted file", "another");
+        match toml::from_str::<CalibrationKeys>(&text) {
+            Ok(keys) if keys.has(screw) => {
+                maps.push(FiledMap { file, screw, runs: keys.journal });
+            }
+            _ => {
+                let what = format!("the map of the screw from {file}");
+                findings.add(Check::Calibration, 1, what, "that of the accepted file", "another");
+            }
         }
     }
+    maps
 }
 
 impl CalibrationKeys {
@@ -80,7 +100,7 @@ impl CalibrationKeys {
 
 impl Screw {
     /// Whether the lists are a map.
-    fn is_map(&self) -> bool {
+    pub(crate) fn is_map(&self) -> bool {
         let Self { heights_mm, errors_mm, covariance_um2 } = self;
         let grow = heights_mm.windows(2).all(|pair| pair[0] < pair[1]);
         let is_triangle = covariance_um2.iter().enumerate().all(|(index, row)| {

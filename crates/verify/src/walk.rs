@@ -78,6 +78,7 @@ pub(crate) fn check(connection: &Connection, journal: &Journal) -> Verdict {
         checker: env!("CARGO_PKG_VERSION").to_owned(),
         archived: None,
         findings,
+        notes: Vec::new(),
     }
 }
 

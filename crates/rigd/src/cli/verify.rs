@@ -89,6 +89,9 @@ pub(super) fn verify(args: &VerifyArgs) -> Result<(), Failure> {
             print(&format!("{}: {what}", folder.join(file).display()))?;
         }
         let name = run.short_name();
+        for note in &view.verdict.notes {
+            print(&format!("{name}: {note}"))?;
+        }
         print(&format!("{name}: {}", view.verdict.sentence()))?;
         if let Some(amendments) = amended(&view.amendments) {
             print(&format!("{name}: {amendments}"))?;
