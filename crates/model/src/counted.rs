@@ -3,7 +3,7 @@
 use std::fmt::Display;
 
 /// A number of things: `1 touch`, `2 touches`, `3 samples`. `one` is the singular of a regular noun.
-pub fn counted<N: Display + PartialEq + From<u8>>(count: N, one: &str) -> String {
+pub fn counted<N: Copy + Display + PartialEq + From<u8>>(count: N, one: &str) -> String {
     let ending = match one {
         _ if count == N::from(1) => "",
         _ if one.ends_with("ch") => "es",

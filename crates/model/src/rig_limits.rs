@@ -360,9 +360,9 @@ mod tests {
         for _ in 0..200 {
             let middle = 0.5 * (low + high);
             if distance_mm(middle) < geometry.probe_radius_mm {
-                low = middle
+                low = middle;
             } else {
-                high = middle
+                high = middle;
             }
         }
         low

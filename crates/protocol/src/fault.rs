@@ -211,7 +211,9 @@ impl Complaint for ProtocolFault {
             Self::ListedTwice { .. } | Self::SameTilt { .. } => "remove one".into(),
             Self::TooManyTouches { .. } => "use fewer repeats, angles or samples".into(),
             Self::UnknownSample { known, .. } => format!("it has {}", known.join(", ")),
-            Self::TooDeep { limit, .. } => format!("use at most {limit}"),
+            Self::TooDeep { limit, .. }
+            | Self::DescentAboveContactSpeed { limit, .. }
+            | Self::LevelTooHigh { limit, .. } => format!("use at most {limit}"),
             Self::FineAboveCoarse { coarse, .. } => format!("use at most {coarse}"),
             Self::SlipBelowFine { fine, .. } => {
                 format!("use at least {fine}, or 0 for no check of slip")
@@ -223,10 +225,9 @@ impl Complaint for ProtocolFault {
             Self::DescentTooFast { limit, .. } => {
                 format!("use at most {:.2}", (limit * 100.0).floor() / 100.0)
             }
-            Self::DescentTooSlow { limit, .. } | Self::LevelTooLow { limit, .. } => {
-                format!("use at least {limit}")
-            }
-            Self::DescentAboveContactSpeed { limit, .. } => format!("use at most {limit}"),
+            Self::DescentTooSlow { limit, .. }
+            | Self::LevelTooLow { limit, .. }
+            | Self::FinerThanStage { limit, .. } => format!("use at least {limit}"),
             Self::SlipAboveIndentation { indentation, .. }
             | Self::CoarseAboveIndentation { indentation, .. } => {
                 format!("use at most {indentation}")
@@ -234,7 +235,6 @@ impl Complaint for ProtocolFault {
             Self::HalfwayTooDeep { indentation, .. } => {
                 format!("use less than {indentation}, such as {}", 0.5 * indentation)
             }
-            Self::FinerThanStage { limit, .. } => format!("use at least {limit}"),
             Self::WithinSurfaceTolerance { limit, .. } => {
                 // Rounded up, so that the advice holds.
                 format!("use at least {:.3}", (limit * 1000.0).ceil() / 1000.0)
@@ -256,7 +256,6 @@ impl Complaint for ProtocolFault {
             Self::UniformNeeds { .. } => "write for example settle_s = 0.5".into(),
             Self::Sweep(error) => return sweep_suggestion(error),
             Self::BeyondAnalyzer { key, found, min, max } => stay_within(key, *found, *min, *max),
-            Self::LevelTooHigh { limit, .. } => format!("use at most {limit}"),
             Self::TwoAims => "remove one".into(),
             Self::NoAim => "write for example stiffness_percent = 2".into(),
             Self::AimNeedsAdaptive { .. } => {

@@ -180,6 +180,15 @@ const fn contact_sense(fault: &ContactSenseFault) -> &'static str {
     }
 }
 
+/// Advice after a run that was interrupted.
+const fn after_interruption(may_touch: bool) -> Hint {
+    if may_touch {
+        let text = "check by eye where the probe is, and touch neither the sample nor the stages";
+        return Hint { text, then: NextAction::Retract };
+    }
+    Hint { text: "check the bench by eye", then: NextAction::Prepare }
+}
+
 /// Advice after a fault.
 pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
     let device = match fault {
@@ -197,14 +206,7 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
         return Hint { text: LOST, then: NextAction::Restart };
     }
     if let Fault::Interrupted { may_touch, .. } = fault {
-        let (text, then) = if *may_touch {
-            let text =
-                "check by eye where the probe is, and touch neither the sample nor the stages";
-            (text, NextAction::Retract)
-        } else {
-            ("check the bench by eye", NextAction::Prepare)
-        };
-        return Hint { text, then };
+        return after_interruption(*may_touch);
     }
     if let Some((_, FailureKind::EmergencyStopped)) = device {
         let is_clear = clearance == Clearance::Clear;

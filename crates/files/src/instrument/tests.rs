@@ -209,7 +209,11 @@ fn a_drive_file_is_told_all_of_its_faults_at_once() {
             "resolution: no block has",
         ],
     );
-    // Each of these would be read, and hurt on the bench.
+}
+
+/// Each of these would be read, and hurt on the bench.
+#[test]
+fn a_drive_file_that_contradicts_itself_is_refused() {
     for (old, new, why) in [
         (
             "values = [\"0 i32\"] },",

@@ -289,6 +289,12 @@ fn code_of(refusal: &RequestRefusal) -> u8 {
 pub(crate) const SALVAGE: &str =
     "keep the directory; `rigd salvage NEW --data DIR` copies what verifies to a new one";
 
+const NO_RIG_FILE: &str = "give a rig file with --rig; without --rig, rigd looks in /etc/rigd, in ~/.config/rigd, and for the \
+                           shipped one here";
+
+const FULL_DISK: &str = "free or check the disk of the data directory; if the probe may be in the sample, `rigd safe` retracts \
+                         it without a journal";
+
 impl Failure {
     /// Advice, if the message has none.
     pub(super) fn advice(&self) -> Option<&'static str> {
@@ -326,10 +332,7 @@ impl Failure {
             Self::Open(OpenError::Data {
                 source: StoreError::DiskFull | StoreError::Io(_),
                 ..
-            }) => Some(
-                "free or check the disk of the data directory; if the probe may be in the sample, `rigd safe` retracts it without a \
-                 journal",
-            ),
+            }) => Some(FULL_DISK),
             Self::Data { source: StoreError::NoLog { .. }, .. }
             | Self::Open(OpenError::Data { source: StoreError::NoLog { .. }, .. }) => {
                 Some("try again, or name a directory on a disk of this computer with --data")
@@ -358,10 +361,7 @@ impl Failure {
             Self::Open(error) => advice::on_rig(error),
             Self::Commission(failure) => failure.advice(),
             Self::BadFile(FileError::Missing { path, .. }) if path == Path::new(SHIPPED_RIG) => {
-                Some(
-                    "give a rig file with --rig; without --rig, rigd looks in /etc/rigd, in \
-                     ~/.config/rigd, and for the shipped one here",
-                )
+                Some(NO_RIG_FILE)
             }
             _ => None,
         }

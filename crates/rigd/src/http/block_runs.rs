@@ -122,16 +122,16 @@ async fn latency(
     .await
 }
 
+/// Judges a run for a person at a temperature, °C, and keeps the record.
+type Judge =
+    fn((&Reader, &Run), &Inner, (String, Option<f64>)) -> Result<(Finding, PathBuf), BlockRunError>;
+
 /// Judges the run of a form, and keeps the record.
 async fn judged(
     shared: Shared,
     operator: &Operator,
     form: ObjectBody<BlockRunForm>,
-    keep: fn(
-        (&Reader, &Run),
-        &Inner,
-        (String, Option<f64>),
-    ) -> Result<(Finding, PathBuf), BlockRunError>,
+    keep: Judge,
 ) -> Result<(StatusCode, Json<CalibrationView>), Problem> {
     let Json(Object(BlockRunForm { run, temperature_c })) = form?;
     let temperature_c = temperature_c.map(temperature).transpose()?;

@@ -144,6 +144,8 @@ async fn abort(
 }
 
 async fn view(shared: &Shared) -> Result<SensorCheckView, Problem> {
+    // First, because a check that is seen to have ended has its record.
+    let progress = shared.sensor()?.progress().clone();
     let (basis, data) = (shared.inner.facts.basis.clone(), shared.inner.data.clone());
     let held = tokio::task::spawn_blocking(move || {
         let records = calibrations::read(&data)?;
@@ -159,7 +161,6 @@ async fn view(shared: &Shared) -> Result<SensorCheckView, Problem> {
     .map_err(|_| Problem::internal("reading the calibrations has panicked"))?
     .map_err(|error| Problem::internal(&with_causes(&error)))?;
     let why = held.as_ref().err().copied().map(Why::text);
-    let progress = shared.sensor()?.progress();
     let found = progress.found.as_ref();
     Ok(SensorCheckView {
         is_under_way: progress.is_under_way,

@@ -30,7 +30,7 @@ pub(crate) struct SensorWatch {
 }
 
 /// Where the check is.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Progress {
     /// Whether one is under way.
     pub(crate) is_under_way: bool,
