@@ -13,9 +13,9 @@ use crate::{
     Action, NoLoadPolicy, Plan, Protocol, fault::ProtocolFault, summary::Course, sweep::SweepKeys,
 };
 
-/// Targets of a sweep in contact, Hz. A finer one needs more readings than a planned sweep may have, on most samples; a
-/// coarser one leaves too few readings to judge the resonance by, and is measured twice.
-const CONTACT_HZ: (f64, f64) = (0.02, 0.2);
+/// Targets of a sweep in contact, Hz. A finer one takes longer than the rest of a touch; a coarser one leaves
+/// too few readings to judge the resonance by, and is measured twice.
+const CONTACT_HZ: (f64, f64) = (0.01, 0.2);
 
 /// Targets of a reference, Hz. With a coarser one the search compares the impedance beside the resonance.
 const NO_LOAD_HZ: (f64, f64) = (0.01, 0.1);
