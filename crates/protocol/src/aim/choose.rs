@@ -17,6 +17,9 @@ use crate::{
 /// too few readings to judge the resonance by, and is measured twice.
 const CONTACT_HZ: (f64, f64) = (0.01, 0.2);
 
+/// The finest of them that an aim chooses, Hz: on most samples a planned sweep has too few readings for a finer one.
+const FINEST_CONTACT_HZ: f64 = 0.02;
+
 /// Targets of a reference, Hz. With a coarser one the search compares the impedance beside the resonance.
 const NO_LOAD_HZ: (f64, f64) = (0.01, 0.1);
 
@@ -195,6 +198,14 @@ struct Candidates {
     stated: Vec<&'static str>,
 }
 
+/// The targets of a sweep in contact that a planned sweep reaches, Hz; a stated one stays.
+fn reachable(contact_hz: Vec<f64>) -> Vec<f64> {
+    if contact_hz.len() == 1 {
+        return contact_hz;
+    }
+    contact_hz.into_iter().filter(|hz| FINEST_CONTACT_HZ <= *hz).collect()
+}
+
 impl Candidates {
     fn of(protocol: &Protocol, limits: &RigLimits) -> Self {
         let sigmas = |sweep: &SweepKeys, (least, most): (f64, f64)| {
@@ -230,7 +241,7 @@ impl Candidates {
                 fine_step_mm: fine_step_mm[0],
                 no_load: no_load[0],
             },
-            contact_hz,
+            contact_hz: reachable(contact_hz),
             no_load_hz,
             fine_step_mm,
             no_load,

@@ -106,11 +106,20 @@ fn settings_that_a_run_has_chosen_are_used_again() {
     assert_eq!(plan.aim, None);
 }
 
+/// A planned sweep has too few readings for a finer target.
+#[test]
+fn an_aim_with_all_the_time_asks_for_no_target_that_a_sweep_does_not_reach() {
+    for seconds in ["7", "10", "1000"] {
+        let aim = aimed(&[(WANTED, &format!("seconds_per_touch = {seconds}"))]);
+        assert!(aim.settings.contact_sigma_hz >= 0.02, "{seconds} s: {:?}", aim.settings);
+    }
+}
+
 #[test]
 fn an_aim_out_of_reach_or_without_a_meaning_is_refused_with_its_limit() {
     let uniform = "[contact_sweep]\nmethod = \"uniform\"\npoints = 101\nsettle_s = 0.1";
     let rows: [(&[(&str, &str)], &str); 9] = [
-        (&[(WANTED, "stiffness_percent = 1")], "is below 2.26"),
+        (&[(WANTED, "stiffness_percent = 1")], "is below 2.27"),
         (&[(WANTED, "seconds_per_touch = 2")], "is below 5.56 s"),
         (&[(WANTED, "seconds_per_touch = 2")], "use at least 5.56"),
         (&[(WANTED, "")], "[aim] has neither"),
