@@ -2,6 +2,7 @@ use rig_model::RigTime;
 use rig_resonance::ModelOrder;
 
 use super::*;
+use crate::interlock::bench::limits;
 
 /// What a sweep of fourteen readings found, in a run on a simulated bench with seed 3: its static capacitance is
 /// 3.3 of its standard deviations too large, and the motional one and the loss go along. `part` is the part of
@@ -118,5 +119,19 @@ fn a_reading_integrates_as_many_cycles_as_the_noise_asks_for_and_too_much_noise_
         check(0.06).unwrap_err().to_string(),
         "contact sense: the noise of ten cycles is 6.00 % of the impedance, and a change by 10.0 % needs \
          readings of 230 cycles to be told from it, where at most 200 are allowed"
+    );
+}
+
+/// The surface may lie 0.5 mm too low, and a touch be 0.6 mm deep.
+#[test]
+fn a_surface_whose_touch_would_end_below_the_floor_is_refused_with_where_it_was() {
+    let (limits, expected) = (limits(), Position::new(10.0));
+    let level = ContactAngle::new(0.0).unwrap();
+    let check = |found| check_depth(Position::new(found), expected, (0.5, level), &limits);
+    assert_eq!(check(9.42), Ok(()));
+    assert_eq!(
+        check(9.4).unwrap_err().to_string(),
+        "the surface was found at 9.400 mm, and the geometry of the rig file expects it at 10.000 mm: a touch of \
+         0.500 mm needs it at 9.410 mm or above"
     );
 }
