@@ -206,11 +206,12 @@ fn a_change_of_the_rig_file_asks_for_the_steps_that_rest_on_it_and_an_interrupti
         3,
         0.0,
     );
-    // The answers of a person who leaves after the first step.
+    // The answers of a person who does not press the stop, however often that is asked for.
     let path = bench.folder.path().join("rig.toml");
     let text = fs::read_to_string(&path).unwrap();
     fs::write(&path, text.replacen("person = \"answers\"", "person = \"waits\"", 1)).unwrap();
-    let left = bench.rigd(&["commission", "--yes", "--answer", "yes", "--answer", "no"]);
+    let answers = ["yes", "no", "no", "no", "no", "no"].map(|answer| ["--answer", answer]);
+    let left = bench.rigd(&[&["commission", "--yes"], answers.as_flattened()].concat());
     assert_eq!(left.status.code(), Some(1), "{}", stderr(&left));
     assert_eq!(bench.records(), 1);
     let nonsense = bench.rigd(&["commission", "--answer", "perhaps"]);
