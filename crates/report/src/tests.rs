@@ -119,8 +119,8 @@ fn a_faulted_run_says_what_happened_first_and_what_is_missing() {
     let alarm = inside(&html, "<p class=\"alarm\">", "</p>");
     assert_eq!(
         alarm,
-        "<b>Fault in main/1/back/45/1.</b> linear stage: no answer within 100 ms. The probe was in \
-         contact. Check the cable of the &lt;linear stage&gt;."
+        "<b>Fault in main/1/back/45/1.</b> linear stage: no answer within 100 ms. The probe was \
+         lowered, and may be in contact. Check the cable of the &lt;linear stage&gt;."
     );
     assert!(html.find("class=\"alarm\"").unwrap() < html.find("class=\"tiles\"").unwrap());
     assert!(html.contains("<span class=\"status failed\">faulted</span>"));

@@ -51,6 +51,8 @@ pub(crate) enum BlockRunError {
     #[error("{run}: {why}")]
     NoRadius { run: String, why: NoGeometry },
     #[error(transparent)]
+    NoGeometry(#[from] NoGeometry),
+    #[error(transparent)]
     Calibrations(#[from] CalibrationsError),
 }
 

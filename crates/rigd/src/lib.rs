@@ -5,6 +5,7 @@ mod aim;
 mod archive;
 mod bench_check;
 mod beside;
+mod block_geometry;
 mod block_runs;
 pub mod calibrations;
 pub mod cli;

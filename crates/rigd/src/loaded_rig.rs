@@ -42,6 +42,8 @@ pub struct RigFacts {
     pub stiffness_mpa: Vec<(String, f64)>,
     /// The sensor of the rig file.
     pub sensor: SensorDescription,
+    /// Position of the rotary axis at the zero of its drive, degrees.
+    pub rotary_zero_deg: f64,
     /// What calibrations of this rig rest on.
     pub basis: Basis,
     /// The data directory whose calibrations a run would cite; `None` where nothing is known of it.
@@ -96,6 +98,7 @@ impl LoadedRig {
             known_samples: self.scene.as_ref().map(names),
             stiffness_mpa: self.known_samples(),
             sensor: self.file.sensor.clone(),
+            rotary_zero_deg: self.file.rotary.scale.zero.value(),
             basis: self.basis(),
             data: None,
             is_simulated: self.is_simulated(),

@@ -161,6 +161,11 @@ fn daily() -> Daemon {
 
 /// A daemon of the daily bench with these values of its scene.
 fn daily_with(nuisances: &[(&str, &str)]) -> Daemon {
+    daily_of(nuisances, "touches.toml")
+}
+
+/// The same with a protocol.
+fn daily_of(nuisances: &[(&str, &str)], protocol: &str) -> Daemon {
     let folder = TempDir::new().unwrap();
     let path = |name: &str| folder.path().join(name);
     let mut scene = fs::read_to_string(config("scenes/daily.toml")).unwrap();
@@ -171,7 +176,7 @@ fn daily_with(nuisances: &[(&str, &str)]) -> Daemon {
     fs::write(path("scene.toml"), scene).unwrap();
     let rig = fs::read_to_string(config("rigs/simulated.toml")).unwrap();
     fs::write(path("rig.toml"), rig.replacen("../scenes/paper.toml", "scene.toml", 1)).unwrap();
-    Daemon::serve(folder, "touches.toml")
+    Daemon::serve(folder, protocol)
 }
 
 impl Daemon {
@@ -275,6 +280,12 @@ fn touches_on_a_block_are_judged_over_http_and_the_next_run_cites_them() {
     assert!((0.000_2..0.002).contains(&value(2)), "{made}");
     let file = made["file"].as_str().unwrap();
     assert!(daemon.folder.path().join("data/calibrations").join(file).exists());
+    for (path, expected) in
+        [("blocks", "different tilts"), ("latency", "0 touches found by a descent")]
+    {
+        let (status, why) = daemon.post(&format!("commission/{path}"), r#"{"run": "latest"}"#);
+        assert!(status == 422 && why.to_string().contains(expected), "{status}: {why}");
+    }
     daemon.run();
     let records = request(&daemon.address, "GET /api/v1/runs/latest/export?format=jsonl", "");
     assert!(records.contains(file), "the run does not cite {file}");
@@ -317,6 +328,24 @@ fn the_radius_of_the_ball_is_found_over_http_by_a_run_on_a_pin_alone() {
     assert_eq!(made["values"][0]["name"], "geometry.probe_radius_mm", "{made}");
     let file = made["file"].as_str().unwrap();
     assert!(daemon.folder.path().join("data/calibrations").join(file).exists());
+    daemon.end();
+}
+
+#[test]
+fn the_geometry_is_found_over_http_by_a_run_on_a_block() {
+    let daemon = daily_of(&[], "block.toml");
+    daemon.run();
+    let (status, made) = daemon.post("commission/blocks", r#"{"run": "latest"}"#);
+    assert_eq!(status, 201, "{made}");
+    let surface = &made["values"][0];
+    assert_eq!(surface["name"], "geometry.surface_mm", "{made}");
+    let (value, sigma) =
+        (surface["value"].as_f64().unwrap(), surface["standard_uncertainty"].as_f64().unwrap());
+    assert!((value - 10.03).abs() < 3.0 * sigma && sigma < 0.05, "{made}");
+    // The same block is no second one: its touches say that it is not higher.
+    let twice = r#"{"run": "latest", "raised": [{"run": "latest", "by_mm": 10}]}"#;
+    let (status, why) = daemon.post("commission/blocks", twice);
+    assert_eq!(status, 422, "{why}");
     daemon.end();
 }
 

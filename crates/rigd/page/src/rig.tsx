@@ -1,6 +1,7 @@
 // The rig: who its devices are, moves by hand, a single sweep, and what happened.
 import { useEffect, useState } from "preact/hooks";
 import { clock, fixed, setting } from "./format.ts";
+import { CalibrateCard } from "./calibrate.tsx";
 import { CommissionCard } from "./commission.tsx";
 import { Bench } from "./drawings.tsx";
 import { SensorCard } from "./sensor.tsx";
@@ -39,6 +40,7 @@ export function RigPage({ view }: { view: View }) {
         )}
       </section>
       <SensorCard off={off} />
+      <CalibrateCard />
       <SweepForm off={off} />
       <SweepCard model={model} />
       <Console rig={rig} />

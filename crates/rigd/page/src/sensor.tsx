@@ -3,7 +3,7 @@ import { useEffect, useState } from "preact/hooks";
 import { fixed, measured } from "./format.ts";
 import { AskButton } from "./shell.tsx";
 import { get, post } from "./store.ts";
-import type { SensorCheck } from "./wire.ts";
+import type { Calibrated, SensorCheck } from "./wire.ts";
 
 /** How often it is asked for while the page is shown, ms. Other people begin checks too. */
 const ASK_MS = 2000;
@@ -17,6 +17,16 @@ const NAMES: Record<string, string> = {
   "sensor.coupling": "Coupling",
   "sensor.capacitance": "Capacitance",
   "sensor.loss": "Loss",
+  "geometry.surface_mm": "Surface",
+  "geometry.surface_above_pivot_mm": "Surface above the rotary axis",
+  "geometry.probe_beside_pivot_mm": "Probe beside the rotary axis",
+  "geometry.probe_radius_mm": "Radius of the ball",
+  "rotary.zero_deg": "Zero of the rotary stage",
+  "touches.height": "Height",
+  "touches.trend": "From the first touch to the last",
+  "touches.scatter": "Scatter of a touch",
+  "analyzer.latency_s": "Latency",
+  "latency.scatter": "Scatter of a touch",
 };
 
 export function SensorCard({ off }: { off: string | undefined }) {
@@ -52,13 +62,18 @@ export function SensorCard({ off }: { off: string | undefined }) {
   );
 }
 
-function Found({ found: { verdict, reason, values }, remedy }: { found: NonNullable<SensorCheck["found"]>; remedy: string }) {
+function Found({ found: { verdict, reason, values }, remedy }: { found: Calibrated; remedy: string }) {
   return (
     <div>
       <p role="status">The last check: {verdict === "accepted" ? <span class="good-word">accepted</span> : <span class="bad-word">{verdict}: {reason}. If it stays so: {remedy}.</span>}</p>
-      <table><tbody>{values.map(({ name, value, standard_uncertainty, unit }) => <tr key={name}><th scope="row">{NAMES[name] ?? name}</th><td>{withSigma(value, standard_uncertainty)}{unit === "1" ? "" : ` ${unit}`}</td></tr>)}</tbody></table>
+      <Values values={values} />
     </div>
   );
+}
+
+/** The values of a record with their standard uncertainties. */
+export function Values({ values }: { values: Calibrated["values"] }) {
+  return <table><tbody>{values.map(({ name, value, standard_uncertainty, unit }) => <tr key={name}><th scope="row">{NAMES[name] ?? name}</th><td>{withSigma(value, standard_uncertainty)}{unit === "1" ? "" : ` ${unit}`}</td></tr>)}</tbody></table>;
 }
 
 function withSigma(value: number, sigma: number): string {

@@ -51,6 +51,9 @@ export interface CommissionStep {
 }
 export interface CommissionQuestion { number: number; text: string; choices: string[]; expected: string }
 
+/** A calibration that was made. */
+export interface Calibrated { verdict: string; reason: string | null; values: { name: string; value: number; standard_uncertainty: number; unit: string }[]; file: string }
+
 /** The check of the free sensor, and its record. */
 export interface SensorCheck {
   is_under_way: boolean;
@@ -58,7 +61,7 @@ export interface SensorCheck {
   sweeps: number;
   refused: number;
   trouble: string | null;
-  found: { verdict: string; reason: string | null; values: { name: string; value: number; standard_uncertainty: number; unit: string }[]; file: string } | null;
+  found: Calibrated | null;
   record: { made: string; person: string } | null;
   why: string | null;
   remedy: string;

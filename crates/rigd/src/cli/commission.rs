@@ -9,8 +9,7 @@ mod touches;
 
 use clap::{Args, Subcommand, ValueEnum};
 use rig_commission::{
-    BenchChange, Jog, JogAxis, Kind, Standing, Step, Verdict, metrology::NoGeometry, procedure,
-    sensor::NoSensor,
+    BenchChange, Jog, JogAxis, Kind, Standing, Step, Verdict, procedure, sensor::NoSensor,
 };
 use rig_files::rig_file::RigFile;
 use serde::Serialize;
@@ -163,8 +162,6 @@ pub(super) enum CommissionFailure {
     #[error(transparent)]
     NoSensor(#[from] NoSensor),
     #[error(transparent)]
-    NoGeometry(#[from] NoGeometry),
-    #[error(transparent)]
     Check(#[from] CheckError),
     #[error("the bench is not as the rig file says: {changes}")]
     RigFile { kind: Option<Kind>, changes: String },
@@ -210,7 +207,7 @@ impl CommissionFailure {
         match self {
             Self::Failed { kind, .. } => Some(kind.remedy()),
             Self::NoSensor(_) => Some(Kind::Sensor.remedy()),
-            Self::NoGeometry(_) => Some(Kind::Blocks.remedy()),
+            Self::Block(BlockRunError::NoGeometry(_)) => Some(Kind::Blocks.remedy()),
             Self::Check(CheckError::Unmeasured(_)) => {
                 Some("`rigd show RUN` says why the touches were refused; make the check again")
             }

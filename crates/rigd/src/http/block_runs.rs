@@ -8,7 +8,7 @@ use std::{
 use axum::{Extension, Json, extract::State, http::StatusCode, routing::post};
 use rig_commission::{Finding, Verdict, temperature};
 use rig_model::with_causes;
-use rig_store::{Reader, Run};
+use rig_store::{Reader, Run, StoreError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -18,6 +18,7 @@ use super::{
     route::{Route, json},
 };
 use crate::{
+    block_geometry::keep_geometry,
     block_runs::{BlockRunError, keep_latency, keep_probe_radius, keep_repeatability},
     operator::Operator,
 };
@@ -31,6 +32,30 @@ pub(super) struct BlockRunForm {
     /// Temperature at the bench for the record, °C, from −50 to 100.
     #[serde(default)]
     temperature_c: Option<f64>,
+}
+
+/// Runs on hard flat blocks.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct BlocksForm {
+    /// Id of the run on the first block, its short name such as `block-1`, or `latest`.
+    run: String,
+    /// Runs on further blocks.
+    #[serde(default)]
+    raised: Vec<RaisedForm>,
+    /// Temperature at the bench for the record, °C, from −50 to 100.
+    #[serde(default)]
+    temperature_c: Option<f64>,
+}
+
+/// A run on a block of another height.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RaisedForm {
+    /// As of the first run.
+    run: String,
+    /// Height of its block above the first one, mm.
+    by_mm: f64,
 }
 
 /// A run on a pin.
@@ -69,6 +94,15 @@ pub(super) struct ValueView {
 
 pub(super) fn routes() -> Vec<Route> {
     vec![
+        Route::post(
+            "/commission/blocks",
+            "findGeometry",
+            "Finds the geometry and the error of the screw by runs on hard flat blocks",
+            json::<BlocksForm>(),
+            201,
+            json::<CalibrationView>(),
+            || post(blocks),
+        ),
         Route::post(
             "/commission/touches",
             "judgeTouches",
@@ -143,6 +177,30 @@ async fn judged(
     Ok(created(finding, &path))
 }
 
+async fn blocks(
+    State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
+    form: ObjectBody<BlocksForm>,
+) -> Result<(StatusCode, Json<CalibrationView>), Problem> {
+    let Json(Object(BlocksForm { run, raised, temperature_c })) = form?;
+    let temperature_c = temperature_c.map(temperature).transpose()?;
+    let mut ids = vec![(shared.run(&run).await?, 0.0)];
+    for RaisedForm { run, by_mm } in raised {
+        ids.push((shared.run(&run).await?, by_mm));
+    }
+    let inner = Arc::clone(&shared.inner);
+    let person = (operator.as_str().to_owned(), temperature_c);
+    let kept = shared.read(move |reader| {
+        let runs = ids.into_iter().map(|(id, by_mm)| Ok((reader.run(id)?, by_mm)));
+        let runs = runs.collect::<Result<Vec<_>, StoreError>>()?;
+        let stated = (&inner.facts.limits, inner.facts.rotary_zero_deg);
+        let place = (&inner.facts.basis, inner.data.as_path());
+        Ok(keep_geometry(reader, &runs, stated, place, person)?)
+    });
+    let kept = kept.await?;
+    Ok(created(kept.finding, &kept.path))
+}
+
 async fn pin(
     State(shared): State<Shared>,
     Extension(operator): Extension<Operator>,
@@ -202,6 +260,7 @@ impl From<BlockRunError> for Problem {
             | BlockRunError::NoLatency { .. }
             | BlockRunError::NoPin { .. }
             | BlockRunError::OtherPin { .. }
+            | BlockRunError::NoGeometry(_)
             | BlockRunError::NoRadius { .. } => Self::unprocessable(detail),
             BlockRunError::Store(error) => error.into(),
             BlockRunError::RigFile(_) | BlockRunError::Calibrations(_) => Self::internal(&detail),
