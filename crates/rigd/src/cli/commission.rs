@@ -7,9 +7,12 @@ mod pin;
 pub(super) mod sensor;
 mod touches;
 
+use std::path::Path;
+
 use clap::{Args, Subcommand, ValueEnum};
 use rig_commission::{
-    BenchChange, Jog, JogAxis, Kind, Standing, Step, Verdict, procedure, sensor::NoSensor,
+    BenchChange, Finding, Jog, JogAxis, Kind, Standing, Step, Value, Verdict, procedure,
+    sensor::NoSensor,
 };
 use rig_files::rig_file::RigFile;
 use serde::Serialize;
@@ -21,7 +24,7 @@ use super::{
     screen::{indented, say, say_clearly},
     session::open_by,
     signals::Signals,
-    table::{print, print_json, wrapped},
+    table::{facts, print, print_json, wrapped},
 };
 use crate::{
     bench_check::CheckError,
@@ -417,6 +420,31 @@ impl From<StepName> for Step {
             StepName::Homing => Self::Homing,
         }
     }
+}
+
+/// Says what a run has shown, from what, and where its record is; then its verdict.
+fn tell(
+    (kind, finding): (Kind, Finding),
+    from: Option<&str>,
+    record: &Path,
+) -> Result<(), Failure> {
+    print(&facts(&rows(&finding)))?;
+    if let Some(from) = from {
+        say(from);
+    }
+    say(&format!("Record: {}", record.display()));
+    judged(kind, finding.verdict)
+}
+
+/// The values of a finding, for a person.
+fn rows(finding: &Finding) -> Vec<(&'static str, String)> {
+    let row = |value: &Value| {
+        let Value { name, value, standard_uncertainty, unit } = value;
+        // That of a ratio is 1.
+        let unit = if *unit == "1" { String::new() } else { format!(" {unit}") };
+        (*name, format!("{value:.4} ± {standard_uncertainty:.4}{unit}"))
+    };
+    finding.values.iter().map(row).collect()
 }
 
 /// The result of a step for a person, or the failure that ends the command.

@@ -3,18 +3,16 @@
 use std::str::FromStr;
 
 use clap::Args;
-use rig_commission::{Finding, Kind, Value};
+use rig_commission::Kind;
 use rig_model::counted;
 use rig_store::Reader;
 
-use super::{CommissionFailure, judged};
+use super::{CommissionFailure, tell};
 use crate::{
     block_geometry::keep_geometry,
     cli::{
         Failure,
         args::{BenchArgs, temperature},
-        screen::say,
-        table::{facts, print},
     },
 };
 
@@ -67,19 +65,6 @@ pub(super) fn blocks(args: &BlocksArgs) -> Result<(), Failure> {
     let stated = (&rig.file.limits, rig.file.rotary.scale.zero.value());
     let kept = keep_geometry(&reader, &runs, stated, (&rig.basis(), &data), person);
     let kept = kept.map_err(CommissionFailure::from)?;
-    print(&facts(&rows(&kept.finding)))?;
-    say(&format!("From {}.", counted(kept.touches, "touch")));
-    say(&format!("Record: {}", kept.path.display()));
-    judged(Kind::Blocks, kept.finding.verdict)
-}
-
-/// The values of a finding, for a person.
-pub(super) fn rows(finding: &Finding) -> Vec<(&'static str, String)> {
-    let row = |value: &Value| {
-        let Value { name, value, standard_uncertainty, unit } = value;
-        // That of a ratio is 1.
-        let unit = if *unit == "1" { String::new() } else { format!(" {unit}") };
-        (*name, format!("{value:.4} ± {standard_uncertainty:.4}{unit}"))
-    };
-    finding.values.iter().map(row).collect()
+    let from = format!("From {}.", counted(kept.touches, "touch"));
+    tell((Kind::Blocks, kept.finding), Some(&from), &kept.path)
 }

@@ -4,14 +4,12 @@ use clap::Args;
 use rig_commission::Kind;
 use rig_store::Reader;
 
-use super::{CommissionFailure, blocks::rows, judged};
+use super::{CommissionFailure, tell};
 use crate::{
     block_runs::keep_latency,
     cli::{
         Failure,
         args::{BenchArgs, temperature},
-        screen::say,
-        table::{facts, print},
     },
 };
 
@@ -39,7 +37,5 @@ pub(super) fn latency(args: &LatencyArgs) -> Result<(), Failure> {
     let basis = rig.basis();
     let kept = keep_latency((&reader, &run), stated, (&basis, &data), (person, args.temperature));
     let (finding, path) = kept.map_err(CommissionFailure::from)?;
-    print(&facts(&rows(&finding)))?;
-    say(&format!("Record: {}", path.display()));
-    judged(Kind::Latency, finding.verdict)
+    tell((Kind::Latency, finding), None, &path)
 }

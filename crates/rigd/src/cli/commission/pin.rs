@@ -2,16 +2,15 @@
 
 use clap::Args;
 use rig_commission::Kind;
+use rig_model::counted;
 use rig_store::Reader;
 
-use super::{CommissionFailure, blocks::rows, judged};
+use super::{CommissionFailure, tell};
 use crate::{
     block_runs::keep_probe_radius,
     cli::{
         Failure,
         args::{BenchArgs, temperature},
-        screen::say,
-        table::{facts, print},
     },
 };
 
@@ -50,12 +49,10 @@ pub(super) fn pin(args: &PinArgs) -> Result<(), Failure> {
     let kept =
         keep_probe_radius((&reader, &run), args.pin_radius_mm, (limits, &basis), &data, witness)
             .map_err(CommissionFailure::from)?;
-    print(&facts(&rows(&kept.finding)))?;
     let axis = match &kept.blocks {
         Some(made) => format!("the rotary axis by the blocks of {made}"),
         None => "the rotary axis by a rule: no record of blocks holds".to_owned(),
     };
-    say(&format!("From {} touches; {axis}.", kept.touches));
-    say(&format!("Record: {}", kept.path.display()));
-    judged(Kind::Pin, kept.finding.verdict)
+    let from = format!("From {}; {axis}.", counted(kept.touches, "touch"));
+    tell((Kind::Pin, kept.finding), Some(&from), &kept.path)
 }

@@ -7,16 +7,14 @@ use rig_commission::Kind;
 use rig_model::{AnalyzerRange, RigTime, SweepRequest, Window};
 use rig_store::Sweep;
 
-use super::{CommissionFailure, blocks::rows, judged};
+use super::{CommissionFailure, tell};
 use crate::{
     calibrations::Witness,
     cli::{
         Failure,
         args::{BenchArgs, temperature},
         measure,
-        screen::say,
         session::{LeftInContact, Session, with_rig},
-        table::{facts, print},
     },
     sensor_check::{self, FreeSensor, MINUTES, SensorCheck, WINDOW},
     sweep_form::SweepFaults,
@@ -100,7 +98,5 @@ pub(super) fn sensor(args: &SensorArgs) -> Result<(), Failure> {
     };
     let kept = sensor_check::keep(&watched, &basis, &data, witness);
     let (finding, path) = kept.map_err(CommissionFailure::from)?;
-    print(&facts(&rows(&finding)))?;
-    say(&format!("Record: {}", path.display()));
-    judged(Kind::Sensor, finding.verdict)
+    tell((Kind::Sensor, finding), None, &path)
 }

@@ -4,14 +4,12 @@ use clap::Args;
 use rig_commission::Kind;
 use rig_store::Reader;
 
-use super::{CommissionFailure, blocks::rows, judged};
+use super::{CommissionFailure, tell};
 use crate::{
     block_runs::keep_repeatability,
     cli::{
         Failure,
         args::{BenchArgs, temperature},
-        screen::say,
-        table::{facts, print},
     },
 };
 
@@ -37,7 +35,5 @@ pub(super) fn touches(args: &TouchesArgs) -> Result<(), Failure> {
     let person = args.bench.operator.name().as_str().to_owned();
     let kept = keep_repeatability((&reader, &run), &basis, &data, (person, args.temperature));
     let (finding, path) = kept.map_err(CommissionFailure::from)?;
-    print(&facts(&rows(&finding)))?;
-    say(&format!("Record: {}", path.display()));
-    judged(Kind::Touches, finding.verdict)
+    tell((Kind::Touches, finding), None, &path)
 }
