@@ -41,6 +41,10 @@ const LEAST_WEIGHT: f64 = 1e-6;
 /// A reference that is less probable than this is a jump, which no drift explains.
 const JUMP: f64 = 1e-4;
 
+/// One that is farther off, in the standard deviations that touches state of the drift, is called a jump too. Before much
+/// is known, improbable pairs explain it, and are learnt; the touches before it stated too little all the same.
+const JUMP_SIGMAS: f64 = 5.0;
+
 const HOUR_S: f64 = 3600.0;
 
 /// One strength of walk and rate, with the resonance as its filter has it.
@@ -144,8 +148,10 @@ impl Default for Drift {
 }
 
 impl Drift {
-    /// A resonance was measured. Returns the jump if it is one: no drift that the ones before allow explains it.
-    /// What was learnt counts half as much after a jump: another one soon is the drift of a bench that has changed.
+    /// A resonance was measured. Returns the jump if it is one: no drift that the ones before allow explains it, or none
+    /// that touches state.
+    /// What was learnt counts half as much after a jump that no drift explains: another one soon is the drift of a bench
+    /// that has changed.
     pub(crate) fn measured(&mut self, at: RigTime, hz: f64, sigma_hz: f64) -> Option<Jump> {
         let since_s = self.at.replace(at).map(|before| at.since(before).as_secs_f64());
         for pair in &mut self.pairs {
@@ -153,7 +159,9 @@ impl Drift {
         }
         let parts = self.values(sigma_hz);
         let is_jump = since_s.is_some() && beyond(&parts, hz) < JUMP;
-        let jump = is_jump.then(|| jump(&parts, hz));
+        let jump = since_s
+            .map(|_| jump(&parts, hz))
+            .filter(|jump| is_jump || jump.off_hz.abs() > JUMP_SIGMAS * jump.sigma_hz);
         for pair in &mut self.pairs {
             if is_jump || since_s.is_none() {
                 pair.begin(hz, sigma_hz);

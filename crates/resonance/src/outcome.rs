@@ -192,7 +192,8 @@ pub enum ModelOrder {
     AnalyzerPhase,
 }
 
-/// What settled readings on a given grid show beside the circuit, with its fitted values.
+/// What readings show beside the circuit, with its fitted values: settled ones on a given grid any of
+/// these but the second, and those with a free decay the first two.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Extra {
     /// A resonance that drifts linearly with time: its relative change from the middle of the first and
@@ -200,6 +201,14 @@ pub enum Extra {
     Drift {
         /// As a part of the resonance.
         change: f64,
+    },
+    /// A resonance that approaches a final value exponentially, because the tissue relaxes: its relative
+    /// change from the begin of the first reading to the end of the last, and the time constant.
+    Relaxation {
+        /// As a part of the resonance.
+        change: f64,
+        /// Time constant, s.
+        time_s: f64,
     },
     /// An impedance in series with the sensor.
     Stray {

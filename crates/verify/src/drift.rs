@@ -26,6 +26,8 @@ const HOUR_S: f64 = 3600.0;
 const FORGOTTEN_S: f64 = 1800.0;
 /// A sensor that was turned may have another resonance by this, Hz.
 const TURNED_HZ: f64 = 0.5;
+/// A reference that is farther off than so many standard deviations is a jump, however probable.
+pub(crate) const JUMP_SIGMAS: f64 = 5.0;
 /// The weight of a pair at least.
 const LEAST_WEIGHT: f64 = 1e-6;
 /// An interval that holds 95 % of a normal distribution is this many standard deviations to each side.
@@ -120,6 +122,14 @@ pub(crate) struct Unexpected {
     /// Off the mean, Hz, and its standard deviation, Hz.
     pub(crate) off_hz: f64,
     pub(crate) sigma_hz: f64,
+}
+
+impl Unexpected {
+    /// Whether it is less probable than this, or farther off than so many standard deviations that touches state of the
+    /// drift.
+    pub(crate) fn is_jump(&self, probability: f64, sigmas: f64) -> bool {
+        self.probability < probability || self.off_hz.abs() > sigmas * self.sigma_hz
+    }
 }
 
 /// What the references so far say.

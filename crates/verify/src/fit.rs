@@ -19,7 +19,7 @@ mod trace;
 use std::f64::consts::TAU;
 
 use self::{
-    beside::Beside,
+    beside::{Beside, Course},
     trace::{BESIDE, CIRCUIT, Trace, Unknowns, impedance, stays},
 };
 use crate::{
@@ -43,6 +43,8 @@ pub(crate) struct Fitted {
     pub(crate) circuit: Circuit,
     /// Standard deviations of its values, each relative but that of the loss tangent.
     pub(crate) circuit_sigma: Circuit,
+    /// By how much a moving resonance changes during the sweep, Hz.
+    pub(crate) moved_hz: f64,
     /// The largest difference of what is beside the circuit from its statement, in standard deviations.
     pub(crate) beside_sigmas: f64,
     /// Standard deviation of the resonance by the noise alone, Hz.
@@ -89,17 +91,48 @@ impl Motion {
     }
 }
 
-/// A stated resonance, Hz, its circuit, and what is beside it, which a fit with free decay ignores.
-pub(crate) type Stated<'a> = (f64, &'a Circuit, Option<&'a Extra>);
+/// A stated resonance and its circuit.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Stated<'a> {
+    pub(crate) resonance_hz: f64,
+    pub(crate) circuit: &'a Circuit,
+    /// What is beside the circuit.
+    pub(crate) extra: Option<&'a Extra>,
+    /// The time for which the resonance holds, s on the clock of the readings.
+    pub(crate) effective_time_s: Option<f64>,
+}
+
+impl<'a> Stated<'a> {
+    /// A circuit with nothing beside it.
+    pub(crate) const fn alone(resonance_hz: f64, circuit: &'a Circuit) -> Self {
+        Self { resonance_hz, circuit, extra: None, effective_time_s: None }
+    }
+
+    /// What a fit of these readings has beside the circuit, with its unknowns in units of `unit`.
+    fn beside(
+        &self,
+        (first, last): (&Reading, &Reading),
+        is_ringing: bool,
+        unit: f64,
+    ) -> Option<(Beside, [f64; BESIDE])> {
+        let extra = self.extra?;
+        if !is_ringing {
+            return Beside::of(extra, self.circuit, unit);
+        }
+        let (begin_s, span_s) = (first.begin_s(), last.end_s() - first.begin_s());
+        let stated_s = self.effective_time_s.map_or(0.5 * span_s, |time_s| time_s - begin_s);
+        Beside::of_ringing(extra, Course { span_s, time_s: f64::INFINITY, stated_s })
+    }
+}
 
 /// Fits usable readings from the neighbourhood of a statement; `None` if that does not converge.
 pub(crate) fn fit(
     readings: &[Reading],
     motion: Motion,
     noise: Option<FitNoise>,
-    (resonance_hz, stated, extra): Stated<'_>,
+    stated: Stated<'_>,
 ) -> Option<Fitted> {
-    let first = readings.first()?;
+    let (first, last) = (readings.first()?, readings.last()?);
     let (is_ringing, first_gap_s) = match motion {
         Motion::Settled => (false, 0.0),
         Motion::Ringing { first_gap_s } => (true, first_gap_s),
@@ -107,14 +140,13 @@ pub(crate) fn fit(
     let is_noise_unknown = noise.is_none() && !is_ringing;
     let noise = noise.unwrap_or(if is_ringing { NOISE } else { NOISE_OF_SETTLED });
     let unit = 1.0 / (TAU * first.frequency_hz * impedance(first).norm());
-    let extra = extra.filter(|_| !is_ringing);
-    let beside = extra.map(|extra| Beside::of(extra, stated, unit));
+    let beside = stated.beside((first, last), is_ringing, unit);
     let (beside, stated_beside) =
         beside.map_or((None, [0.0; BESIDE]), |(kind, at)| (Some(kind), at));
     let stays = stays(readings, unit, first_gap_s);
     let trace = Trace { stays, is_ringing, first_gap_s, beside };
     let mut at = Unknowns {
-        circuit: near(resonance_hz, stated, unit),
+        circuit: near(stated.resonance_hz, stated.circuit, unit),
         beside: stated_beside,
         amplitudes: Vec::new(),
         steps: trace.stays.iter().map(|stay| vec![0.0; stay.samples.len() - 1]).collect(),
@@ -131,7 +163,8 @@ pub(crate) fn fit(
         let normal = trace.descend(&mut at, &weights);
         if round + 1 == ROUNDS && is_ringing {
             (widest, mode_variance) = trace.widest(&at, &weights);
-            effective_time_s = trace.effective_s(&at, &weights).map(|s| first.begin_s() + s);
+            let effective_s = trace.effective_s(&at, &weights);
+            effective_time_s = effective_s.map(|s| first.begin_s() + s);
         }
         if round + 2 == ROUNDS || is_noise_unknown && round + 2 < ROUNDS {
             // What the readings say of the noise, together with what was known of it.
@@ -157,6 +190,7 @@ pub(crate) fn fit(
         resonance_hz,
         circuit,
         circuit_sigma,
+        moved_hz: if is_ringing { resonance_hz * at.beside[0] } else { 0.0 },
         beside_sigmas,
         sigma_hz,
         with_mode_hz: sigma_hz.max(resonance_hz * f64::sqrt(widest)),

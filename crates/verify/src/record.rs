@@ -315,6 +315,7 @@ pub(crate) struct Circuit {
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub(crate) enum Extra {
     Drift { change: f64 },
+    Relaxation { change: f64, time_s: f64 },
     Stray { resistance_ohm: f64, inductance_h: f64 },
     SecondMode { resonance_hz: f64, quality_factor: f64, capacitance_f: f64 },
     Dispersion { slope: f64 },

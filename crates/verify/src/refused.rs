@@ -6,7 +6,7 @@
 
 use crate::{
     finding::{Check, Findings},
-    fit::{self, Fitted, Motion},
+    fit::{self, Fitted, Motion, Stated},
     record::{Circuit, Outcome, Reading, Sweep},
     results::{READINGS_MIN, most_scatter},
 };
@@ -80,7 +80,8 @@ fn determined(sweep: &Sweep, before: &Circuit, sigmas: f64) -> Option<Fitted> {
     let step_hz = (max_hz - min_hz) / f64::from(BEGINS);
     let begins = (0..BEGINS).map(|n| min_hz + (f64::from(n) + 0.5) * step_hz);
     let motion = Motion::of(settings);
-    let fits = begins.filter_map(|hz| fit::fit(&readings, motion, Some(noise), (hz, before, None)));
+    let fits =
+        begins.filter_map(|hz| fit::fit(&readings, motion, Some(noise), Stated::alone(hz, before)));
     let found = fits.min_by(|a, b| a.scatter.total_cmp(&b.scatter))?;
     let linewidth_hz = found.resonance_hz / found.circuit.quality_factor;
     let sigma_hz = found.sigma_hz.max(found.with_mode_hz);

@@ -4,7 +4,7 @@ use std::{num::NonZero, thread};
 
 use crate::{
     finding::{Check, Findings},
-    fit::{self, Fitted, Motion},
+    fit::{self, Fitted, Motion, Stated},
     labels::READINGS_PER_OUTLIER,
     record::{Circuit, FitNoise, FitSettings, Outcome, Reading, Sweep},
     survey::{self, Doubt, turned},
@@ -18,6 +18,8 @@ const SIGMA_LEAST: f64 = 0.6;
 /// A stated standard deviation over that of this checker with a possible second mode, at most: the rest is
 /// for readings that were left out.
 const SIGMA_MOST: f64 = 2.0;
+/// What an unknown course of a moving resonance adds, as a part of its change.
+const SHAPE: f64 = 0.1;
 /// The same on a given grid, where other causes stay open too: over that of this checker without a second
 /// mode, or in linewidths, whichever is more.
 const SIGMA_MOST_ON_GRID: f64 = 10.0;
@@ -171,7 +173,9 @@ fn suspects(readings: &[Reading]) -> Vec<usize> {
 fn check_readings(accepted: &Accepted, readings: &[Reading]) -> (Findings, f64) {
     let Accepted { seq, sweep, is_survey } = accepted;
     let mut findings = Findings::default();
-    let Outcome::Accepted { resonance_hz, sigma_hz, circuit, extra, .. } = &sweep.outcome else {
+    let Outcome::Accepted { resonance_hz, sigma_hz, circuit, extra, effective_time_s, .. } =
+        &sweep.outcome
+    else {
         return (findings, f64::NAN);
     };
     let number = sweep.number;
@@ -186,7 +190,9 @@ fn check_readings(accepted: &Accepted, readings: &[Reading]) -> (Findings, f64) 
     let bench = bench.filter(|_| motion != Motion::Settled);
     let fit_at = |phase_rad: f64, motion, circuit| {
         let turned = turned(readings, -phase_rad);
-        fit::fit(&turned, motion, noise, (*resonance_hz, circuit, extra.as_ref()))
+        let (resonance_hz, effective_time_s) = (*resonance_hz, *effective_time_s);
+        let stated = Stated { resonance_hz, circuit, extra: extra.as_ref(), effective_time_s };
+        fit::fit(&turned, motion, noise, stated)
     };
     let phase_rad = bench.map_or(0.0, |bench| bench.phase_rad);
     let fitted = stated.and_then(|circuit| Some((fit_at(phase_rad, motion, circuit)?, circuit)));
@@ -240,7 +246,8 @@ fn check_outcome(
         let bench = settings.and_then(|settings| settings.bench);
         let phase_sigma = bench.map_or(0.0, |bench| bench.phase_sigma_rad);
         // A phase error of a radian moves the resonance by no more than a linewidth.
-        SIGMA_MOST * fitted.with_mode_hz.hypot(phase_sigma * fit_hz / quality_factor)
+        let of_fit = fitted.with_mode_hz.hypot(phase_sigma * fit_hz / quality_factor);
+        SIGMA_MOST * of_fit.hypot(SHAPE * fitted.moved_hz)
     } else {
         f64::max(SIGMA_MOST_ON_GRID * fit_sigma, SIGMA_LINEWIDTHS * fit_hz / quality_factor)
     };

@@ -109,7 +109,8 @@ pub struct Circuit {
     pub loss_tangent_sigma: Option<f64>,
 }
 
-/// What settled readings on a given grid showed beside the circuit; it was fitted together with it.
+/// What readings showed beside the circuit; it was fitted together with it. Settled ones on a given grid can show any of
+/// these but the second, those with a free decay the first two.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Extra {
@@ -117,6 +118,13 @@ pub enum Extra {
     Drift {
         /// Its relative change from the middle of the sweep to the last reading.
         change: f64,
+    },
+    /// The resonance approached a final value exponentially, as a tissue relaxes. It is stated for its effective time.
+    Relaxation {
+        /// Its relative change from the begin of the first reading to the end of the last.
+        change: f64,
+        /// Time constant, s.
+        time_s: f64,
     },
     /// An impedance in series with the sensor.
     Stray {

@@ -13,6 +13,7 @@
 //! amplitude b is as large as a but turns by radians within a millisecond, so that it is an error of
 //! known size and unknown phase.
 
+mod drift;
 pub(crate) mod judge;
 pub(crate) mod learn;
 pub(crate) mod mode;
@@ -36,6 +37,7 @@ use crate::{
     numeric::dense::Cholesky,
     numeric::descent::{Descent, End, Normal},
 };
+use drift::Drift;
 use model::{Amplitude, Model, Ring};
 use stay::State;
 
@@ -96,11 +98,24 @@ pub(crate) struct Stays {
     pub(crate) unit_farad: f64,
     pub(crate) known: Known,
     pub(crate) bench: Option<Bench>,
+    /// How the resonance moves; `None` if it stays.
+    drift: Option<Drift>,
     /// Number of readings excluded as outliers.
     pub(crate) excluded: usize,
     last: Option<Reading>,
     /// Work so far, in rows: evaluations of one reading with its derivatives.
     pub(crate) work: Cell<u64>,
+}
+
+/// A stay with what a circuit says of it.
+#[derive(Debug)]
+struct Modelled<'a> {
+    stay: &'a Stay,
+    /// The circuit during the stay.
+    at: ModelEstimate,
+    model: Model,
+    /// The mean square of the free motion.
+    square: f64,
 }
 
 /// A circuit and how well it explains the readings.
@@ -184,7 +199,7 @@ impl Stays {
         let unit_farad = 1.0 / (TAU * first.frequency_hz * ohm);
         let known = bench.map_or(known, |bench| known.with_first_gap(bench.first_gap_s));
         let (all, last, work) = (Vec::new(), None, Cell::new(0));
-        Some(Self { all, unit_farad, known, bench, excluded: 0, last, work })
+        Some(Self { all, unit_farad, known, bench, drift: None, excluded: 0, last, work })
     }
 
     /// Builds the stays of these readings; `None` if none has an impedance.
@@ -256,17 +271,25 @@ impl Stays {
     /// Residual degrees of freedom after fitting a circuit.
     pub(crate) fn degrees(&self) -> f64 {
         let later = self.all.len().saturating_sub(1) as f64;
-        (2 * self.count()) as f64 - (CIRCUIT + 2) as f64 - 2.0 * stay::AMPLITUDE_FREE * later
+        let unknowns = CIRCUIT + 2 + usize::from(self.drift.is_some());
+        (2 * self.count()) as f64 - unknowns as f64 - 2.0 * stay::AMPLITUDE_FREE * later
     }
 
-    /// Each stay with its model and the mean square of its free motion.
-    fn models(&self, at: &ModelEstimate) -> impl Iterator<Item = (&Stay, Model, f64)> {
+    /// Each stay with its model for the circuit at `at`.
+    fn models(&self, at: &ModelEstimate) -> impl Iterator<Item = Modelled<'_>> {
         let mut amplitude = Amplitude::new(at);
         let at = *at;
-        self.all.iter().map(move |stay| {
+        self.all.iter().zip(self.middles_s()).map(move |(stay, middle_s)| {
             let square = amplitude.change(stay.frequency_hz, stay.since_s);
-            (stay, Model::new(&at, stay.frequency_hz), square)
+            let at = self.moved(&at, middle_s);
+            Modelled { stay, at, model: Model::new(&at, stay.frequency_hz), square }
         })
+    }
+
+    /// The circuit at this time, s after the begin of the first reading.
+    fn moved(&self, at: &ModelEstimate, s: f64) -> ModelEstimate {
+        let Some(drift) = &self.drift else { return *at };
+        ModelEstimate { resonance_hz: at.resonance_hz * drift.ln_shift(s).exp(), ..*at }
     }
 
     /// The normal equations of the readings for the circuit at `at`, without the prior and with all
@@ -274,15 +297,20 @@ impl Stays {
     fn normal(&self, at: &ModelEstimate, states: &mut Vec<State>) -> Normal<UNKNOWNS> {
         let mut normal = Normal::default();
         states.resize_with(self.all.len(), State::default);
-        for ((stay, model, square), state) in self.models(at).zip(states) {
-            let prior = model.prior(square);
-            let of_stay = state.moved(at, stay, prior, &self.known).unwrap_or_else(|| {
-                let (of_stay, rounds) = model.normal(at, stay, prior, &self.known, state);
-                self.work.update(|work| work + (rounds * stay.samples.len()) as u64);
-                of_stay
-            });
+        for (of, state) in self.models(at).zip(states) {
+            let prior = of.model.prior(of.square);
+            let of_stay = state
+                .moved(&of.at, of.stay, prior, &self.known)
+                .unwrap_or_else(|| self.computed(&of, prior, state));
             normal.sum(&of_stay);
         }
+        normal
+    }
+
+    /// The normal equations of a stay, computed.
+    fn computed(&self, of: &Modelled<'_>, prior: f64, state: &mut State) -> Normal<UNKNOWNS> {
+        let (normal, rounds) = of.model.normal(&of.at, of.stay, prior, &self.known, state);
+        self.work.update(|work| work + (rounds * of.stay.samples.len()) as u64);
         normal
     }
 
@@ -297,13 +325,14 @@ impl Stays {
         best: &Hypothesis,
         expected: &CircuitPrior,
     ) -> Option<f64> {
+        if let Some(drift) = &self.drift {
+            return Some(drift.effective_s());
+        }
         let (mut all, mut sum) = (Normal::<UNKNOWNS>::default(), [0.0; UNKNOWNS]);
-        let (mut begin_s, mut states) = (0.0, best.states.clone());
-        for (n, ((stay, model, square), state)) in
-            self.models(&best.at).zip(&mut states).enumerate()
+        let mut states = best.states.clone();
+        for ((of, state), middle_s) in self.models(&best.at).zip(&mut states).zip(self.middles_s())
         {
-            begin_s += if n == 0 { 0.0 } else { stay.since_s };
-            let middle_s = begin_s + 0.5 * stay.samples.last().map_or(0.0, Sample::end_s);
+            let Modelled { stay, model, square, .. } = of;
             let (normal, _) = model.normal(&best.at, stay, model.prior(square), &self.known, state);
             for (sum, row) in sum.iter_mut().zip(&normal.matrix) {
                 *sum += row[0] * middle_s;
@@ -321,7 +350,8 @@ impl Stays {
         for stay in &self.all {
             square = amplitude.change(stay.frequency_hz, stay.since_s);
         }
-        let model = Model::new(&best.at, self.all.last()?.frequency_hz);
+        let at = self.moved(&best.at, self.middles_s().last()?);
+        let model = Model::new(&at, self.all.last()?.frequency_hz);
         let ring = Ring { square, amplitude: best.states.last()?.amplitude() };
         Some((model, ring, amplitude))
     }

@@ -170,8 +170,9 @@ pub enum Reason {
     NotConverged,
     /// The readings do not follow the model, and no single cause was recognised.
     #[error(
-        "the circuit does not describe the readings: chi² per degree of freedom is {found:.2}, at \
-         most {allowed:.2} is chance"
+        "the circuit does not describe the readings, or they are {:.1} times as noisy as expected: chi² \
+         per degree of freedom is {found:.2}, at most {allowed:.2} is chance",
+        .found.sqrt()
     )]
     Misfit {
         /// chi² per degree of freedom.

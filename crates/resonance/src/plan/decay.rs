@@ -350,6 +350,19 @@ impl Decay {
         let last = self.last_circuit.map(|last| ModelEstimate::of(&last, stays.unit_farad));
         let effort = if look_around || !is_certain { Effort::Trials } else { Effort::Follow };
         let mut found = search.run(std::mem::take(&mut self.hypotheses), last, effort);
+        let following = match &found[..] {
+            [alone] if alone.sigma_hz() < CERTAIN * alone.linewidth_hz() => {
+                stays.following(alone, &self.expected, (self.noise, self.within))
+            }
+            _ => None,
+        };
+        if let Some((stays, alone)) = following {
+            self.stays = Some(stays);
+            found = vec![alone];
+        }
+        let Some(stays) = &self.stays else { return };
+        let search =
+            Search { stays, trials: &self.trials, expected: &self.expected, noise: self.noise };
         let is_misfit = !found.is_empty() && found.iter().all(|one| search.is_misfit(one));
         if is_misfit && self.searches < SEARCHES_MAX {
             self.searches += 1;

@@ -17,6 +17,7 @@ pub(super) enum Axis {
     Target,
     Drift,
     DriftBothWays,
+    Relaxation,
     CapacitanceDrift,
     SecondMode,
     SecondModeSmall,
@@ -51,7 +52,7 @@ const SOFTENINGS: &[f64] = &[0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 1.6, 3.0
 const PLACES: &[f64] = &[-2.0, -1.0, -0.5, 0.5, 1.0, 2.0];
 
 impl Axis {
-    pub(super) const ALL: [Self; 29] = [
+    pub(super) const ALL: [Self; 30] = [
         Self::Noise,
         Self::NoiseStated,
         Self::FigureOfMerit,
@@ -61,6 +62,7 @@ impl Axis {
         Self::Target,
         Self::Drift,
         Self::DriftBothWays,
+        Self::Relaxation,
         Self::CapacitanceDrift,
         Self::SecondMode,
         Self::SecondModeSmall,
@@ -130,6 +132,11 @@ impl Axis {
                 "drift-up-and-down",
                 "drift in a sweep up and down (Hz)",
                 &[0.0, 0.01, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0],
+            ),
+            Self::Relaxation => (
+                "relaxation",
+                "resonance that approaches its final value with 2 s, planned (Hz)",
+                &[0.0, 0.03, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0],
             ),
             Self::CapacitanceDrift => (
                 "capacitance-drift",
@@ -270,6 +277,7 @@ impl Axis {
             Self::Target => Scene { target_hz: 1e-3 * value, ..good },
             Self::Drift => Scene { drift_hz: value, ..aside },
             Self::DriftBothWays => Scene { drift_hz: value, is_both_ways: true, ..aside },
+            Self::Relaxation => Scene { relaxation_hz: value, ..aside },
             Self::CapacitanceDrift => Scene { capacitance_drift: part, ..aside },
             Self::SecondMode => Scene { second: second(part, 1.0), ..good },
             Self::SecondModeSmall => Scene { second: second(0.05, value), ..good },

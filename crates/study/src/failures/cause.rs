@@ -18,7 +18,7 @@ impl Axis {
             Self::WindowOffset => matches!(reason, Reason::OutsideWindow { .. }),
             Self::PointsPerLinewidth => matches!(reason, Reason::TooFewPoints { .. }),
             Self::Target => matches!(reason, Reason::TargetNotReached { .. }),
-            Self::Drift | Self::DriftBothWays => matches!(reason, Reason::Drift),
+            Self::Drift | Self::DriftBothWays | Self::Relaxation => matches!(reason, Reason::Drift),
             Self::SecondMode | Self::SecondModeSmall | Self::SecondModeLarge => {
                 matches!(reason, Reason::SecondMode { .. })
             }
@@ -47,7 +47,9 @@ impl Axis {
     /// Whether an accepted model of this order includes the cause.
     pub(super) const fn is_modelled_by(self, model_order: ModelOrder) -> bool {
         match self {
-            Self::Drift | Self::DriftBothWays => matches!(model_order, ModelOrder::Drift),
+            Self::Drift | Self::DriftBothWays | Self::Relaxation => {
+                matches!(model_order, ModelOrder::Drift)
+            }
             Self::SecondMode | Self::SecondModeSmall | Self::SecondModeLarge => {
                 matches!(model_order, ModelOrder::SecondMode)
             }

@@ -247,7 +247,7 @@ fn planned(axis: Axis, scene: Scene, id: SweepId, mut random: Stream) -> SweepRe
     const DRIFT: f64 = 0.01;
     let scene = moved(axis, Scene { is_any_phase: true, ..scene }, MOVED_HZ, &mut random);
     // The bench is at rest when it is surveyed.
-    let at_rest = Scene { drift_hz: 0.0, capacitance_drift: 0.0, ..scene };
+    let at_rest = Scene { drift_hz: 0.0, relaxation_hz: 0.0, capacitance_drift: 0.0, ..scene };
     let free =
         scene.reference.map_or(at_rest, |(resonance_hz, q)| Scene { q, resonance_hz, ..at_rest });
     let anywhere = before_survey(&free, id.trial);
@@ -271,8 +271,7 @@ fn planned(axis: Axis, scene: Scene, id: SweepId, mut random: Stream) -> SweepRe
     let Measured { planner, verdict, time_s } =
         sweep(&scene, SweepMethod::Adaptive, &prior, &mut random);
     // The truth is the resonance at the effective time of the result.
-    let effective_time_s =
-        (scene.drift_hz != 0.0).then(|| planner.effective_time_s(&verdict)).flatten();
+    let effective_time_s = scene.is_moving().then(|| planner.effective_time_s(&verdict)).flatten();
     let at_s = effective_time_s.map_or(0.0, |clock_s| clock_s - ANY_PHASE_STARTS_S);
     let scene = Scene { resonance_hz: scene.resonance_at(at_s), ..scene };
     SweepResult { time_s, ..result(&scene, id, &verdict) }

@@ -35,8 +35,7 @@ impl DisturbedSensor {
     /// Moves the modes to the resonance at this time and amplitude. The amplitude is that of the settled
     /// motion.
     fn move_modes(&mut self, at_s: f64) {
-        let Scene { drift_hz, softening, .. } = self.scene;
-        if drift_hz == 0.0 && softening == 0.0 {
+        if !self.scene.is_moving() && self.scene.softening == 0.0 {
             return;
         }
         let free_hz = self.scene.resonance_at(at_s);

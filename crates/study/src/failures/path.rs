@@ -25,9 +25,10 @@ impl Path {
     /// Whether the axis has an effect on this path.
     pub(super) const fn has(self, axis: Axis) -> bool {
         match self {
-            Self::Fit => {
-                !matches!(axis, Axis::Target | Axis::Gap | Axis::ClockError | Axis::Contact)
-            }
+            Self::Fit => !matches!(
+                axis,
+                Axis::Target | Axis::Relaxation | Axis::Gap | Axis::ClockError | Axis::Contact
+            ),
             Self::Planner => !matches!(
                 axis,
                 Axis::PointsPerLinewidth

@@ -44,6 +44,8 @@ pub(super) struct Scene {
     pub(super) reference: Option<(f64, f64)>,
     /// Drift of the resonance from the first reading to the last, Hz, or in Hz/s.
     pub(super) drift_hz: f64,
+    /// By how much the resonance rises with the time constant [`RELAXATION_S`] in a planned sweep, Hz.
+    pub(super) relaxation_hz: f64,
     /// Relative drift of the static capacitance from the first reading to the last, or in 1/s.
     pub(super) capacitance_drift: f64,
     pub(super) second: Option<SecondMode>,
@@ -77,6 +79,8 @@ pub(super) enum Dielectric {
     ConstantPhase(f64),
 }
 
+/// Time constant of a relaxation, s.
+const RELAXATION_S: f64 = 2.0;
 /// Cycles integrated at each point.
 const CYCLES: u32 = 10;
 /// Frequency at which a dielectric has its nominal capacitance, Hz.
@@ -102,6 +106,7 @@ impl Scene {
             clock_error_s: Gaps::USUAL.error_s,
             reference: None,
             drift_hz: 0.0,
+            relaxation_hz: 0.0,
             capacitance_drift: 0.0,
             second: None,
             outliers: 0.0,
@@ -116,6 +121,7 @@ impl Scene {
     pub(super) fn reversed(&self) -> Self {
         Self {
             drift_hz: -self.drift_hz,
+            relaxation_hz: -self.relaxation_hz,
             capacitance_drift: -self.capacitance_drift,
             phase_rad: -self.phase_rad,
             ..*self
@@ -145,7 +151,13 @@ impl Scene {
     /// The resonance at a part of the sweep from its middle, or at a time in s from the start of a planned
     /// one, Hz.
     pub(super) fn resonance_at(&self, moment: f64) -> f64 {
-        self.resonance_hz + self.drift_hz * moment
+        let relaxed = -(-moment / RELAXATION_S).exp_m1();
+        self.resonance_hz + self.drift_hz * moment + self.relaxation_hz * relaxed
+    }
+
+    /// Whether the resonance moves with time.
+    pub(super) const fn is_moving(&self) -> bool {
+        self.drift_hz != 0.0 || self.relaxation_hz != 0.0
     }
 
     /// The admittance of the static capacitance at a moment as above, S.

@@ -63,7 +63,7 @@ pub(super) fn track(case: Case, target_hz: f64, runs: u32, seed: u64) -> Warm {
     warm
 }
 
-/// One run: the readings after the first one.
+/// One run: the readings after the survey. A survey that is refused is a reading that is missed.
 fn follow(case: &Case, target_hz: f64, mut random: Stream) -> Vec<WarmReading> {
     let (low_hz, high_hz) = RESONANCES_HZ;
     let between = |part: f64| low_hz + (high_hz - low_hz) * part;
@@ -75,7 +75,9 @@ fn follow(case: &Case, target_hz: f64, mut random: Stream) -> Vec<WarmReading> {
         Analyzer::at_rest(circuit(resonance_hz), case.noise, random).with_any_phase(Gaps::USUAL);
     let request = request(target_hz);
     let first = survey(&mut analyzer, target_hz, case.noise);
-    let Some(mut last) = first.verdict.accepted().copied() else { return Vec::new() };
+    let Some(mut last) = first.verdict.accepted().copied() else {
+        return vec![WarmReading { time_s: first.time_s, found: None, error_hz: 0.0 }];
+    };
     let mut readings = Vec::new();
     for step in steps {
         resonance_hz = (resonance_hz + MOVES_PART * moves_hz * step).clamp(low_hz, high_hz);

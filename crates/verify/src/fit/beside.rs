@@ -1,5 +1,6 @@
-//! What settled readings can show beside the circuit: a drift, an impedance in series, a second resonance, a
-//! static capacitance that changes with the frequency, or a phase error of the analyzer.
+//! What readings can show beside the circuit: settled ones a drift, an impedance in series, a second resonance, a
+//! static capacitance that changes with the frequency, or a phase error of the analyzer; those with a free decay a
+//! drift or a relaxation.
 
 use std::f64::consts::TAU;
 
@@ -8,9 +9,38 @@ use num_complex::Complex64;
 use super::trace::BESIDE;
 use crate::record::{Circuit, Extra};
 
+/// How a resonance moves from the begin of a sweep, 0, to its end, 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[expect(clippy::struct_field_names, reason = "all are times, in seconds")]
+pub(super) struct Course {
+    pub(super) span_s: f64,
+    /// Time constant of its approach to a final value, s; infinite if it moves evenly.
+    pub(super) time_s: f64,
+    /// The time for which it is stated, s after the begin.
+    pub(super) stated_s: f64,
+}
+
+impl Course {
+    /// The part of its change that is done at this time.
+    fn done(&self, s: f64) -> f64 {
+        if self.time_s.is_finite() {
+            (1.0 - (-s / self.time_s).exp()) / (1.0 - (-self.span_s / self.time_s).exp())
+        } else {
+            s / self.span_s
+        }
+    }
+
+    /// The same from the time for which it is stated.
+    pub(super) fn since_stated(&self, s: f64) -> f64 {
+        self.done(s) - self.done(self.stated_s)
+    }
+}
+
 /// The kind of what is beside the circuit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Beside {
+    /// The change of the logarithm of the resonance during the sweep.
+    Moving(Course),
     /// The change of the resonance from the middle of the sweep to its end, as a part of it.
     Drift,
     /// Resistance and inductance in series.
@@ -26,7 +56,7 @@ pub(super) enum Beside {
 /// A reading in its sweep, and the circuit's part in it.
 pub(super) struct Place {
     pub(super) omega: f64,
-    /// From −1 at the first reading to 1 at the last.
+    /// From −1 at the first reading to 1 at the last; of a moving resonance [`Course::since_stated`].
     pub(super) when: f64,
     /// Impedance times the unit of capacitance, s.
     pub(super) z: Complex64,
@@ -50,10 +80,27 @@ pub(super) struct Seen {
 }
 
 impl Beside {
-    /// The kind, and its unknowns in units of the capacitance `unit`.
-    pub(super) fn of(stated: &Extra, circuit: &Circuit, unit: f64) -> (Self, [f64; BESIDE]) {
-        let c0 = circuit.static_capacitance_f / unit;
+    /// What a fit with free decay can have beside the circuit, with its unknown.
+    pub(super) fn of_ringing(stated: &Extra, course: Course) -> Option<(Self, [f64; BESIDE])> {
         match *stated {
+            // From the middle to the end.
+            Extra::Drift { change } => Some((Self::Moving(course), [2.0 * change, 0.0, 0.0])),
+            Extra::Relaxation { change, time_s } => {
+                Some((Self::Moving(Course { time_s, ..course }), [change, 0.0, 0.0]))
+            }
+            _ => None,
+        }
+    }
+
+    /// The kind in settled readings, and its unknowns in units of the capacitance `unit`.
+    pub(super) fn of(
+        stated: &Extra,
+        circuit: &Circuit,
+        unit: f64,
+    ) -> Option<(Self, [f64; BESIDE])> {
+        let c0 = circuit.static_capacitance_f / unit;
+        Some(match *stated {
+            Extra::Relaxation { .. } => return None,
             Extra::Drift { change } => (Self::Drift, [change, 0.0, 0.0]),
             Extra::Stray { resistance_ohm, inductance_h } => {
                 (Self::Stray, [resistance_ohm * unit, inductance_h * unit, 0.0])
@@ -64,13 +111,13 @@ impl Beside {
             }
             Extra::Dispersion { slope } => (Self::Dispersion, [slope * c0, 0.0, 0.0]),
             Extra::AnalyzerPhase { phase_rad } => (Self::Phase, [phase_rad, 0.0, 0.0]),
-        }
+        })
     }
 
     /// The number of its unknowns.
     pub(super) const fn count(self) -> usize {
         match self {
-            Self::Drift | Self::Dispersion | Self::Phase => 1,
+            Self::Moving(_) | Self::Drift | Self::Dispersion | Self::Phase => 1,
             Self::Stray => 2,
             Self::SecondMode => 3,
         }
@@ -78,7 +125,11 @@ impl Beside {
 
     /// The logarithm of the resonance at a reading less that of the circuit.
     pub(super) fn ln_shift(self, unknowns: &[f64; BESIDE], when: f64) -> f64 {
-        if self == Self::Drift { (unknowns[0] * when).ln_1p() } else { 0.0 }
+        match self {
+            Self::Moving(_) => unknowns[0] * when,
+            Self::Drift => (unknowns[0] * when).ln_1p(),
+            _ => 0.0,
+        }
     }
 }
 
@@ -91,6 +142,7 @@ pub(super) fn seen(kind: Option<Beside>, unknowns: &[f64; BESIDE], at: &Place) -
     let [a, b, c] = *unknowns;
     match kind {
         None => {}
+        Some(Beside::Moving(_)) => seen.y_by[0] = at.by_f * at.when,
         Some(Beside::Drift) => seen.y_by[0] = at.by_f * (at.when / (1.0 + a * at.when)),
         Some(Beside::Stray) => {
             seen.z -= a + b * drive;

@@ -34,7 +34,7 @@ const STATED: Circuit = Circuit {
 #[test]
 fn the_circuit_behind_steady_readings_is_found_from_a_wrong_start() {
     let readings = steady(141.3, 34.0, 21e-9, 0.09, 0.01);
-    let found = fit(&readings, Motion::Settled, None, (140.9, &STATED, None)).unwrap();
+    let found = fit(&readings, Motion::Settled, None, Stated::alone(140.9, &STATED)).unwrap();
     assert!((found.resonance_hz - 141.3).abs() < 2e-3, "{found:?}");
     assert!((found.circuit.quality_factor - 34.0).abs() < 0.05, "{found:?}");
     assert!(found.scatter < 0.2 && found.sigma_hz > 0.0, "{found:?}");
@@ -52,7 +52,7 @@ fn settled_readings_tell_their_noise_alone_where_nothing_is_known_of_it() {
         };
         let exact = steady(141.3, 34.0, 21e-9, 0.09, 0.01);
         let readings: Vec<Reading> = exact.iter().enumerate().map(disturbed).collect();
-        let found = fit(&readings, Motion::Settled, None, (141.3, &STATED, None)).unwrap();
+        let found = fit(&readings, Motion::Settled, None, Stated::alone(141.3, &STATED)).unwrap();
         // Half a linewidth times the noise, over the root of some readings near the resonance.
         let expected_hz = 141.3 / 34.0 * noise / 4.0;
         assert!((0.2..5.0).contains(&(found.sigma_hz / expected_hz)), "{noise}: {found:?}");
@@ -73,6 +73,7 @@ fn with_extra(readings: &[Reading], resonance_hz: f64, c0: f64, extra: Extra) ->
                 reading = steady(resonance_hz * (1.0 + change * when), 34.0, c0, 0.09, 0.01)[k];
                 z = impedance(&reading);
             }
+            Extra::Relaxation { .. } => unreachable!("settled readings are fitted without one"),
             Extra::Stray { resistance_ohm, inductance_h } => {
                 z += resistance_ohm + drive * inductance_h;
             }
@@ -90,6 +91,10 @@ fn with_extra(readings: &[Reading], resonance_hz: f64, c0: f64, extra: Extra) ->
         Reading { resistance_ohm: Some(z.re), reactance_ohm: Some(z.im), ..reading }
     };
     readings.iter().enumerate().map(seen).collect()
+}
+
+const fn with<'a>(resonance_hz: f64, circuit: &'a Circuit, extra: &'a Extra) -> Stated<'a> {
+    Stated { extra: Some(extra), ..Stated::alone(resonance_hz, circuit) }
 }
 
 /// What can be beside a circuit, and the same with other values.
@@ -116,15 +121,16 @@ fn what_is_beside_the_circuit_is_fitted_with_it_and_a_wrong_statement_of_it_show
     for [extra, other] in extras() {
         let readings = steady(resonance_hz, q, c0, 0.09, 0.01);
         let readings = with_extra(&readings, resonance_hz, c0, extra);
-        let plain = fit(&readings, Motion::Settled, None, (resonance_hz, &stated, None)).unwrap();
+        let plain =
+            fit(&readings, Motion::Settled, None, Stated::alone(resonance_hz, &stated)).unwrap();
         let found =
-            fit(&readings, Motion::Settled, None, (resonance_hz, &stated, Some(&extra))).unwrap();
+            fit(&readings, Motion::Settled, None, with(resonance_hz, &stated, &extra)).unwrap();
         let context = format!("{extra:?}: {found:?}; without: {plain:?}");
         assert!((found.resonance_hz - resonance_hz).abs() < 5e-3, "{context}");
         assert!(found.beside_sigmas < 2.0 && found.scatter < 0.2, "{context}");
         assert!(plain.scatter > 4.0 * found.scatter, "{context}");
         if let Some(found) =
-            fit(&readings, Motion::Settled, None, (resonance_hz, &stated, Some(&other)))
+            fit(&readings, Motion::Settled, None, with(resonance_hz, &stated, &other))
         {
             assert!(found.beside_sigmas > 5.0, "{other:?}: {found:?}");
         }
@@ -136,7 +142,7 @@ fn slopes_by_what_is_beside_the_circuit_agree_with_differences() {
     let readings: Vec<Reading> =
         steady(141.3, 34.0, 21e-9, 0.09, 0.01).iter().step_by(5).copied().collect();
     for [extra, _] in extras() {
-        let (kind, beside) = Beside::of(&extra, &STATED, 20e-9);
+        let (kind, beside) = Beside::of(&extra, &STATED, 20e-9).unwrap();
         let stays = stays(&readings, 20e-9, 0.0);
         let count = stays.len();
         let trace = Trace { stays, is_ringing: false, first_gap_s: 0.0, beside: Some(kind) };
@@ -212,10 +218,10 @@ fn slopes_agree_with_differences() {
 
 #[test]
 fn no_fit_is_made_of_nothing() {
-    assert!(fit(&[], Motion::RINGING, None, (140.0, &STATED, None)).is_none());
+    assert!(fit(&[], Motion::RINGING, None, Stated::alone(140.0, &STATED)).is_none());
     let one = steady(141.3, 34.0, 21e-9, 0.09, 0.01)[0];
     // What is known beforehand decides then; it must not be called precise.
-    if let Some(found) = fit(&[one], Motion::RINGING, None, (140.0, &STATED, None)) {
+    if let Some(found) = fit(&[one], Motion::RINGING, None, Stated::alone(140.0, &STATED)) {
         assert!(found.sigma_hz > 1.0, "{found:?}");
     }
 }
@@ -232,7 +238,8 @@ fn a_second_mode_shifts_a_resonance_by_no_more_than_its_widened_deviation() {
             let z = (impedance(reading).inv() + Complex64::new(0.0, omega * c0) * branch).inv();
             (reading.resistance_ohm, reading.reactance_ohm) = (Some(z.re), Some(z.im));
         }
-        let found = fit(&readings, Motion::RINGING, None, (resonance_hz, &STATED, None)).unwrap();
+        let found =
+            fit(&readings, Motion::RINGING, None, Stated::alone(resonance_hz, &STATED)).unwrap();
         let error_hz = (found.resonance_hz - resonance_hz).abs();
         let context = format!("{share} at {place}: {error_hz} {found:?}");
         assert!(found.sigma_hz < found.with_mode_hz, "{context}");
@@ -248,11 +255,50 @@ fn a_resonance_that_moves_evenly_has_the_value_of_the_fit_at_the_effective_time(
         let moving = |k: usize| steady(at(k as f64 + 0.57), 34.0, 21e-9, 0.09, 0.01)[k];
         // A part of the sweep, so that the resonance is not passed in its middle.
         let readings: Vec<Reading> = (0..15).map(moving).collect();
-        let found = fit(&readings, Motion::RINGING, None, (at(11.0), &STATED, None)).unwrap();
+        let found =
+            fit(&readings, Motion::RINGING, None, Stated::alone(at(11.0), &STATED)).unwrap();
         let time_s = found.effective_time_s.unwrap();
         let error_hz = (found.resonance_hz - at(time_s)).abs();
         let by_drift_hz = (drift_hz_per_s * 14.0).abs();
         assert!(error_hz < 0.1 * by_drift_hz, "{drift_hz_per_s}: {time_s} {found:?}");
         assert!((time_s - 7.0).abs() > 2.0, "the middle would be as good: {time_s}");
+    }
+}
+
+#[test]
+fn a_resonance_that_moves_is_followed_from_any_stated_time() {
+    let (span_s, time_s) = (24.14, 9.0);
+    for is_even in [true, false] {
+        let done = |s: f64| {
+            let part = s / span_s;
+            if is_even {
+                part
+            } else {
+                (1.0 - (-s / time_s).exp()) / (1.0 - (-span_s / time_s).exp())
+            }
+        };
+        let change = 0.02;
+        let at = |s: f64| 141.3 * (change * done(s)).exp();
+        // A sweep in one direction would not distinguish it from another resonance.
+        let moving = |k: usize| {
+            let reading = steady(at(k as f64 + 0.07), 34.0, 21e-9, 0.09, 0.01)[7 * k % 25];
+            Reading { started_s: k as f64, ..reading }
+        };
+        let readings: Vec<Reading> = (0..25).map(moving).collect();
+        let extra = if is_even {
+            Extra::Drift { change: 0.5 * change }
+        } else {
+            Extra::Relaxation { change, time_s }
+        };
+        for stated_s in [5.0, 20.0] {
+            let effective_time_s = Some(readings[0].begin_s() + stated_s);
+            let (extra, circuit) = (Some(&extra), &STATED);
+            let stated = Stated { resonance_hz: at(stated_s), circuit, extra, effective_time_s };
+            let found = fit(&readings, Motion::RINGING, None, stated).unwrap();
+            let error_hz = (found.resonance_hz - at(stated_s)).abs();
+            let context = format!("{is_even} {stated_s} s: {error_hz} Hz, {found:?}");
+            assert!(error_hz < 0.02 && found.beside_sigmas < 2.0, "{context}");
+            assert!(found.effective_time_s.unwrap() < readings[24].end_s(), "{context}");
+        }
     }
 }

@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use num_complex::Complex64;
 
 use crate::{
-    fit::beside::{self, Beside, Place},
+    fit::beside::{self, Beside, Course, Place},
     normal::{GLOBAL, Normal, Part, Step},
     record::Reading,
 };
@@ -153,7 +153,7 @@ pub(super) struct Trace {
     pub(super) is_ringing: bool,
     /// By how much the first gap of every stay is longer than recorded, s. It varies by as much.
     pub(super) first_gap_s: f64,
-    /// What is beside the circuit; only without a free decay.
+    /// What is beside the circuit.
     pub(super) beside: Option<Beside>,
 }
 
@@ -314,13 +314,15 @@ impl Trace {
     /// The time for which the resonance holds, s after the begin of the first reading: where a resonance
     /// that changes evenly has the value of the fit. It is what the normal equations say of residuals
     /// that grow with the time, so that it can be outside the sweep.
+    /// A resonance that is followed may be stated for any time of the sweep.
     pub(super) fn effective_s(&self, at: &Unknowns, weights: &Weights) -> Option<f64> {
+        if let Some(Course { stated_s, span_s, .. }) = self.course() {
+            return Some(stated_s.clamp(0.0, span_s));
+        }
         let branch = Branch::new(&at.circuit);
-        let (mut normal, mut begin_s) = (Normal::default(), 0.0);
-        for (k, stay) in self.stays.iter().enumerate() {
-            begin_s += if k == 0 { 0.0 } else { stay.since_s };
-            let end_s = stay.samples.last().map_or(0.0, |last| last.start_s + last.integration_s);
-            let kind = Row::Moving { middle_s: begin_s + 0.5 * end_s };
+        let mut normal = Normal::default();
+        for k in 0..self.stays.len() {
+            let kind = Row::Moving { middle_s: self.middle_s(k) };
             self.add_stay(k, at, weights, (&branch, None, kind), &mut normal);
         }
         for unknown in MODE..GLOBAL {
@@ -330,6 +332,20 @@ impl Trace {
             normal.expect(i + 1, 0.0, sigma);
         }
         Some(normal.step(0.0)?.global[0])
+    }
+
+    const fn course(&self) -> Option<Course> {
+        match self.beside {
+            Some(Beside::Moving(course)) => Some(course),
+            _ => None,
+        }
+    }
+
+    /// The middle of the readings of a stay, s after the begin of the first one.
+    fn middle_s(&self, stay: usize) -> f64 {
+        let begin_s: f64 = self.stays[..=stay].iter().skip(1).map(|stay| stay.since_s).sum();
+        let last = self.stays[stay].samples.last();
+        begin_s + 0.5 * last.map_or(0.0, |last| last.start_s + last.integration_s)
     }
 
     /// The motion of a mode with the capacitance 1 in each stay, as an admittance: its steady part, and
@@ -396,21 +412,20 @@ impl Trace {
         let mut part = Part::new(unknowns);
         let [_, _, c0, c1, g] = at.circuit;
         let drive = Complex64::new(0.0, stay.omega);
+        let course = self.course().map(|course| course.since_stated(self.middle_s(k)));
         for (i, (sample, t)) in stay.samples.iter().zip(self.times(at, k)).enumerate() {
-            let shift = self.beside.map_or(0.0, |kind| kind.ln_shift(&at.beside, sample.when));
+            let when = course.unwrap_or(sample.when);
+            let shift = self.beside.map_or(0.0, |kind| kind.ln_shift(&at.beside, when));
             let (response, by_f, by_q) = branch.response(stay.omega * (-shift).exp());
             let moving = -drive * c1 * response * response;
-            let place = Place {
-                omega: stay.omega,
-                when: sample.when,
-                z: sample.z,
-                resonance: branch.omega,
-                by_f: moving * by_f,
-            };
+            let s = if self.is_ringing { branch.s * shift.exp() } else { branch.s };
+            let lambda = s - drive;
+            let (mean, by_lambda) = decay(lambda, t, sample.integration_s);
+            let by_f = amplitude * by_lambda * s + moving * by_f;
+            let place =
+                Place { omega: stay.omega, when, z: sample.z, resonance: branch.omega, by_f };
             let beside = beside::seen(self.beside, &at.beside, &place);
             let steady = Complex64::new(stay.omega * g, stay.omega * c0) + drive * c1 * response;
-            let lambda = branch.s - drive;
-            let (mean, by_lambda) = decay(lambda, t, sample.integration_s);
             let model = steady + beside.y + amplitude * mean;
             let scale = weights.variances[k][i].sqrt().recip();
             let sum = beside.z * model + 1.0;
@@ -419,7 +434,7 @@ impl Trace {
             let slope_of_z = 4.0 * model / (sum * sum) * scale;
             let mut global = [Complex64::ZERO; GLOBAL];
             global[..CIRCUIT].copy_from_slice(&[
-                slope * (amplitude * by_lambda * branch.s + moving * by_f + beside.by_f),
+                slope * (by_f + beside.by_f),
                 slope * (amplitude * by_lambda * branch.by_q + moving * by_q),
                 slope * drive,
                 slope * drive * response,

@@ -2,7 +2,7 @@
 //! from where the drift lets it be expected.
 
 use crate::{
-    drift::{Drift, Unexpected},
+    drift::{Drift, JUMP_SIGMAS, Unexpected},
     finding::{Check, Findings},
     record::{Action, ReferenceJumped, StepStarted, TouchResult},
     settings::Settings,
@@ -19,6 +19,8 @@ const SLACK: f64 = 1.05;
 /// that a probability within a factor of two of it may be called either.
 const JUMP: f64 = 1e-4;
 const EITHER: f64 = 2.0;
+/// The same for how far it is off.
+const NEARLY: f64 = 1.05;
 /// For the same reason what is stated of the drift may differ by this part.
 const SAME: f64 = 0.03;
 /// A touch is taken to last this long before there was one, s.
@@ -86,7 +88,7 @@ impl References {
     /// The last reference is no jump, because no record says so.
     pub(crate) fn no_jump(&mut self, findings: &mut Findings) {
         let Some((seq, of)) = self.unexpected.take() else { return };
-        if of.probability < JUMP / EITHER {
+        if of.is_jump(JUMP / EITHER, NEARLY * JUMP_SIGMAS) {
             let what = "a reference that no drift explains, and the record of a jump";
             findings.add(
                 Check::Reference,
@@ -167,7 +169,7 @@ impl References {
             findings.add(Check::Reference, seq, what, "none", off_hz);
             return;
         };
-        if of.probability > JUMP * EITHER {
+        if !of.is_jump(JUMP * EITHER, JUMP_SIGMAS / NEARLY) {
             let what = "a jump of the resonance that the drift explains, probability";
             let limit = Some(JUMP.to_string());
             findings.within(Check::Reference, seq, what, "less", of.probability, limit);

@@ -78,6 +78,11 @@ pub(super) fn best(
     options: &FitOptions,
 ) -> Option<(Hypothesis, CircuitPrior)> {
     let expected = CircuitPrior::any(Q_TYPICAL).within(window);
+    let follow = |stays: &mut Stays, best: &mut Hypothesis| {
+        if let Some(following) = stays.following(best, &expected, (noise, window)) {
+            (*stays, *best) = following;
+        }
+    };
     let mut trials = Trials::none();
     let mut best = if let Some(near) = options.near {
         let near = ModelEstimate::of(&near, stays.unit_farad);
@@ -85,6 +90,7 @@ pub(super) fn best(
             Search { stays, trials: &Trials::none(), expected: &expected, noise }.is_suspect(one)
         };
         let (mut best, mut at) = (stays.minimum(near, &expected), near);
+        follow(stays, &mut best);
         if is_suspect(stays, &best) {
             let all = stays.clone();
             for _ in 0..FAR_ROUNDS {
@@ -106,7 +112,9 @@ pub(super) fn best(
         trials.add_all(stays);
         let search = Search { stays, trials: &trials, expected: &expected, noise };
         let mut found = search.run(Vec::new(), None, Effort::Trials);
-        found.pop().filter(|_| found.is_empty())?
+        let mut best = found.pop().filter(|_| found.is_empty())?;
+        follow(stays, &mut best);
+        best
     };
     let search = Search { stays, trials: &trials, expected: &expected, noise };
     if search.is_suspect(&best) {
@@ -117,6 +125,7 @@ pub(super) fn best(
                 *stays = rest.stays;
                 let mut found = rest.found;
                 best = found.pop().filter(|_| found.is_empty())?;
+                follow(stays, &mut best);
             }
             None if is_misfit => return Some((best, expected)),
             None => {}
@@ -157,7 +166,9 @@ fn judge(
     let roughly = resonance(stays, best, noise, curvature_hz);
     let doubt = if best.end == End::OutOfSteps {
         Some(Reason::NotConverged)
-    } else if let Some(mode) = likeliest.filter(SecondMode::is_present) {
+    } else if let Some(mode) =
+        likeliest.filter(|mode| mode.is_present_beside(best.normal.cost, degrees))
+    {
         // Beside nothing there is no second mode.
         let alone = roughly.and_then(|found| doubt_existence(&found, gain(stays, best, &found)));
         Some(alone.unwrap_or(Reason::SecondMode { near_hz: mode.resonance_hz }))
@@ -171,7 +182,8 @@ fn judge(
     }
     let sigma_hz = stays.profile_sigma_hz(best, expected).max(by_modes_hz);
     let by_phase_hz = stays.shift_by_phase_hz(best, expected);
-    let sigma_hz = (outliers::widening(stays) * sigma_hz).hypot(by_phase_hz);
+    let by_drift_hz = best.at.resonance_hz * stays.sigma_by_drift();
+    let sigma_hz = (outliers::widening(stays) * sigma_hz).hypot(by_phase_hz).hypot(by_drift_hz);
     let Some(found) = resonance(stays, best, noise, sigma_hz) else {
         return refused(Reason::NotConverged, None);
     };
@@ -209,7 +221,10 @@ fn resonance(
         [0.0, 0.0, -at.g / (at.c0 * at.c0), 0.0, 1.0 / at.c0],
     ];
     let variance = stays.known.variance;
-    let leading = std::array::from_fn(|i| std::array::from_fn(|j| inverse[i][j] / variance));
+    let by_drift = |i, j| stays.drift.map_or(0.0, |drift| drift.covariance(i, j));
+    let leading = std::array::from_fn(|i| {
+        std::array::from_fn(|j| (inverse[i][j] + by_drift(i, j)) / variance)
+    });
     let cost = best.normal.cost * variance;
     let spread = Spread {
         covariance: sandwich(&slope, &leading),
@@ -225,5 +240,6 @@ fn resonance(
     let found =
         Resonance::new(&at.circuit(farad), &spread, ModelOrder::RingUp, Some(&noise.prior()));
     let wider = sigma_hz * sigma_hz - best.sigma_hz() * best.sigma_hz();
-    Some(found.widened(wider.max(0.0)))
+    let extra = stays.drift.map(|drift| drift.extra());
+    Some(Resonance { extra, ..found.widened(wider.max(0.0)) })
 }

@@ -8,7 +8,9 @@
 use num_complex::Complex64;
 use rig_model::{Reading, Window};
 
-use super::{Hypothesis, Known, Stays, judge, model::Branch, search::allowed, stay::WITH_BENCH};
+use super::{
+    Hypothesis, Known, Modelled, Stays, judge, model::Branch, search::allowed, stay::WITH_BENCH,
+};
 use crate::{
     Bench, FitOptions, Reason,
     circuit::trace::CIRCUIT,
@@ -184,7 +186,8 @@ fn normal(
     let span_s = stays.all.iter().map(|stay| stay.since_s).sum::<f64>().max(f64::MIN_POSITIVE);
     let mut sum = Normal::default();
     let (mut begin_s, mut before) = (0.0, None::<(Complex64, Complex64)>);
-    for (((stay, model, _), state), end_s) in stays.models(&at).zip(&best.states).zip(ends_s) {
+    for ((of, state), end_s) in stays.models(&at).zip(&best.states).zip(ends_s) {
+        let Modelled { stay, at, model, .. } = of;
         begin_s += stay.since_s;
         let begin = model.motion(&at, state.amplitude(), 0.0);
         // At a change of frequency the drive jumps in phase by the same angle for both modes.

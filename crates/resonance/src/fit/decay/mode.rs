@@ -7,7 +7,7 @@
 use num_complex::Complex64;
 use rig_model::Window;
 
-use super::{Hypothesis, Stays, model::Branch, variance};
+use super::{Hypothesis, Modelled, Stays, model::Branch, variance};
 use crate::{
     Bench,
     circuit::trace::{CIRCUIT, ModelEstimate, UNKNOWNS},
@@ -56,7 +56,18 @@ pub(crate) struct SecondMode {
 impl SecondMode {
     /// Whether the readings require it.
     pub(crate) fn is_present(&self) -> bool {
-        self.gain > if self.is_limited { GAIN_AFTER_SURVEY } else { GAIN }
+        self.is_present_in(1.0)
+    }
+
+    /// Whether readings require it whose noise variance is this many times that of their weights.
+    fn is_present_in(&self, noise: f64) -> bool {
+        self.gain > noise * if self.is_limited { GAIN_AFTER_SURVEY } else { GAIN }
+    }
+
+    /// Whether readings require it that scatter about the circuit by this cost. What they scatter about circuit and
+    /// mode together is noise.
+    pub(crate) fn is_present_beside(&self, cost: f64, degrees: f64) -> bool {
+        self.is_present_in(((cost - self.gain) / degrees).max(1.0))
     }
 }
 
@@ -80,7 +91,8 @@ impl Modes {
             [Branch::new(at.resonance_hz, at.q, at.resonance_hz, Complex64::ZERO); PLACES];
         let mut of_stays = Vec::with_capacity(stays.all.len());
         let ends_s = stays.all.iter().skip(1).map(|next| next.since_s).chain([0.0]);
-        for (((stay, model, _), state), end_s) in stays.models(&at).zip(&best.states).zip(ends_s) {
+        for ((of, state), end_s) in stays.models(&at).zip(&best.states).zip(ends_s) {
+            let Modelled { stay, model, .. } = of;
             let begin = model.motion(&at, state.amplitude(), 0.0);
             // At a change of frequency the drive jumps in phase by the same angle for all modes.
             let turn = before.map_or(Complex64::ZERO, |(end, _)| begin / end);

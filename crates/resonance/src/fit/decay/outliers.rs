@@ -14,8 +14,7 @@ use num_complex::Complex64;
 use rig_model::Window;
 
 use super::{
-    Hypothesis, Stay, Stays,
-    model::Model,
+    Hypothesis, Modelled, Stay, Stays,
     search::{Effort, Search},
     start::Trials,
     stay::State,
@@ -101,15 +100,12 @@ impl Stays {
     /// Those without the readings that lie far from the others of their stay, for a circuit near this
     /// one. An error of the circuit shifts all readings, so that it raises the limit.
     pub(super) fn without_far(&self, at: &ModelEstimate) -> Self {
-        let alone = |stay: &Stay, model: &Model, square| {
+        let alone = |of: &Modelled<'_>| {
             let mut state = State::default();
-            let prior = model.prior(square);
-            let (normal, rounds) = model.normal(at, stay, prior, &self.known, &mut state);
-            self.work.update(|work| work + (rounds * stay.samples.len()) as u64);
+            let normal = self.computed(of, of.model.prior(of.square), &mut state);
             (normal.cost, state)
         };
-        let states: Vec<(f64, State)> =
-            self.models(at).map(|(stay, model, square)| alone(stay, &model, square)).collect();
+        let states: Vec<(f64, State)> = self.models(at).map(|of| alone(&of)).collect();
         let mut sizes: Vec<f64> =
             states.iter().flat_map(|(_, state)| state.sizes()).filter(|size| *size > 0.0).collect();
         sizes.sort_unstable_by(f64::total_cmp);
@@ -118,10 +114,8 @@ impl Stays {
         let limit = GAIN_MIN * (median / MEDIAN).max(1.0);
         let readings = self.count() + self.excluded;
         let mut left = readings.div_ceil(READINGS_PER_OUTLIER).saturating_sub(self.excluded);
-        for (n, ((stay, model, square), (mut cost, mut state))) in
-            self.models(at).zip(states).enumerate()
-        {
-            let mut stay = stay.clone();
+        for (n, (of, (mut cost, mut state))) in self.models(at).zip(states).enumerate() {
+            let mut stay = of.stay.clone();
             for _ in 0..left.min(stay.samples.len() / 2) {
                 if state.sizes().all(|size| size <= limit) {
                     break;
@@ -129,7 +123,7 @@ impl Stays {
                 let without = |sample: usize| {
                     let mut stay = stay.clone();
                     stay.samples[sample].exclude();
-                    let (rest, state) = alone(&stay, &model, square);
+                    let (rest, state) = alone(&Modelled { stay: &stay, ..of });
                     (rest, sample, state)
                 };
                 let used = |sample: &usize| stay.samples[*sample].length > 0.0;

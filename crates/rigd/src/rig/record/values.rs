@@ -84,6 +84,7 @@ pub(super) fn circuit_of(circuit: &Circuit) -> store::Circuit {
 pub(super) const fn extra_of(extra: &Extra) -> store::Extra {
     match *extra {
         Extra::Drift { change } => store::Extra::Drift { change },
+        Extra::Relaxation { change, time_s } => store::Extra::Relaxation { change, time_s },
         Extra::Stray { resistance_ohm, inductance_h } => {
             store::Extra::Stray { resistance_ohm, inductance_h }
         }

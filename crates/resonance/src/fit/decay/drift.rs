@@ -1,0 +1,321 @@
+//! A resonance that moves during the sweep: the bench drifts, or the tissue relaxes under the probe.
+//!
+//! ```text
+//!   ln f(t) = ln f(m) + d·(φ(t) − φ(m)),   φ(t) = t/S  or  (1 − e^{−t/τ}) / (1 − e^{−S/τ})
+//! ```
+//!
+//! with S the duration of the sweep, which is short against the seconds of a relaxation or long. All
+//! shapes are compared by the likelihood that they gain. A resonance that moves slowly against its own
+//! decay is constant during a stay, so that the equations of the stays say everything of d.
+//!
+//! The result holds at the effective time m, at which it is most certain. If the shape is known, that is
+//! where the errors of resonance and d are independent, so that the uncertainty of d adds nothing; if
+//! it is not, where the likely shapes nearly agree.
+
+use rig_model::Window;
+
+use super::{
+    Hypothesis, Modelled, Sample, Stays, mode::Modes, search::Search, start::Trials, stay::State,
+};
+use crate::{
+    Extra,
+    circuit::trace::{CIRCUIT, ModelEstimate, UNKNOWNS},
+    fit::grid::CircuitPrior,
+    noise::PooledVariance,
+    numeric::dense::Cholesky,
+    numeric::descent::Normal,
+};
+
+/// Index of the change of the resonance among the unknowns.
+const DRIFT: usize = CIRCUIT;
+
+/// Time constants of relaxations, in durations of the sweep. A longer one looks like a steady drift.
+const TIMES: [f64; 5] = [1.0, 0.5, 0.35, 0.25, 0.15];
+/// Twice the log-likelihood that a drift must gain. Chance reaches it in one sweep of two hundred,
+/// which does no harm.
+const GAIN: f64 = 9.0;
+/// The same by which it must beat a second mode, which costs as many unknowns.
+const LEAD: f64 = 2.0;
+/// Smallest number of stays in which a drift is looked for.
+const STAYS_MIN: usize = 4;
+/// The effective time is chosen among so many parts of the sweep.
+const MOMENTS: u32 = 32;
+/// The circuit is fitted again at most this many times for the drift found.
+const ROUNDS: usize = 4;
+/// Twice the log-likelihood, lost by the change of the drift in the last round, that needs no other.
+const SAME: f64 = 0.01;
+
+/// How the resonance moves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Drift {
+    shape: Shape,
+    /// The change of the logarithm of the resonance over the sweep.
+    change: f64,
+    /// The effective time, s after the begin of the first reading.
+    at_s: f64,
+    /// Standard deviation of the logarithm of the resonance, at the effective time, by the shape and the
+    /// change that are not known.
+    more_sigma: f64,
+    /// What the uncertainty of the change adds to the covariance of the circuit, as its square root.
+    by: [f64; CIRCUIT],
+}
+
+/// φ(t).
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Shape {
+    /// Duration of the sweep, s.
+    span_s: f64,
+    /// Time constant, s; infinite for a steady drift.
+    time_s: f64,
+}
+
+impl Shape {
+    fn at(&self, s: f64) -> f64 {
+        if self.time_s.is_finite() {
+            (-s / self.time_s).exp_m1() / (-self.span_s / self.time_s).exp_m1()
+        } else {
+            s / self.span_s
+        }
+    }
+
+    /// The time at which it has this value, within the sweep.
+    fn time_of(&self, value: f64) -> f64 {
+        let value = value.clamp(0.0, 1.0);
+        if self.time_s.is_finite() {
+            -self.time_s * (value * (-self.span_s / self.time_s).exp_m1()).ln_1p()
+        } else {
+            value * self.span_s
+        }
+    }
+}
+
+impl Drift {
+    /// The logarithm of the resonance at this time, s after the begin of the first reading, less that
+    /// at the effective time.
+    pub(super) fn ln_shift(&self, s: f64) -> f64 {
+        self.change * (self.shape.at(s) - self.shape.at(self.at_s))
+    }
+
+    /// The effective time, s after the begin of the first reading.
+    pub(super) const fn effective_s(&self) -> f64 {
+        self.at_s
+    }
+
+    /// What the uncertainty of the change adds to the covariance of two unknowns of the circuit. That of the
+    /// resonance is in [`Self::more_sigma`].
+    pub(super) const fn covariance(&self, i: usize, j: usize) -> f64 {
+        if i == 0 || j == 0 { 0.0 } else { self.by[i] * self.by[j] }
+    }
+
+    /// What the readings show beside the circuit.
+    pub(super) const fn extra(&self) -> Extra {
+        let change = self.change;
+        if self.shape.time_s.is_finite() {
+            Extra::Relaxation { change, time_s: self.shape.time_s }
+        } else {
+            // Its change from the middle to the end.
+            Extra::Drift { change: 0.5 * change }
+        }
+    }
+}
+
+/// A drift of one shape, as the equations of the stays give it.
+struct Candidate {
+    shape: Shape,
+    change: f64,
+    change_variance: f64,
+    /// Covariances with the circuit.
+    covariances: [f64; UNKNOWNS],
+    /// φ at which the errors of resonance and change are independent.
+    independent: f64,
+    /// Twice the log-likelihood that it gains over a constant resonance.
+    gain: f64,
+    /// The logarithm of the resonance at the begin of the first reading, less that of the present
+    /// circuit.
+    begins: f64,
+}
+
+impl Candidate {
+    /// The logarithm of the resonance at this time, less that of the present circuit.
+    fn at(&self, s: f64) -> f64 {
+        self.begins + self.change * self.shape.at(s)
+    }
+}
+
+/// A stay: the middle of its readings, s after the begin of the first one, its shift by the present
+/// drift, and its equations there.
+struct Part {
+    middle_s: f64,
+    ln_shift: f64,
+    normal: Normal<UNKNOWNS>,
+}
+
+impl Stays {
+    /// The middle of the readings of each stay, s after the begin of the first reading.
+    pub(super) fn middles_s(&self) -> impl Iterator<Item = f64> + '_ {
+        let mut begin_s = 0.0;
+        self.all.iter().enumerate().map(move |(n, stay)| {
+            begin_s += if n == 0 { 0.0 } else { stay.since_s };
+            begin_s + 0.5 * stay.samples.last().map_or(0.0, Sample::end_s)
+        })
+    }
+
+    /// Duration of the readings, s.
+    fn span_s(&self) -> f64 {
+        let begins_s: f64 = self.all.iter().skip(1).map(|stay| stay.since_s).sum();
+        begins_s + self.last_stay().map_or(0.0, Sample::end_s)
+    }
+
+    fn last_stay(&self) -> Option<&Sample> {
+        self.all.last().and_then(|stay| stay.samples.last())
+    }
+
+    /// These stays with the drift that they require, and the circuit with it; `None` if that is the present one. A
+    /// second mode that describes the readings as well is preferred, because it would make the result wrong.
+    pub(crate) fn following(
+        &self,
+        best: &Hypothesis,
+        expected: &CircuitPrior,
+        (noise, window): (PooledVariance, Window),
+    ) -> Option<(Self, Hypothesis)> {
+        if self.all.len() < STAYS_MIN {
+            return None;
+        }
+        let (drift, gain) = self.likeliest(best, expected)?;
+        if self.drift.is_none() && gain < GAIN {
+            return None;
+        }
+        let constant = || {
+            let mut stays = self.clone();
+            stays.drift = None;
+            let found = stays.minimum_while(best.at, Vec::new(), expected, |_, _, _| true)?;
+            Some((stays, found))
+        };
+        if gain < GAIN {
+            return constant();
+        }
+        let (mut stays, mut found, mut next) = (self.clone(), best.clone(), drift);
+        for _ in 0..ROUNDS {
+            let (drift, ln_moved) = next;
+            stays.drift = Some(drift);
+            let resonance_hz = found.at.resonance_hz * ln_moved.exp();
+            let start = ModelEstimate { resonance_hz, ..found.at };
+            let before = found.normal.cost;
+            found = stays.minimum_while(start, found.states, expected, |_, _, _| true)?;
+            if (before - found.normal.cost).abs() < SAME {
+                break;
+            }
+            next = stays.likeliest(&found, expected)?.0;
+        }
+        let trials = &Trials::none();
+        let search = Search { stays: &stays, trials, expected, noise };
+        if search.is_misfit(&found) {
+            return self.drift.and_then(|_| constant());
+        }
+        if self.drift.is_none() {
+            let modes = Modes::new(self, best);
+            let by_mode = modes.all(expected, window).map(|mode| mode.gain).fold(0.0, f64::max);
+            let gained = best.normal.cost - found.normal.cost;
+            let scale = (found.normal.cost / stays.degrees()).max(1.0);
+            if gained < GAIN * scale || gained < by_mode + LEAD * scale {
+                return None;
+            }
+        }
+        Some((stays, found))
+    }
+
+    /// The most likely drift beside this circuit, by how much the logarithm of the resonance then differs from that of
+    /// the circuit, and twice the log-likelihood that it gains over a constant resonance.
+    fn likeliest(&self, best: &Hypothesis, expected: &CircuitPrior) -> Option<((Drift, f64), f64)> {
+        let parts = self.parts(best);
+        let span_s = self.span_s();
+        let times_s = TIMES.map(|part| part * span_s).into_iter().chain([f64::INFINITY]);
+        let all: Vec<Candidate> = times_s
+            .filter_map(|time_s| candidate(&parts, Shape { span_s, time_s }, best, expected))
+            .collect();
+        let likeliest = all.iter().max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+        let Candidate { shape, change, change_variance, covariances, independent, gain, .. } =
+            *likeliest;
+        let by = std::array::from_fn(|i| covariances[i] / change_variance.sqrt());
+        let more_variance = |at_s: f64| {
+            let (mut sum, mut spread) = (0.0, 0.0);
+            for one in &all {
+                let weight = (0.5 * (one.gain - gain)).exp();
+                sum += weight;
+                spread += weight * (one.at(at_s) - likeliest.at(at_s)).powi(2);
+            }
+            let beyond = independent - shape.at(at_s);
+            spread / sum + beyond * beyond * change_variance
+        };
+        let times_s = (0..=MOMENTS).map(|n| f64::from(n) / f64::from(MOMENTS) * span_s);
+        let moments = times_s.chain([shape.time_of(independent)]).map(|s| (s, more_variance(s)));
+        let (at_s, variance) = moments.min_by(|a, b| a.1.total_cmp(&b.1))?;
+        let more_sigma = variance.sqrt();
+        Some(((Drift { shape, change, at_s, more_sigma, by }, likeliest.at(at_s)), gain))
+    }
+
+    /// The equations of the stays at this circuit.
+    fn parts(&self, best: &Hypothesis) -> Vec<Part> {
+        let all = self.models(&best.at).zip(&best.states).zip(self.middles_s());
+        let part = |((of, state), middle_s): ((Modelled<'_>, &State), f64)| {
+            let prior = of.model.prior(of.square);
+            let normal = state.moved(&of.at, of.stay, prior, &self.known).unwrap_or_else(|| {
+                let mut state = state.clone();
+                self.computed(&of, prior, &mut state)
+            });
+            Part { middle_s, ln_shift: self.ln_shift(middle_s), normal }
+        };
+        all.map(part).collect()
+    }
+
+    /// Standard deviation of the logarithm of the resonance by a drift that is not fully known.
+    pub(crate) fn sigma_by_drift(&self) -> f64 {
+        self.drift.map_or(0.0, |drift| drift.more_sigma)
+    }
+
+    /// The logarithm of the resonance at this time less that at the effective time.
+    pub(super) fn ln_shift(&self, s: f64) -> f64 {
+        self.drift.map_or(0.0, |drift| drift.ln_shift(s))
+    }
+}
+
+/// The drift of this shape, to first order around the present circuit and drift; `None` if the stays do not
+/// determine one.
+fn candidate(
+    parts: &[Part],
+    shape: Shape,
+    best: &Hypothesis,
+    expected: &CircuitPrior,
+) -> Option<Candidate> {
+    let mut sum = Normal::<UNKNOWNS>::default();
+    for Part { middle_s, ln_shift, normal } in parts {
+        // From the present shift of the stay back to none.
+        let mut constant = *normal;
+        for (element, row) in constant.gradient.iter_mut().zip(&normal.matrix) {
+            *element -= row[0] * ln_shift;
+        }
+        let by = shape.at(*middle_s);
+        for i in 0..CIRCUIT {
+            let column = by * constant.matrix[i][0];
+            constant.matrix[i][DRIFT] = column;
+            constant.matrix[DRIFT][i] = column;
+        }
+        constant.matrix[DRIFT][DRIFT] = by * by * constant.matrix[0][0];
+        constant.gradient[DRIFT] = by * constant.gradient[0];
+        sum.sum(&constant);
+    }
+    expected.add_to(&mut sum, &best.at, 1.0);
+    let factor = Cholesky::new(&sum.matrix, CIRCUIT + 1, 0.0)?;
+    let saved = |step: &[f64; UNKNOWNS]| -> f64 {
+        step.iter().zip(&sum.gradient).map(|(a, b)| a * b).sum()
+    };
+    let step = factor.solve(&sum.gradient);
+    let gain = saved(&step) - saved(&factor.solve_leading(&sum.gradient, CIRCUIT));
+    let mut unit = [0.0; UNKNOWNS];
+    unit[DRIFT] = 1.0;
+    let covariances = factor.solve(&unit);
+    let change_variance = covariances[DRIFT];
+    let independent = -covariances[0] / change_variance;
+    let (change, begins) = (-step[DRIFT], -step[0]);
+    Some(Candidate { shape, change, change_variance, covariances, independent, gain, begins })
+}
