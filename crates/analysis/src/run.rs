@@ -177,3 +177,6 @@ pub fn calibrated(
     let samples = touches.known_mpa.iter().enumerate().filter_map(sample).collect();
     RunStiffness { samples, main: main_touches, blind, calibration }
 }
+
+#[cfg(test)]
+mod tests;
