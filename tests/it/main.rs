@@ -22,5 +22,6 @@ mod read_only;
 mod refusals;
 mod remaining;
 mod runs;
+mod shared_reference;
 mod stops;
 mod sweeps;

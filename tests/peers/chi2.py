@@ -3,7 +3,7 @@
 
 Usage: chi2.py RUN.json   (the output of `rigd run … --json`)
 
-Reads `touches.csv` and `rig.toml` of the run. The stiffness of each main touch is found with the rod of
+Reads `touches.csv`, `sweeps.csv`, `readings.csv` and `rig.toml` of the run. The stiffness of each main touch is found with the rod of
 `beam.py`, which shares nothing with the beams of rigd. Exits 1 when χ² for each degree of freedom differs by more
 than 2 %, the degrees of freedom differ, a residual differs by more than 0.05 standard deviations, or the
 verdict is another one.
@@ -13,12 +13,14 @@ import csv
 import json
 import sys
 import tomllib
+from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
 from scipy.stats import chi2 as chi2_distribution
 
 import beam
+import references
 
 CHI2_REL, RESIDUAL = 0.02, 0.05
 # Steps of the slopes over depth, mm, and angle, degrees.
@@ -98,7 +100,7 @@ def main():
         (side, angle): Pose(rod, model, angle, side, depth.mean(), [0.6 * known.min(), 1.7 * known.max()])
         for side, angle in set(poses)
     }
-    logs, variances, of_depth = [], [], []
+    logs, variances, of_depth, per_hz = [], [], [], []
     for pose, hz, sigma, mm in zip(poses, shift, shift_sigma, depth):
         table = tables[pose]
         log = table.log_young(hz, mm)
@@ -113,6 +115,7 @@ def main():
         logs.append(log)
         variances.append(sum(parts))
         of_depth.append(parts[1])
+        per_hz.append(1 / hz / per_log)
     logs, weights = np.array(logs), 1 / np.array(variances)
 
     # 4. The residuals of each sample about its mean, and χ².
@@ -125,7 +128,30 @@ def main():
     freedom = len(main) - len(set(samples)) - sum(learnt)
     chi2 = float(sigmas @ sigmas)
 
-    # 5. The probability of each test by chance, and the verdict.
+    # 5. The probability of each test by chance, and the verdict. What the touches share of their references:
+    with open(data / "sweeps.csv", newline="") as file:
+        sweeps = {row["sweep"]: row for row in csv.DictReader(file)}
+    readings = defaultdict(list)
+    with open(data / "readings.csv", newline="") as file:
+        for row in csv.DictReader(file):
+            readings[row["sweep"]].append(row)
+    slope = np.array(per_hz) * scale
+    of_references = np.outer(slope, slope) * references.covariance(main, sweeps, readings)
+    np.fill_diagonal(of_references, 0)
+
+    def by_chance(value, own, mean, half_variance):
+        """The probability of χ² of these touches about the means of their samples, with this mean and half of this variance
+        without what they share of their references."""
+        about = np.eye(own.sum())
+        for sample in set(samples[own]):
+            here = samples[own] == sample
+            unit = np.where(here, np.sqrt(weights[own]), 0)
+            about -= np.outer(unit, unit) / (unit @ unit)
+        root = np.sqrt(weights[own])
+        left = about @ (np.outer(root, root) * of_references[np.ix_(own, own)]) @ about
+        mean, half_variance = mean + np.trace(left), half_variance + 2 * np.trace(left) + (left**2).sum()
+        return chi2_distribution.sf(value * mean / half_variance, mean**2 / half_variance)
+
     tilt = np.array([-angle if side == "back" else angle for side, angle in poses])
     shared = 0.5 * np.array(of_depth) * weights
     together = (tilt[:, None] == tilt[None, :]) & ~np.eye(len(main), dtype=bool)
@@ -133,23 +159,26 @@ def main():
     of_sample = []
     for sample in set(samples):
         own = samples == sample
-        of_sample.append(chi2_distribution.sf(float(sigmas[own] @ sigmas[own]), own.sum() - 1))
+        of_sample.append(by_chance(float(sigmas[own] @ sigmas[own]), own, own.sum() - 1, own.sum() - 1))
     evidence = {one["pattern"]: one["probability"] for one in stated["evidence"]}
     of_samples = min(1.0, min(of_sample) * len(of_sample))
-    of_chi2 = chi2_distribution.sf(chi2 / overlap, freedom / overlap)
+    of_chi2 = by_chance(chi2, np.ones(len(main), dtype=bool), freedom, freedom * overlap)
     # The known samples about one factor, each known to 3 %.
-    factors = []
+    factors, entering = [], []
     for sample in set(samples):
         own = samples == sample
         known = next((one["known_mpa"] for one in result["stiffness"] if one["sample"] == sample), None)
         if known is not None:
             mean = np.average(logs[own], weights=weights[own])
             factors.append((mean - np.log(known), 1 / weights[own].sum() + 0.03**2))
+            entering.append(np.where(own, weights, 0) / weights[own].sum())
     of_known = 1.0
     if len(factors) > 1:
         ratio, variance = np.array(factors).T
-        apart = ratio - np.average(ratio, weights=1 / variance)
-        of_known = chi2_distribution.sf(float((apart**2 / variance).sum()), len(factors) - 1)
+        entering = np.array(entering)
+        information = np.linalg.inv(np.diag(variance) + entering @ of_references @ entering.T)
+        apart = ratio - (information @ ratio).sum() / information.sum()
+        of_known = chi2_distribution.sf(float(apart @ information @ apart), len(factors) - 1)
     # Friction has half of the chance; χ² and the other tests share the rest. That of the known samples comes on top.
     share_of_friction = 0.5 if "friction" in evidence else 0.0
     others = 1 + len([name for name in evidence if name not in ("friction", "known")])

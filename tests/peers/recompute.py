@@ -6,7 +6,8 @@ Usage: recompute.py RUN.json   (the output of `rigd run … --json`)
 Reads `readings.csv` of the run, fits the Butterworth–Van Dyke circuit with dielectric loss and the free
 decay after each change of frequency to every accepted sweep by scipy's least squares, and compares resonances, shifts, the
 table, the sensitivity and the classification with what rigd says. Exits 1 when anything differs by
-more than it may: a resonance or a shift by more than half of its stated standard deviation. Which
+more than it may: a resonance or a shift by more than half of its stated standard deviation, and the standard deviation of a
+row of the table by more than 1 % from that of the touches with what they share of their references. Which
 reading counts for how much depends a little on the noise, which rigd learns as it goes, and this
 program does not.
 """
@@ -21,7 +22,9 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import least_squares
 
-SIGMAS = 0.5
+import references
+
+SIGMAS, SIGMA_REL = 0.5, 0.01
 
 
 def table(path):
@@ -191,8 +194,9 @@ def k_means(values, k):
 def main():
     result = json.loads(Path(sys.argv[1]).read_text())
     data = Path(result["data"])
-    readings = defaultdict(list)
+    readings, every_reading = defaultdict(list), defaultdict(list)
     for row in table(data / "readings.csv"):
+        every_reading[row["sweep"]].append(row)
         if row["flag"] == "normal":
             readings[row["sweep"]].append(row)
 
@@ -225,7 +229,8 @@ def main():
     touches = [touch for touch in table(data / "touches.csv") if touch["status"] == "measured"]
     shifts = defaultdict(list)
     blind = []
-    for touch in touches:
+    of_row = defaultdict(list)
+    for index, touch in enumerate(touches):
         reference = mine[touch["no_load_sweep"]]
         if touch["next_no_load_sweep"]:
             # Between both references, as far along as the table says.
@@ -240,14 +245,24 @@ def main():
         if touch["phase"] == "main":
             key = (touch["sample"], touch["direction"], float(touch["angle_deg"]))
             shifts[key].append(shift)
+            of_row[key].append(index)
         else:
             blind.append((touch["sample"], shift))
 
+    shared = references.covariance(touches, sweeps, every_reading)
     stated = {(s["sample"], s["direction"], s["angle_deg"]): s for s in result["shifts"]}
     for key, values in shifts.items():
         row = stated.get(key)
         if row is None or abs(row["shift_hz"] - np.mean(values)) > SIGMAS * row["sigma_hz"]:
             failures.append(f"{key}: table {row}, here {np.mean(values)}")
+            continue
+        # Each touch by itself, and what two touches share of their references.
+        some = np.ix_(of_row[key], of_row[key])
+        together = shared[some].copy()
+        np.fill_diagonal(together, [float(touches[index]["shift_sigma_hz"]) ** 2 for index in of_row[key]])
+        sigma = np.sqrt(together.sum()) / len(values)
+        if abs(sigma / row["sigma_hz"] - 1) > SIGMA_REL:
+            failures.append(f"{key}: standard deviation {row['sigma_hz']} Hz, here {sigma}")
     print(f"{len(shifts)} rows of the table of shifts")
 
     if blind and result.get("classification"):

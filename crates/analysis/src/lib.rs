@@ -13,6 +13,7 @@ pub mod cluster;
 pub mod model;
 pub mod no_load;
 pub mod recognition;
+pub mod reference;
 pub mod run;
 pub mod score;
 pub mod screw;

@@ -12,6 +12,7 @@ mod judge;
 mod known;
 mod linear;
 mod pair;
+mod shared;
 
 use rig_contact::{
     Depth, Friction, Sensor, SensorDesign,
@@ -21,6 +22,7 @@ use rig_contact::{
 pub(crate) use errors::{Entering, TouchErrors};
 pub(crate) use judge::{BY_CHANCE, chi2_probability};
 pub use judge::{Evidence, ModelCheck, Pattern, Residual, SlipNoticed, Verdict};
+pub(crate) use shared::{Chi2Expected, sharing};
 
 use crate::{
     budget::Budget,
@@ -136,6 +138,8 @@ pub struct MainTouches<'a> {
     /// Correlation of the depths of the touches, where the error of the screw was measured; `None` where touches at one
     /// place of the stages are taken to share a part of it.
     pub depth_correlation: Option<&'a [Vec<f64>]>,
+    /// Covariance of the shifts of two touches by their references, Hz²; `None` if no touches share one.
+    pub reference_hz2: Option<&'a [Vec<f64>]>,
 }
 
 /// The model of a run.
@@ -182,8 +186,13 @@ impl RunModel {
     }
 
     /// The model by the rig file, judged by the stiffness of sites whose angle was found together with it:
-    /// the sites of one sample give one stiffness. Each site is an index of a sample and its stiffness.
-    pub fn of_sites(described: &Compensation, sites: &[(usize, Young)]) -> Self {
+    /// the sites of one sample give one stiffness. Each site is an index of a sample and its stiffness; `shared` is the
+    /// relative covariance of two different sites by their references.
+    pub fn of_sites(
+        described: &Compensation,
+        sites: &[(usize, Young)],
+        shared: &[Vec<f64>],
+    ) -> Self {
         let terms = Terms::of(described, &[]);
         Self {
             compensation: described.clone(),
@@ -195,7 +204,7 @@ impl RunModel {
             rival: None,
             // A site has the variation from point to point in its own uncertainty.
             errors: TouchErrors::default(),
-            check: judge::of_sites(sites),
+            check: judge::of_sites(sites, shared),
         }
     }
 

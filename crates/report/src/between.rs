@@ -6,6 +6,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use rig_analysis::reference::{NextSweep, Reference};
 use rig_protocol::{NoLoadPolicy, Protocol};
 use rig_record::{Prompt, Record, RunStarted, Sweep, SweepOutcome, SweepPurpose, Touch};
 
@@ -44,8 +45,8 @@ pub(crate) struct Between {
     open: Vec<Measured>,
     /// The reference that closes them, until the next record says that it is no jump.
     next: Option<Measured>,
-    /// For each sweep in contact of a touch between two references, the second one.
-    closed: BTreeMap<u64, u64>,
+    /// The reference of each measured touch, by its sweep in contact.
+    of_touches: BTreeMap<u64, Reference>,
     /// The references after which the resonance has jumped.
     jumped: BTreeSet<u64>,
 }
@@ -67,9 +68,10 @@ impl Between {
                 self.close(touches);
                 self.contact = Measured::of(sweep);
             }
-            Record::TouchResult(touch) if self.is_by_drift => {
+            Record::TouchResult(touch) => {
+                self.of_touches.insert(touch.sweep, reference(touch));
                 let own = self.contact.filter(|contact| contact.number == touch.sweep);
-                self.open.extend(own);
+                self.open.extend(own.filter(|_| self.is_by_drift));
             }
             // A turn may change the resonance, and another clock begins with another epoch.
             Record::PromptAnswered(_) | Record::StepStarted(_) => self.close(touches),
@@ -85,7 +87,12 @@ impl Between {
 
     /// The reference after the touch with this sweep in contact, if it lies between two.
     pub(crate) fn next_of(&self, sweep: u64) -> Option<u64> {
-        self.closed.get(&sweep).copied()
+        Some(self.of_touches.get(&sweep)?.next?.sweep)
+    }
+
+    /// The reference of a touch, of which others may have a part.
+    pub(crate) fn reference(&self, touch: &Touch) -> Reference {
+        self.of_touches.get(&touch.sweep).copied().unwrap_or_else(|| reference(touch))
     }
 
     /// Whether the resonance has not jumped after this reference.
@@ -111,9 +118,9 @@ impl Between {
             let touch = touches.iter_mut().find(|touch| touch.sweep == contact.number);
             if let (Some(before), Some(touch)) = (self.before, touch)
                 && touch.no_load_sweep == before.number
-                && move_reference(touch, (before, contact.at_s, next))
+                && let Some(reference) = self.of_touches.get_mut(&contact.number)
             {
-                self.closed.insert(contact.number, next.number);
+                reference.next = move_reference(touch, (before, contact.at_s, next));
             }
         }
         self.before = Some(next);
@@ -128,12 +135,25 @@ fn is_by_drift(started: &RunStarted) -> bool {
     policy == NoLoadPolicy::ByDrift
 }
 
-/// Moves the reference of a touch in contact at this time, s. Returns whether it could.
-fn move_reference(touch: &mut Touch, (before, at_s, next): (Measured, f64, Measured)) -> bool {
+/// The reference of a touch as the run knew it.
+const fn reference(touch: &Touch) -> Reference {
+    Reference {
+        sweep: touch.no_load_sweep,
+        sigma_hz: touch.no_load_sigma_hz,
+        drift_sigma_hz: touch.drift_sigma_hz,
+        next: None,
+    }
+}
+
+/// Moves the reference of a touch in contact at this time, s. Returns the part of the second one; `None` if it could not.
+fn move_reference(
+    touch: &mut Touch,
+    (before, at_s, next): (Measured, f64, Measured),
+) -> Option<NextSweep> {
     let (since_s, until_s) = (at_s - before.at_s, next.at_s - at_s);
     // A run that has not learnt its drift says nothing of it.
     if !(touch.drift_sigma_hz > 0.0 && since_s > 0.0 && until_s > 0.0) {
-        return false;
+        return None;
     }
     let drift_hz2 = [1.0, until_s / since_s].map(|part| part * touch.drift_sigma_hz.powi(2));
     let variances = [before.sigma_hz.powi(2) + drift_hz2[0], next.sigma_hz.powi(2) + drift_hz2[1]];
@@ -148,7 +168,8 @@ fn move_reference(touch: &mut Touch, (before, at_s, next): (Measured, f64, Measu
     let of_reference_hz2 = touch.no_load_sigma_hz.powi(2) + touch.drift_sigma_hz.powi(2);
     let variance_hz2 = touch.shift_sigma_hz.powi(2) - held.1.powi(2) + of_reference_hz2;
     touch.shift_sigma_hz = variance_hz2.max(of_reference_hz2).sqrt();
-    true
+    let Measured { number: sweep, sigma_hz, .. } = next;
+    Some(NextSweep { sweep, sigma_hz, weight: of_next, since_s, until_s })
 }
 
 #[cfg(test)]

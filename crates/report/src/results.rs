@@ -92,7 +92,11 @@ impl RunResults {
         let main = shifts_of(Phase::Main);
         let main: Vec<TouchShift> = main.filter_map(|touch| shift_of(touch, &data)).collect();
         let direction_means = shift::by_direction(&main);
-        let angle_means = shift::by_angle(&direction_means);
+        let angle_means = shift::by_angle(&main, &direction_means);
+        let shared_hz2 = |angle_deg: f64, samples: [usize; 2]| {
+            shift::between_samples_hz2(&main, &direction_means, angle_deg, samples)
+        };
+        let sensitivity = sensitivity_at_smallest_angle(&data, &angle_means, shared_hz2);
         let references: Vec<NoLoadMeasurement> =
             data.sweeps.iter().zip(&data.clock_zeros_s).filter_map(reference).collect();
         let classification = Classification::of(&data);
@@ -110,7 +114,7 @@ impl RunResults {
             aim: AimSummary::of(&data, &touches),
             run: run.clone(),
             grid: grid::grid(&data),
-            sensitivity: sensitivity_at_smallest_angle(&data, &angle_means),
+            sensitivity,
             no_load: no_load::summarize(&references),
             recognitions: recognitions(&data, classification.as_ref(), known_stiffness),
             cost: SweepCost::of(&data.sweeps),
@@ -231,6 +235,7 @@ fn shift_of(touch: &Touch, data: &RunData) -> Option<TouchShift> {
         angle_deg: touch.touch.pose.angle_deg,
         shift_hz: touch.shift_hz,
         sigma_hz: touch.shift_sigma_hz,
+        reference: data.between.reference(touch),
     })
 }
 
@@ -246,17 +251,23 @@ fn reference((sweep, clock_zero_s): (&Sweep, &f64)) -> Option<NoLoadMeasurement>
 
 /// The sensitivity from the samples of known stiffness, averaged over the directions. The smallest
 /// angle is nearest to the touch along the normal, by which others define a sensitivity.
-fn sensitivity_at_smallest_angle(data: &RunData, means: &[AngleMean]) -> Option<SensitivityAt> {
+fn sensitivity_at_smallest_angle(
+    data: &RunData,
+    means: &[AngleMean],
+    shared_hz2: impl Fn(f64, [usize; 2]) -> f64,
+) -> Option<SensitivityAt> {
     let angle_deg = means.iter().map(|mean| mean.angle_deg).min_by(f64::total_cmp)?;
     let point = |mean: &AngleMean| {
-        Some(SampleShift {
+        let shift = SampleShift {
             stiffness_mpa: data.samples().get(mean.sample)?.stiffness_mpa?,
             shift_hz: mean.mean.shift_hz,
             sigma_hz: mean.mean.standard_error_hz(),
-        })
+        };
+        Some((mean.sample, shift))
     };
-    let points: Vec<SampleShift> =
-        means.iter().filter(|mean| mean.angle_deg == angle_deg).filter_map(point).collect();
-    let sensitivity = sensitivity::sensitivity(&points).ok()?;
+    let here = means.iter().filter(|mean| mean.angle_deg == angle_deg);
+    let (samples, points): (Vec<usize>, Vec<SampleShift>) = here.filter_map(point).unzip();
+    let shared_hz2 = |a: usize, b: usize| shared_hz2(angle_deg, [samples[a], samples[b]]);
+    let sensitivity = sensitivity::sensitivity(&points, shared_hz2).ok()?;
     Some(SensitivityAt { angle_deg, sensitivity })
 }

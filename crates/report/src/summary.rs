@@ -99,7 +99,8 @@ pub struct ShiftSummary {
     pub angle_deg: f64,
     /// The shift, Hz; the mean of the repeats.
     pub shift_hz: f64,
-    /// Its standard deviation from the fits, Hz.
+    /// Its standard deviation from the fits and the references, of which its touches may share some, Hz. Other rows may share
+    /// them too.
     pub sigma_hz: f64,
 }
 

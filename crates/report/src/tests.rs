@@ -4,6 +4,7 @@ mod aim;
 mod amended;
 mod marks;
 pub(crate) mod sample;
+mod shared;
 
 use std::{collections::BTreeMap, sync::Arc};
 

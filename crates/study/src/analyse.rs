@@ -128,6 +128,7 @@ fn analysed(described: &Compensation, run: &Run, source: ModelSource) -> Result<
         known_mpa: &run.known_mpa,
         sample_rel: uncertainty.sample_rel,
         depth_correlation: None,
+        reference_hz2: None,
         resonance_ratio: 1.0,
         scale_rel: uncertainty.scale_rel,
     };

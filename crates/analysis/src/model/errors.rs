@@ -15,6 +15,8 @@ pub(crate) struct TouchErrors {
     measured: Matrix,
     /// Variance of the relative stiffness from one point of a sample to the next, of each touch.
     of_point: f64,
+    /// The part of it that different touches share by their references.
+    references: Matrix,
     /// The change of each learnt term with each error.
     gains: Matrix,
 }
@@ -25,7 +27,8 @@ pub(crate) type Entering = Vec<f64>;
 impl TouchErrors {
     /// Errors of which nothing is learnt, and whose covariance is not known yet.
     pub(super) fn of_touches(touches: usize, of_point: f64) -> Self {
-        Self { touches, measured: vec![vec![0.0; touches]; touches], of_point, gains: Vec::new() }
+        let none = vec![vec![0.0; touches]; touches];
+        Self { touches, measured: none, of_point, references: Vec::new(), gains: Vec::new() }
     }
 
     /// The errors of a fit. Its rows are the touches with these indices and then the differences; its covariance
@@ -55,17 +58,38 @@ impl TouchErrors {
     }
 
     /// These errors with the variances of touches that the fit did not use; `None` for a touch without a stiffness.
-    pub(crate) fn with_others(mut self, variances: &[Option<f64>]) -> Self {
+    /// `references` is what different touches share by them, also of those that the fit used.
+    pub(crate) fn with_others(mut self, variances: &[Option<f64>], references: Matrix) -> Self {
         if self.measured.len() < variances.len() {
             self = Self::of_touches(variances.len(), self.of_point);
         }
+        let is_fitted = |index: usize| self.measured[index][index] > 0.0;
+        let is_fitted: Vec<bool> = (0..variances.len()).map(is_fitted).collect();
         for (index, variance) in variances.iter().enumerate() {
-            let own = &mut self.measured[index][index];
-            if *own <= 0.0 {
-                *own = variance.unwrap_or(0.0);
+            if !is_fitted[index] {
+                self.measured[index][index] = variance.unwrap_or(0.0);
             }
         }
+        for (i, row) in references.iter().enumerate() {
+            for (j, shared) in row.iter().enumerate().filter(|(j, _)| *j != i) {
+                if !(is_fitted[i] && is_fitted[j]) {
+                    self.measured[i][j] = *shared;
+                }
+            }
+        }
+        self.references = references;
         self
+    }
+
+    /// What these touches share by their references.
+    pub(crate) fn references_of(&self, indices: &[usize]) -> Matrix {
+        let entry = |i: usize, j: usize| self.references.get(i).map_or(0.0, |row| row[j]);
+        indices.iter().map(|&i| indices.iter().map(|&j| entry(i, j)).collect()).collect()
+    }
+
+    /// What different touches share by their references, in the covariance of two results.
+    pub(crate) fn of_references(&self, a: &Entering, b: &Entering) -> f64 {
+        linear::form(a, &self.references, b)
     }
 
     /// The variance of the relative stiffness from point to point.
@@ -113,12 +137,23 @@ mod tests {
 
     #[test]
     fn the_variance_of_a_sum_has_what_its_errors_share() {
-        let errors = errors().with_others(&[Some(9.0), Some(0.5), Some(9.0)]);
+        let errors = errors().with_others(&[Some(9.0), Some(0.5), Some(9.0)], Vec::new());
         assert_eq!(errors.variance(&vec![1.0, 0.0, 0.0, 0.0]), 5.0);
         assert_eq!(errors.variance(&vec![1.0, 0.0, 1.0, 0.0]), 5.0 + 7.0 + 2.0 * 2.0);
         assert_eq!(errors.variance(&vec![1.0, 0.0, -1.0, 0.0]), 5.0 + 7.0 - 2.0 * 2.0);
         assert_eq!(errors.variance(&vec![0.0, 1.0, 0.0, 0.0]), 0.5 + 1.0, "it was not fitted");
         assert_eq!(errors.variance_at_points(&vec![1.0, 0.0, 0.0, 0.0], &errors.none()), 4.0);
+    }
+
+    #[test]
+    fn touches_share_their_reference_also_if_the_fit_did_not_use_them() {
+        let references = vec![vec![0.0, 0.25, 1.5], vec![0.25, 0.0, 0.25], vec![1.5, 0.25, 0.0]];
+        let errors = errors().with_others(&[None, Some(0.5), None], references);
+        let two = vec![1.0, 1.0, 0.0, 0.0];
+        assert_eq!(errors.variance(&two), 5.0 + 0.5 + 1.0 + 2.0 * 0.25);
+        // The covariance of the fit has what it knows of the references.
+        assert_eq!(errors.variance(&vec![1.0, 0.0, 1.0, 0.0]), 5.0 + 7.0 + 2.0 * 2.0);
+        assert_eq!(errors.of_references(&two, &two), 0.5);
     }
 
     #[test]

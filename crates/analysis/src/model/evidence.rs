@@ -9,8 +9,9 @@ use super::{
     Term, Terms,
     fit::{Fit, State, Usable},
     joint::{self, Side, Test},
-    judge::{Evidence, Pattern, SlipNoticed, above, chi2_probability},
+    judge::{Evidence, Pattern, SlipNoticed, above},
     linear::{self, Matrix},
+    shared::Chi2Expected,
 };
 
 /// A column that is left with less than this part of its length does not differ from the fitted ones.
@@ -104,8 +105,9 @@ impl<'a> Rows<'a> {
     /// another one; it is the larger of both.
     fn score_sigma(&self, direction: &[f64]) -> f64 {
         let weights = linear::backward(&self.factor, direction);
-        let own = weights.iter().zip(&self.fit.state.weights);
-        own.map(|(own, weight)| own * own / weight).sum::<f64>().max(1.0).sqrt()
+        let State { weights: own, shared, .. } = &self.fit.state;
+        let alone: f64 = weights.iter().zip(own).map(|(by, weight)| by * by / weight).sum();
+        (alone + linear::form(&weights, shared, &weights)).max(1.0).sqrt()
     }
 
     /// The test of a term; `None` when nothing is left of it.
@@ -265,11 +267,18 @@ impl<'a> Rows<'a> {
 pub(super) fn samples(touches: &Usable<'_>, state: &State) -> Option<Evidence> {
     let samples = touches.main.known_mpa.len();
     let of_sample = |sample: usize| {
-        let of_sample =
-            || (0..touches.touches.len()).filter(|&i| touches.touches[i].sample == sample);
-        let freedom = of_sample().count().checked_sub(1).filter(|freedom| *freedom > 0)? as f64;
-        let chi2: f64 = of_sample().map(|i| state.weights[i] * state.residuals[i].powi(2)).sum();
-        Some((sample, chi2 - freedom, chi2_probability(chi2, freedom)))
+        let of_sample: Vec<usize> =
+            (0..touches.touches.len()).filter(|&i| touches.touches[i].sample == sample).collect();
+        let freedom = of_sample.len().checked_sub(1).filter(|freedom| *freedom > 0)? as f64;
+        let chi2: f64 =
+            of_sample.iter().map(|&i| state.weights[i] * state.residuals[i].powi(2)).sum();
+        let weights: Vec<f64> = of_sample.iter().map(|&i| state.weights[i]).collect();
+        let shared: Matrix = (of_sample.iter())
+            .map(|&i| of_sample.iter().map(|&j| state.shared[i][j]).collect())
+            .collect();
+        let expected = Chi2Expected::of_freedom(freedom, 1.0);
+        let expected = expected.sharing(&vec![0; weights.len()], &weights, &shared);
+        Some((sample, chi2 - expected.mean, expected.probability(chi2)))
     };
     let all: Vec<_> = (0..samples).filter_map(of_sample).collect();
     let (sample, excess, probability) = *all.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;

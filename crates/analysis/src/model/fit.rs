@@ -12,6 +12,7 @@ use super::{
     known::Known,
     linear::{self, Matrix},
     pair::Difference,
+    shared::sharing,
 };
 use crate::stiffness::{Compensation, Halfway, PosedTouch};
 
@@ -71,6 +72,8 @@ pub(super) struct State {
     pub(super) weights: Vec<f64>,
     /// The part of that variance from the depth.
     pub(super) depth_variances: Vec<f64>,
+    /// The covariance of different rows by their references. The difference of a pair shares nothing with touches.
+    pub(super) shared: Matrix,
     /// Each logarithm less the mean of its sample; the differences as they are.
     pub(super) residuals: Vec<f64>,
     pub(super) chi2: f64,
@@ -294,7 +297,7 @@ impl<'a> Usable<'a> {
         Some(Fit { terms, learnt: learnt.to_vec(), covariance, gains, state, slopes })
     }
 
-    /// The covariance of the rows, with what the depths of touches have in common.
+    /// The covariance of the rows, with what the depths and the references of touches have in common.
     pub(super) fn covariance(&self, state: &State) -> Matrix {
         let touch: Vec<usize> = self.rows().collect();
         let is_pair = |row: usize| row >= self.touches.len();
@@ -303,7 +306,7 @@ impl<'a> Usable<'a> {
                 1.0 / state.weights[i]
             } else if is_pair(i) == is_pair(j) {
                 let variance = (state.depth_variances[i] * state.depth_variances[j]).sqrt();
-                self.shared_depth(touch[i], touch[j]) * variance
+                self.shared_depth(touch[i], touch[j]) * variance + state.shared[i][j]
             } else {
                 0.0
             }
@@ -400,12 +403,14 @@ impl<'a> Usable<'a> {
     fn state(&self, terms: &Terms) -> Option<State> {
         let model = self.described.with(terms)?;
         let (mut logs, mut weights, mut depth_variances) = (Vec::new(), Vec::new(), Vec::new());
+        let mut per_hz = Vec::new();
         for touch in &self.touches {
             let one = model.of_touch(&terms.touch(touch)).ok()?;
             let relative = |sigma_mpa: f64| (sigma_mpa / one.young_mpa).powi(2);
             logs.push(one.young_mpa.ln());
             weights.push(1.0 / (relative(one.sigma_mpa) + self.main.sample_rel.powi(2)));
             depth_variances.push(relative(one.sigma_of_depth_mpa));
+            per_hz.push(one.sigma_of_shift_mpa / one.young_mpa / touch.sigma_hz);
         }
         for &pair in &self.pairs {
             let touch = &self.touches[pair];
@@ -414,10 +419,31 @@ impl<'a> Usable<'a> {
             logs.push(difference.log);
             weights.push(1.0 / difference.variance);
             depth_variances.push(difference.depth_variance);
+            per_hz.push(difference.per_hz);
         }
         let residuals = self.centred(&logs, &weights);
         let chi2 = chi2(&residuals, &weights);
-        chi2.is_finite().then_some(State { logs, weights, depth_variances, residuals, chi2 })
+        let shared = self.shared_references(&per_hz);
+        chi2.is_finite().then_some(State {
+            logs,
+            weights,
+            depth_variances,
+            shared,
+            residuals,
+            chi2,
+        })
+    }
+
+    /// The covariance of different rows by their references, by the relative change of each row for 1 Hz of it.
+    fn shared_references(&self, per_hz: &[f64]) -> Matrix {
+        let touch: Vec<usize> = self.rows().collect();
+        let is_pair = |row: usize| row >= self.touches.len();
+        sharing(per_hz, |i, j| match self.main.reference_hz2 {
+            Some(all) if is_pair(i) == is_pair(j) => {
+                all[self.indices[touch[i]]][self.indices[touch[j]]]
+            }
+            _ => 0.0,
+        })
     }
 
     /// Values less the weighted mean of their sample.

@@ -7,6 +7,8 @@ use super::{
     evidence::{Rows, samples},
     fit::{Fit, State, Usable, weighted},
     known::Known,
+    linear,
+    shared::Chi2Expected,
 };
 use crate::stiffness::Young;
 
@@ -182,7 +184,10 @@ pub(super) fn judge(touches: &Usable<'_>, fit: &Fit) -> Option<ModelCheck> {
     };
     let main = touches.touches.len();
     let chi2 = weighted(&state.residuals[..main], &state.residuals[..main], &state.weights);
-    let by_chi2 = shared_probability(chi2, freedom as f64, touches.overlap(state));
+    let samples_of: Vec<usize> = touches.touches.iter().map(|touch| touch.sample).collect();
+    let expected = Chi2Expected::of_freedom(freedom as f64, touches.overlap(state));
+    let expected = expected.sharing(&samples_of, &state.weights[..main], &state.shared);
+    let by_chi2 = expected.probability(chi2);
     let by_cause = evidence.iter().map(|one| one.probability / share(one));
     let least = by_cause.fold(by_chi2 / of_other, f64::min);
     evidence.sort_by(|a, b| b.chi2_removed.total_cmp(&a.chi2_removed));
@@ -200,7 +205,8 @@ pub(super) fn judge(touches: &Usable<'_>, fit: &Fit) -> Option<ModelCheck> {
         sigmas: state.residuals[i] * state.weights[i].sqrt(),
     };
     let is_beyond = by_chi2 < BY_CHANCE;
-    let scatter = if is_beyond { touches.excess_scatter(chi2, state, freedom) } else { 0.0 };
+    let scatter =
+        if is_beyond { touches.excess_scatter(chi2, state, freedom, expected.mean) } else { 0.0 };
     let added_rel = match verdict {
         Verdict::Holds => scatter,
         Verdict::Strained | Verdict::Rejected => {
@@ -236,7 +242,7 @@ pub(super) fn one_sided(probability: f64) -> f64 {
 }
 
 /// The judgement on the stiffness of sites by χ² alone, without a cause; `None` when no sample has two.
-pub(super) fn of_sites(sites: &[(usize, Young)]) -> Option<ModelCheck> {
+pub(super) fn of_sites(sites: &[(usize, Young)], shared: &[Vec<f64>]) -> Option<ModelCheck> {
     let log = |young: &Young| (young.mpa.ln(), (young.mpa / young.sigma_mpa).powi(2));
     let residual = |(touch, (sample, young)): (usize, &(usize, Young))| {
         let of_sample = || sites.iter().filter(|site| site.0 == *sample).map(|site| log(&site.1));
@@ -251,9 +257,13 @@ pub(super) fn of_sites(sites: &[(usize, Young)]) -> Option<ModelCheck> {
     samples.dedup();
     let freedom = sites.len().checked_sub(samples.len()).filter(|freedom| *freedom > 0)?;
     let chi2: f64 = residuals.iter().map(|one| one.sigmas.powi(2)).sum();
-    let mean_weight = sites.iter().map(|site| log(&site.1).1).sum::<f64>() / sites.len() as f64;
+    let weights: Vec<f64> = sites.iter().map(|site| log(&site.1).1).collect();
+    let mean_weight = weights.iter().sum::<f64>() / sites.len() as f64;
+    let of_sites: Vec<usize> = sites.iter().map(|site| site.0).collect();
+    let expected = Chi2Expected::of_freedom(freedom as f64, 1.0);
+    let expected = expected.sharing(&of_sites, &weights, shared);
     Some(ModelCheck {
-        verdict: Verdict::of(chi2_probability(chi2, freedom as f64)),
+        verdict: Verdict::of(expected.probability(chi2)),
         chi2,
         freedom,
         independent_chi2: chi2,
@@ -262,7 +272,7 @@ pub(super) fn of_sites(sites: &[(usize, Young)]) -> Option<ModelCheck> {
         residuals,
         exponent_noticed: None,
         slip_noticed: None,
-        added_rel: ((chi2 / freedom as f64 - 1.0) / mean_weight).max(0.0).sqrt(),
+        added_rel: ((chi2 - expected.mean) / freedom as f64 / mean_weight).max(0.0).sqrt(),
     })
 }
 
@@ -294,17 +304,22 @@ impl Usable<'_> {
                 poses.push(key(i));
             }
         }
+        // The mean at a pose, its variance without what touches share, and how each row enters it.
         let mean = |pose: &(f64, f64)| {
             let here = || (0..self.touches.len()).filter(|&i| key(i) == *pose);
             let weight: f64 = here().map(|i| state.weights[i]).sum();
             let sum: f64 = here().map(|i| state.weights[i] * state.residuals[i]).sum();
-            (sum / weight, 1.0 / weight)
+            let mut entering = vec![0.0; state.weights.len()];
+            here().for_each(|i| entering[i] = state.weights[i] / weight);
+            (sum / weight, 1.0 / weight, entering)
         };
         let Some(first) = poses.iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { return 0.0 };
-        let (at_first, variance) = mean(first);
+        let (at_first, variance, in_first) = mean(first);
         let excess = |pose: &(f64, f64)| {
-            let (here, own) = mean(pose);
-            (here - at_first).powi(2) - variance - own
+            let (here, own, entering) = mean(pose);
+            let apart: Vec<f64> = entering.iter().zip(&in_first).map(|(a, b)| a - b).collect();
+            let shared = linear::form(&apart, &state.shared, &apart);
+            (here - at_first).powi(2) - variance - own - shared
         };
         let others = poses.iter().filter(|pose| *pose != first);
         let excess: Vec<f64> = others.map(excess).collect();
@@ -328,12 +343,11 @@ impl Usable<'_> {
         exponent.abs() * (squares / main as f64).sqrt()
     }
 
-    /// The relative standard deviation that would bring χ² down to its degrees of freedom; 0 if it is not
-    /// above them.
-    fn excess_scatter(&self, chi2: f64, state: &State, freedom: usize) -> f64 {
-        let main = self.touches.len();
+    /// The relative standard deviation that would bring χ² down to what is expected of it; 0 if it is not above that.
+    fn excess_scatter(&self, chi2: f64, state: &State, freedom: usize, expected: f64) -> f64 {
+        let (main, freedom) = (self.touches.len(), freedom as f64);
         let mean_weight = state.weights[..main].iter().sum::<f64>() / main as f64;
-        ((chi2 / freedom as f64 - 1.0) / mean_weight).max(0.0).sqrt()
+        ((chi2 / freedom - expected / freedom) / mean_weight).max(0.0).sqrt()
     }
 }
 
@@ -342,7 +356,7 @@ impl Usable<'_> {
 ///
 /// # Source
 /// Satterthwaite, Biometrics Bulletin 2 (1946) 110.
-fn shared_probability(chi2: f64, freedom: f64, overlap: f64) -> f64 {
+pub(super) fn shared_probability(chi2: f64, freedom: f64, overlap: f64) -> f64 {
     chi2_probability(chi2 / overlap, freedom / overlap)
 }
 

@@ -10,6 +10,8 @@ pub(super) struct Difference {
     pub(super) variance: f64,
     /// The part of the variance from the depth.
     pub(super) depth_variance: f64,
+    /// Change for 1 Hz of the reference.
+    pub(super) per_hz: f64,
 }
 
 impl Difference {
@@ -44,6 +46,7 @@ impl Difference {
             + depth_variance
             + (angle - angle_0).powi(2);
         let log = (deep.young_mpa / before.young_mpa).ln();
-        Some(Self { log, variance, depth_variance })
+        let per_hz = shift / touch.sigma_hz - shift_0 / halfway.sigma_hz;
+        Some(Self { log, variance, depth_variance, per_hz })
     }
 }

@@ -73,8 +73,13 @@ impl Truth {
 
 fn model(touches: &[PosedTouch], source: ModelSource) -> RunModel {
     let known_mpa = SAMPLES_MPA.map(Some);
-    let main =
-        MainTouches { touches, known_mpa: &known_mpa, sample_rel: 0.03, depth_correlation: None };
+    let main = MainTouches {
+        touches,
+        known_mpa: &known_mpa,
+        sample_rel: 0.03,
+        depth_correlation: None,
+        reference_hz2: None,
+    };
     let described = Compensation::new(&SensorDescription::reference(), 0.002);
     RunModel::of(&described, &main, source)
 }
@@ -90,14 +95,14 @@ fn sites_of_unknown_angle_judge_the_model_by_chi2() {
     };
     let even: Vec<_> =
         (0..5).flat_map(|sample| [site(sample, 0.01), site(sample, -0.01)]).collect();
-    let check = RunModel::of_sites(&described, &even).check().unwrap().clone();
+    let check = RunModel::of_sites(&described, &even, &[]).check().unwrap().clone();
     assert_eq!((check.verdict, check.freedom, check.residuals.len()), (Verdict::Holds, 5, 10));
     let mut odd = even;
     odd[3] = site(1, 0.2);
-    let check = RunModel::of_sites(&described, &odd).check().unwrap().clone();
+    let check = RunModel::of_sites(&described, &odd, &[]).check().unwrap().clone();
     assert_eq!((check.verdict, check.pattern), (Verdict::Rejected, None), "{check:?}");
     assert!(check.added_rel > 0.03, "{check:?}");
-    assert!(RunModel::of_sites(&described, &odd[..1]).check().is_none());
+    assert!(RunModel::of_sites(&described, &odd[..1], &[]).check().is_none());
 }
 
 #[test]
@@ -231,6 +236,7 @@ fn the_way_to_hold_the_depth_that_was_not_taken_stays_as_probable_as_the_touches
         known_mpa: &[None; 5],
         sample_rel: 0.03,
         depth_correlation: None,
+        reference_hz2: None,
     };
     let described = Compensation::new(&SensorDescription::reference(), 0.002);
     let model = RunModel::of(&described, &main, ModelSource::Learnt);
@@ -254,6 +260,7 @@ fn samples_of_known_stiffness_that_disagree_are_noticed_and_widen_the_intervals(
             known_mpa: &known_mpa,
             sample_rel: 0.03,
             depth_correlation: None,
+            reference_hz2: None,
         };
         RunModel::of(&described, &main, ModelSource::Learnt).check().unwrap().clone()
     };

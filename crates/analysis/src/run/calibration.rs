@@ -3,11 +3,14 @@
 
 use rig_contact::inverse::InverseError;
 
-use super::{RunSample, RunTouches, RunYoung};
+use super::{RunSample, RunTouches, RunYoung, SharedReferences};
 use crate::{
     budget::{Budget, Part},
     calibration::{Comparison, calibrate, weights},
-    model::{BY_CHANCE, Entering, ModelReading, RunModel, TouchErrors, Verdict, chi2_probability},
+    model::{
+        BY_CHANCE, Chi2Expected, Entering, ModelReading, RunModel, TouchErrors, Verdict,
+        chi2_probability,
+    },
     stiffness::{SampleStiffness, Young},
 };
 
@@ -89,12 +92,14 @@ impl RunCalibration {
     /// is as uncertain as the description and the resonance ratio say.
     pub(super) fn of(
         main: &[Reading],
+        shared: &SharedReferences,
         at: &ComparedAt,
         touches: &RunTouches<'_>,
         model: &RunModel,
     ) -> Self {
         let own = |reading: &Reading| Some(reading.found.as_ref().ok()?.budget.total().powi(2));
-        let errors = model.errors().clone().with_others(&main.iter().map(own).collect::<Vec<_>>());
+        let own: Vec<Option<f64>> = main.iter().map(own).collect();
+        let errors = model.errors().clone().with_others(&own, shared.main.clone());
         let terms = model.covariance().len();
         let is_learnt = |term: usize| term < model.learnt().len();
         let variance =
@@ -139,7 +144,11 @@ impl RunCalibration {
         }
         let variance = described.errors.variance(&in_factor);
         let freedom = scale.samples as f64 - 1.0;
-        let excess = excess(scale.scatter_rel.map_or(0.0, |rel| rel * rel / variance), freedom);
+        // What the samples share by their references does not scatter between them.
+        let common = described.common_of_samples(&in_factor, main, freedom);
+        let scattering = variance - common;
+        let beyond = excess(scale.scatter_rel.map_or(0.0, |rel| rel * rel / scattering), freedom);
+        let excess = (beyond * scattering + common) / variance;
         Self {
             factor: scale.factor,
             sigma_rel: (excess * variance).sqrt(),
@@ -158,10 +167,7 @@ impl RunCalibration {
     fn whole(&self, own: Budget, directly: &Directly, gradient: &[f64]) -> Budget {
         let mut less = gradient.to_vec();
         add(&mut less, -1.0, &self.gradient);
-        let through_learnt = self.errors.through_learnt(&less);
-        let through_factor: Entering = (self.in_factor.iter().zip(&directly.of_factor))
-            .map(|(all, direct)| direct - all)
-            .collect();
+        let [through_factor, through_learnt] = self.through(directly, gradient);
         let of_factor = self.errors.variance(&through_factor);
         let of_learnt = self.errors.variance(&through_learnt);
         let sum = |own: &Entering| -> Entering {
@@ -185,25 +191,73 @@ impl RunCalibration {
         shared.with(Part::Sensor, of_sensor).with(Part::Model, of_model)
     }
 
-    /// Calibrates the stiffness of a touch or site; of a main touch, with its index.
-    pub(super) fn touch(
+    /// The mean covariance, by their references, of the means of two different samples that give the factor.
+    fn common_of_samples(&self, in_factor: &Entering, main: &[Reading], freedom: f64) -> f64 {
+        let all = self.errors.of_references(in_factor, in_factor);
+        let mut samples: Vec<usize> = main.iter().map(|reading| reading.sample).collect();
+        samples.sort_unstable();
+        samples.dedup();
+        let within = |sample: usize| {
+            let mut of_sample = in_factor.clone();
+            let others = main.iter().enumerate().filter(|(_, one)| one.sample != sample);
+            others.for_each(|(index, _)| of_sample[index] = 0.0);
+            self.errors.of_references(&of_sample, &of_sample)
+        };
+        let between = all - samples.into_iter().map(within).sum::<f64>();
+        // Each sample has the same weight.
+        if freedom > 0.0 { between * (freedom + 1.0) / freedom } else { 0.0 }
+    }
+
+    /// Calibrates the stiffness of the main touch or site with this index.
+    pub(super) fn main_touch(
         &self,
         reading: &Reading,
-        main: Option<usize>,
+        index: usize,
     ) -> Result<RunYoung, InverseError> {
         let found = reading.found.as_ref().map_err(|error| *error)?;
+        let mut directly = Directly::none(&self.errors);
+        directly.measured[index] = 1.0;
+        Ok(self.young(found, self.whole(found.budget, &directly, &found.gradient)))
+    }
+
+    /// Calibrates the stiffness of a blind touch or site, with the covariance of its error with those of the main touches
+    /// by their references.
+    pub(super) fn blind_touch(
+        &self,
+        reading: &Reading,
+        shared: &[f64],
+    ) -> Result<RunYoung, InverseError> {
+        let found = reading.found.as_ref().map_err(|error| *error)?;
+        let directly = Directly::none(&self.errors);
+        let others = self.whole(Budget::default(), &directly, &found.gradient);
+        let budget = others.plus(&found.budget);
+        let [through_factor, through_learnt] = self.through(&directly, &found.gradient);
+        let entering = through_factor.iter().zip(&through_learnt).map(|(a, b)| a + b);
+        let common: f64 = entering.zip(shared).map(|(by, shared)| by * shared).sum();
+        let budget = if common == 0.0 {
+            budget
+        } else {
+            let variance = budget.total().powi(2) + 2.0 * common;
+            budget.sharing(variance.max(0.0).sqrt())
+        };
+        Ok(self.young(found, budget))
+    }
+
+    fn young(&self, found: &ModelReading, budget: Budget) -> RunYoung {
         let Young { mpa, sigma_mpa } = found.young;
         let own = Young { mpa: mpa / self.factor, sigma_mpa: sigma_mpa / self.factor };
-        let mut directly = Directly::none(&self.errors);
-        let budget = if let Some(index) = main {
-            directly.measured[index] = 1.0;
-            self.whole(found.budget, &directly, &found.gradient)
-        } else {
-            // The error of a blind touch is in nothing else.
-            self.whole(Budget::default(), &directly, &found.gradient).plus(&found.budget)
-        };
         let of_sample = budget.of(Part::Sample).hypot(self.scatter_rel);
-        Ok(RunYoung { own, budget: budget.with(Part::Sample, of_sample) })
+        RunYoung { own, budget: budget.with(Part::Sample, of_sample) }
+    }
+
+    /// How the errors of the main touches enter a result of this gradient through the factor and the learnt terms.
+    fn through(&self, directly: &Directly, gradient: &[f64]) -> [Entering; 2] {
+        let mut less = gradient.to_vec();
+        add(&mut less, -1.0, &self.gradient);
+        let through_factor: Entering = (self.in_factor.iter().zip(&directly.of_factor))
+            .map(|(all, direct)| direct - all)
+            .collect();
+        [through_factor, self.errors.through_learnt(&less)]
     }
 
     /// Calibrates the mean stiffness of a sample with these touches, each with its index.
@@ -233,6 +287,9 @@ impl RunCalibration {
         let enters =
             |(index, reading): &(usize, &ModelReading)| (directly.measured[*index], reading.budget);
         let own = Budget::weighted(readings.iter().map(enters));
+        let of_references = own.of(Part::Reference).powi(2)
+            + self.errors.of_references(&directly.measured, &directly.measured);
+        let own = own.with(Part::Reference, of_references.max(0.0).sqrt());
         let squares: f64 = directly.points.iter().map(|by| by * by).sum();
         let of_points = (self.errors.of_point() * squares).sqrt();
         let own = own.with(Part::Sample, own.of(Part::Sample).hypot(of_points));
@@ -264,7 +321,15 @@ impl RunCalibration {
         let chi2: f64 =
             readings.iter().map(one).map(|(log, weight)| weight * (log - mean).powi(2)).sum();
         let freedom = readings.len() as f64 - 1.0;
-        excess(chi2 / freedom, freedom)
+        let weights: Vec<f64> = readings.iter().map(|reading| one(reading).1).collect();
+        let indices: Vec<usize> = readings.iter().map(|(index, _)| *index).collect();
+        let expected = Chi2Expected::of_freedom(freedom, 1.0).sharing(
+            &vec![0; weights.len()],
+            &weights,
+            &self.errors.references_of(&indices),
+        );
+        let is_beyond = freedom > 0.0 && expected.probability(chi2) < BY_CHANCE;
+        if is_beyond { (chi2 / expected.mean).max(1.0) } else { 1.0 }
     }
 }
 
@@ -320,6 +385,7 @@ mod tests {
             known_mpa,
             sample_rel: 0.0,
             depth_correlation: None,
+            reference_hz2: None,
             resonance_ratio: 1.0,
             scale_rel: 0.1,
         }
@@ -328,7 +394,7 @@ mod tests {
     /// Two known samples that seem stiffer by this factor, within a percent.
     fn with_factor(factor: f64) -> RunCalibration {
         let described = Compensation::new(&SensorDescription::reference(), 0.002);
-        let model = RunModel::of_sites(&described, &[]);
+        let model = RunModel::of_sites(&described, &[], &[]);
         let known_mpa = [Some(0.1), Some(0.3)];
         let run = comparing(&known_mpa);
         let reading = |(sample, mpa): (usize, f64)| {
@@ -338,7 +404,7 @@ mod tests {
         };
         let main = [(0, 0.1), (1, 0.3)].map(reading);
         let at = ComparedAt { angle_deg: Some(0.0), is_there: vec![true; 2] };
-        calibrated(&run, &main, &[], &at, &model).calibration
+        calibrated(&run, [&main, &[]], &SharedReferences::default(), &at, &model).calibration
     }
 
     /// A logarithm of 0.25 is two and a half standard deviations of 10 %, and one of 0.27 is 2.7.
@@ -359,7 +425,7 @@ mod tests {
         const TRIALS: u32 = 1000;
         let touches: [bool; 12] = std::array::from_fn(|touch| touch < 3);
         let described = Compensation::new(&SensorDescription::reference(), 0.002);
-        let model = RunModel::of_sites(&described, &[]);
+        let model = RunModel::of_sites(&described, &[], &[]);
         let known_mpa: Vec<Option<f64>> =
             KNOWN_MPA.iter().enumerate().map(|(i, mpa)| (i < known).then_some(*mpa)).collect();
         let run = comparing(&known_mpa);
@@ -381,7 +447,8 @@ mod tests {
             };
             let main: Vec<Reading> =
                 (0..KNOWN_MPA.len()).flat_map(|sample| [sample; 12]).map(&mut reading).collect();
-            let found = calibrated(&run, &main, &[], &at, &model).samples;
+            let found =
+                calibrated(&run, [&main, &[]], &SharedReferences::default(), &at, &model).samples;
             for sample in &found {
                 errors += (sample.young_mpa / KNOWN_MPA[sample.sample]).ln().powi(2);
                 stated += (sample.sigma_mpa / sample.young_mpa).powi(2);

@@ -34,7 +34,8 @@ pub struct Unmeasured {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CheckValues(pub(crate) [Measured; Quantity::ALL.len()]);
 
-/// A mean with the standard deviation of the mean, 0 for a single value.
+/// A mean with the standard deviation of the mean by the scatter of its values, 0 for a single value. What the touches of one
+/// reference share is not in it: the charts judge by the scatter between checks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Measured {
     pub(crate) value: f64,

@@ -6,6 +6,7 @@
 //! blind touches take no part in any of this.
 
 mod depth;
+mod shared;
 mod site;
 mod values;
 
@@ -15,6 +16,7 @@ use rig_analysis::{
     model::{ModelCheck, ModelReading, ModelSource, RunModel, Verdict},
     run::{
         self, ComparedAt, Reading, RunCalibration, RunSample, RunStiffness, RunTouches, RunYoung,
+        SharedReferences,
     },
     screw::NoScrewMap,
     stiffness::{Compensation, Halfway, PosedTouch, Young},
@@ -33,6 +35,7 @@ pub(crate) use values::TouchStiffness;
 
 use crate::data::{PlannedTouch, RunData};
 use depth::Depths;
+use shared::Together;
 use site::{RepeatedTouch, UnknownAngle};
 
 /// The stiffness of the samples and of the blind touches.
@@ -106,12 +109,14 @@ impl Stiffness {
         let (main_touches, blind_touches) = (posed_of(&main), posed_of(&blind));
         let of_main: Vec<&Touch> = main.iter().map(|(touch, _)| *touch).collect();
         let correlation = depths.correlation(&of_main, surface_mm);
+        let reference_hz2 = shared::by_references(data, free_hz, main.iter().chain(&blind));
         let touches = RunTouches {
             main: &main_touches,
             blind: &blind_touches,
             known_mpa: &known_mpa,
             sample_rel: sensor.uncertainty.sample_rel,
             depth_correlation: correlation.as_deref(),
+            reference_hz2: reference_hz2.as_deref(),
             resonance_ratio: mean_hz / main.len() as f64 / free_hz,
             scale_rel: sensor.uncertainty.scale_rel,
         };
@@ -290,19 +295,38 @@ impl Reader<'_> {
             repeat: touch.touch.repeat,
         };
         let sites = unknown.sites(main.iter().map(repeated).collect());
-        let of_sites: Vec<Reading> =
+        let mut of_sites: Vec<Reading> =
             sites.iter().map(|site| reading(site.sample, site.found)).collect();
-        let of_blind: Vec<Reading> =
+        let mut of_blind: Vec<Reading> =
             blind.iter().map(|(_, posed)| reading(posed.sample, unknown.infer([posed]))).collect();
         let at = ComparedAt { angle_deg: None, is_there: vec![true; sites.len()] };
+        let touches_of = |site: &Site| {
+            let is_here =
+                |(_, (touch, posed)): &(usize, &Touched<'_>)| site.holds(touch, posed.sample);
+            main.iter().enumerate().filter(is_here).map(|(index, _)| index).collect()
+        };
+        let shared = touches.reference_hz2.map_or_else(SharedReferences::default, |hz2| {
+            let groups = sites.iter().zip(&mut of_sites);
+            let groups: Vec<Together> = groups
+                .map(|(site, reading)| Together::new(reading, touches_of(site), hz2))
+                .collect();
+            let alone = of_blind.iter_mut().enumerate();
+            let alone: Vec<Together> = alone
+                .map(|(index, reading)| Together::new(reading, vec![main.len() + index], hz2))
+                .collect();
+            shared::of_groups(&groups, &alone, hz2)
+        });
         // A site without a stiffness has no residual.
         let found = |(index, reading): (usize, &Reading)| {
             Some((index, (reading.sample, reading.found.as_ref().ok()?.young)))
         };
         let (indices, found): (Vec<usize>, Vec<(usize, Young)>) =
             of_sites.iter().enumerate().filter_map(found).unzip();
-        let model = RunModel::of_sites(&self.compensation, &found).with_touches(&indices);
-        (run::calibrated(touches, &of_sites, &of_blind, &at, &model), model, sites)
+        let between =
+            indices.iter().map(|&i| indices.iter().map(|&j| shared.between(i, j)).collect());
+        let between: Vec<Vec<f64>> = between.collect();
+        let model = RunModel::of_sites(&self.compensation, &found, &between).with_touches(&indices);
+        (run::calibrated(touches, [&of_sites, &of_blind], &shared, &at, &model), model, sites)
     }
 }
 

@@ -127,6 +127,7 @@ fn of_cause(
         known_mpa: &known_mpa,
         sample_rel: NUISANCES.young_rel,
         depth_correlation: None,
+        reference_hz2: None,
     };
     let model = RunModel::of(analysis.described(), &main, ModelSource::Described);
     let mut sums = Sums::default();
@@ -154,6 +155,7 @@ fn results(
         known_mpa: &known_mpa,
         sample_rel: NUISANCES.young_rel,
         depth_correlation: None,
+        reference_hz2: None,
         resonance_ratio: 1.0,
         scale_rel: 0.0,
     };

@@ -67,6 +67,7 @@ impl Analysis {
             known_mpa: &known_mpa,
             sample_rel: self.sample_rel,
             depth_correlation: None,
+            reference_hz2: None,
             resonance_ratio: 1.0,
             scale_rel: self.scale_rel,
         };
