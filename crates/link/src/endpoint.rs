@@ -166,6 +166,7 @@ async fn open_usbtmc(port: Arc<str>, path: String) -> Result<Carrier, OpenError>
 }
 
 #[cfg(not(target_os = "linux"))]
+#[expect(clippy::unused_async, reason = "the same signature as on Linux")]
 async fn open_usbtmc(port: Arc<str>, _: String) -> Result<Carrier, OpenError> {
     Err(OpenError::Io { port, source: io::ErrorKind::Unsupported.into() })
 }

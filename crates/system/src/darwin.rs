@@ -24,6 +24,7 @@ const LOWEST: u8 = 15;
 const OPEN_MAX: u64 = 10_240;
 
 /// The number of handles to ask for, with this limit.
+#[expect(clippy::unnecessary_wraps, reason = "the same signature as on Linux")]
 pub(crate) fn handles_of(maximum: Option<u64>) -> Option<u64> {
     Some(maximum.map_or(OPEN_MAX, |maximum| maximum.min(OPEN_MAX)))
 }

@@ -15,4 +15,5 @@ pub(super) const fn reloading() {}
 pub(super) const fn stopping() {}
 
 /// Nobody is fed.
+#[expect(clippy::unused_async, reason = "the same signature as on Linux")]
 pub(super) async fn feed(_: Shared) {}

@@ -1,7 +1,7 @@
 //! Checks of a computer with macOS or Windows: whether the ports of the rig are among those of the computer, and adapters
 //! that hold back bytes.
 //!
-//! Groups, udev rules, brltty, ModemManager and the driver usbtmc are of Linux, and are not looked for.
+//! Groups, udev rules, brltty, `ModemManager` and the driver usbtmc are of Linux, and are not looked for.
 
 use rig_files::rig_file::{Connection, PortFile, RigFile};
 use rig_link::{AttachedPort, attached_ports, device_of};

@@ -10,6 +10,7 @@ use super::super::Failure;
 pub(in crate::cli) struct Hangups(Infallible);
 
 impl Hangups {
+    #[expect(clippy::unused_async, reason = "the same signature as on Unix")]
     pub(in crate::cli) async fn recv(&mut self) -> Option<()> {
         match self.0 {}
     }
@@ -54,6 +55,6 @@ impl Resizes {
     }
 
     pub(in crate::cli) async fn next(&mut self) {
-        std::future::pending().await
+        std::future::pending::<()>().await;
     }
 }
