@@ -5,7 +5,7 @@
 //! few calls in which the two kinds of Unix differ. Nothing else of rigd asks which system it runs on, except for
 //! whole modules that only one of them can have, such as the driver of USB instruments.
 //!
-//! Macs run no test of this project, and no Windows but Wine: see `docs/bench.md`.
+//! No test of this project runs on a Mac or on Windows: `docs/bench.md` says what was tried.
 
 pub mod clocks;
 pub mod disk;
