@@ -13,7 +13,6 @@ pub mod person;
 pub mod plant;
 mod rig;
 pub mod scene;
-#[cfg(unix)]
 pub mod serve;
 mod shell;
 mod wiring;

@@ -17,7 +17,7 @@ use rig_sim::{
     serve::{Role, Server},
     world::Scene,
 };
-use tokio::signal::unix::{SignalKind, signal};
+use rig_system::signals::Ending;
 
 /// A simulated rig: instruments that answer as the real ones do, and a bench behind them.
 #[derive(Debug, Parser)]
@@ -52,6 +52,7 @@ struct Serve {
         value_parser = make_parser(AnalyzerMake::ALL, AnalyzerMake::name))]
     analyzer: AnalyzerMake,
     /// Opens the analyzer's port as a pseudo-terminal, and LINK pointing to it.
+    #[cfg(target_os = "linux")]
     #[arg(long, value_name = "LINK")]
     analyzer_pty: Option<PathBuf>,
     /// Opens the analyzer's port on TCP.
@@ -87,6 +88,7 @@ struct Serve {
     #[arg(long, default_value_t = 115_200)]
     baud: u32,
     /// Opens the line of the drives as a pseudo-terminal (Modbus RTU), and LINK pointing to it.
+    #[cfg(target_os = "linux")]
     #[arg(long, value_name = "LINK")]
     bus_pty: Option<PathBuf>,
     /// Opens the line of the drives on TCP with Modbus TCP frames.
@@ -113,6 +115,11 @@ impl Serve {
             return true;
         }
         self.analyzer_tcp.is_some()
+    }
+
+    /// Whether the drives are served elsewhere than on a pseudo-terminal.
+    const fn has_bus_port(&self) -> bool {
+        self.bus_tcp.is_some() || self.bus_rtu_tcp.is_some()
     }
 }
 
@@ -183,7 +190,7 @@ fn load(path: &Path) -> Result<Scene, String> {
 
 async fn serve(args: &Serve, scene: Scene) -> Result<(), Failure> {
     // Before the ports are announced, so that no signal is missed.
-    let mut terminate = signal(SignalKind::terminate()).map_err(Failure::port)?;
+    let mut ending = Ending::listen().map_err(Failure::port)?;
     let seed = args.seed.unwrap_or(scene.seed);
     let rig = SimRig::start(scene, &wiring(args), seed).map_err(Failure::input)?;
     if let Some(name) = &args.sample {
@@ -193,10 +200,8 @@ async fn serve(args: &Serve, scene: Scene) -> Result<(), Failure> {
         rig.handle().with(|_, rig| rig.answer_at_once());
     }
     let _server = open_ports(args, &rig).await?;
-    tokio::select! {
-        interrupted = tokio::signal::ctrl_c() => interrupted.map_err(Failure::port),
-        _ = terminate.recv() => Ok(()),
-    }
+    ending.asked_for().await;
+    Ok(())
 }
 
 fn wiring(args: &Serve) -> Wiring {
@@ -213,26 +218,7 @@ async fn open_ports(args: &Serve, rig: &SimRig) -> Result<Server, Failure> {
     let mut server = Server::new(rig.handle());
     let serial = LineTransport::Serial { baud: args.baud };
     let bus = Role::Bus(serial);
-    let has_bus_tcp = args.bus_tcp.is_some() || args.bus_rtu_tcp.is_some();
-    #[cfg(target_os = "linux")]
-    if let Some(path) = &args.analyzer_usbtmc {
-        server.open_usbtmc(path).map_err(Failure::port)?;
-        announce("analyzer-usbtmc", format_args!("{}", path.display()))?;
-    }
-    let ptys = [
-        ("analyzer", Role::Analyzer, &args.analyzer_pty, args.has_analyzer_port()),
-        ("bus", bus, &args.bus_pty, has_bus_tcp),
-    ];
-    for (name, role, link, has_other) in ptys {
-        if link.is_none() && has_other {
-            continue;
-        }
-        let path = server.open_pty(role, link.as_deref()).map_err(Failure::port)?;
-        match link {
-            Some(link) => announce(name, format_args!("{} {}", path.display(), link.display()))?,
-            None => announce(name, format_args!("{}", path.display()))?,
-        }
-    }
+    open_files(args, &mut server, bus)?;
     let listeners = [
         ("analyzer-tcp", Role::Analyzer, args.analyzer_tcp),
         ("bus-tcp", Role::Bus(LineTransport::Tcp), args.bus_tcp),
@@ -248,6 +234,41 @@ async fn open_ports(args: &Serve, rig: &SimRig) -> Result<Server, Failure> {
         announce("control", format_args!("{address}"))?;
     }
     Ok(server)
+}
+
+/// Opens what is a file to clients: the socket that stands for an instrument on USB, and pseudo-terminals.
+#[cfg(target_os = "linux")]
+fn open_files(args: &Serve, server: &mut Server, bus: Role) -> Result<(), Failure> {
+    if let Some(path) = &args.analyzer_usbtmc {
+        server.open_usbtmc(path).map_err(Failure::port)?;
+        announce("analyzer-usbtmc", format_args!("{}", path.display()))?;
+    }
+    let ptys = [
+        ("analyzer", Role::Analyzer, &args.analyzer_pty, args.has_analyzer_port()),
+        ("bus", bus, &args.bus_pty, args.has_bus_port()),
+    ];
+    for (name, role, link, has_other) in ptys {
+        if link.is_none() && has_other {
+            continue;
+        }
+        let path = server.open_pty(role, link.as_deref()).map_err(Failure::port)?;
+        match link {
+            Some(link) => announce(name, format_args!("{} {}", path.display(), link.display()))?,
+            None => announce(name, format_args!("{}", path.display()))?,
+        }
+    }
+    Ok(())
+}
+
+/// Each device must have a port of the network here.
+#[cfg(not(target_os = "linux"))]
+fn open_files(args: &Serve, _: &mut Server, _: Role) -> Result<(), Failure> {
+    if args.has_analyzer_port() && args.has_bus_port() {
+        return Ok(());
+    }
+    let message = "rig-sim has pseudo-terminals on Linux alone: give the analyzer --analyzer-tcp 127.0.0.1:0, and the drives \
+                   --bus-tcp 127.0.0.1:0 or --bus-rtu-tcp 127.0.0.1:0";
+    Err(Failure { message: message.to_owned(), code: EXIT_INPUT })
 }
 
 fn announce(name: &str, place: std::fmt::Arguments<'_>) -> Result<(), Failure> {

@@ -1,6 +1,7 @@
 //! The ports of a served rig, as programs of any maker see them: through the operating system.
 
-#![cfg(unix)]
+// Pseudo-terminals are those of Linux.
+#![cfg(target_os = "linux")]
 #![expect(clippy::unwrap_used, reason = "a test may fail, also in what its tests share")]
 
 use std::{

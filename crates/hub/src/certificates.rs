@@ -3,7 +3,6 @@
 use std::{
     fs::{self, File},
     io::{self, Write},
-    os::unix::fs::OpenOptionsExt,
     path::{Path, PathBuf},
 };
 
@@ -11,6 +10,7 @@ use rcgen::{
     BasicConstraints, CertificateParams, DnType, ExtendedKeyUsagePurpose, IsCa, Issuer, KeyPair,
     KeyUsagePurpose,
 };
+use rig_system::files::with_mode;
 
 /// Files of the authority, in the directory of the certificates.
 const AUTHORITY: &str = "ca.pem";
@@ -157,8 +157,8 @@ fn authority() -> CertificateParams {
 
 fn write_new(path: &Path, text: &str, mode: u32) -> Result<(), CertificateError> {
     let write = || {
-        let mut file: File =
-            fs::OpenOptions::new().write(true).create_new(true).mode(mode).open(path)?;
+        let mut options = File::options();
+        let mut file = with_mode(options.write(true).create_new(true), mode).open(path)?;
         file.write_all(text.as_bytes())?;
         file.sync_all()
     };

@@ -15,15 +15,9 @@ use std::{
 use clap::{Args, Parser, Subcommand};
 use rig_model::with_causes;
 use rig_ship::StorageError;
+use rig_system::{network::POSTGRESQL, signals::Ending};
 use serde::Serialize;
-use tokio::{
-    net::TcpListener,
-    signal::{
-        ctrl_c,
-        unix::{SignalKind, signal},
-    },
-    task::JoinHandle,
-};
+use tokio::{net::TcpListener, task::JoinHandle};
 use tokio_postgres::{Client, Config};
 
 use crate::{
@@ -92,7 +86,7 @@ enum BenchCommand {
 #[derive(Debug, Args)]
 struct DatabaseArgs {
     /// Where the database is, in the words of libpq
-    #[arg(long, value_name = "WORDS", default_value_t = format!("host=/var/run/postgresql dbname={DATABASE}"))]
+    #[arg(long, value_name = "WORDS", default_value_t = format!("host={POSTGRESQL} dbname={DATABASE}"))]
     database: String,
 }
 
@@ -329,11 +323,8 @@ async fn serve(args: ServeArgs) -> Result<(), Failure> {
 
 /// Waits until the program is interrupted or terminated.
 async fn ended() -> io::Result<()> {
-    let mut terminated = signal(SignalKind::terminate())?;
-    tokio::select! {
-        interrupted = ctrl_c() => interrupted,
-        _ = terminated.recv() => Ok(()),
-    }
+    Ending::listen()?.asked_for().await;
+    Ok(())
 }
 
 async fn init(args: InitArgs) -> Result<(), Failure> {

@@ -34,6 +34,11 @@ mod serve;
 mod shipper;
 mod state;
 mod tls;
+#[cfg(unix)]
+mod trial;
+// A server of its own is begun and ended by a shell of Unix.
+#[cfg(windows)]
+#[path = "no_trial.rs"]
 mod trial;
 
 pub use admin::AdminError;

@@ -12,6 +12,10 @@
 mod accounts;
 mod broker;
 mod publish;
+#[cfg(unix)]
+mod server;
+#[cfg(windows)]
+#[path = "live/no_server.rs"]
 mod server;
 mod subject;
 mod watch;

@@ -2,10 +2,10 @@
 
 use std::{
     fs, io,
-    os::unix::fs::PermissionsExt,
     path::{Path, PathBuf},
 };
 
+use rig_system::files::forbidden_mode;
 use tokio_rustls::rustls::{
     self,
     pki_types::{CertificateDer, PrivateKeyDer, pem, pem::PemObject},
@@ -70,8 +70,8 @@ pub fn read_certificates(path: &Path) -> Result<Vec<CertificateDer<'static>>, Tl
 /// [`TlsError`] names the file and its fault.
 pub fn read_key(path: &Path) -> Result<PrivateKeyDer<'static>, TlsError> {
     let failed = |source| TlsError::File { path: path.to_path_buf(), source };
-    let mode = fs::metadata(path).map_err(failed)?.permissions().mode() & 0o777;
-    if mode & MODE_FORBIDDEN != 0 {
+    let metadata = fs::metadata(path).map_err(failed)?;
+    if let Some(mode) = forbidden_mode(&metadata, MODE_FORBIDDEN) {
         return Err(TlsError::Open { path: path.to_path_buf(), mode });
     }
     PrivateKeyDer::from_pem_file(path).map_err(of(path))

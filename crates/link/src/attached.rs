@@ -6,6 +6,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use crate::device::{device_of, is_to_open};
+
 /// Names of an adapter that do not depend on the order of plugging in.
 const BY_ID: &str = "/dev/serial/by-id";
 
@@ -76,6 +78,7 @@ fn serial_ports() -> Vec<AttachedPort> {
     tokio_serial::available_ports()
         .unwrap_or_default()
         .into_iter()
+        .filter(|port| is_to_open(&port.port_name))
         .map(|port| {
             let device = Path::new(&port.port_name);
             AttachedPort {
@@ -96,7 +99,7 @@ pub(crate) fn holders(device: &Path) -> Vec<Holder> {
 
 /// The name that stays with the adapter or the instrument behind a device file.
 pub(crate) fn stable_name(device: &Path) -> Option<String> {
-    let is_instrument = fs::canonicalize(device).is_ok_and(|device| is_of_usbtmc(&device));
+    let is_instrument = device_of(device).is_some_and(|device| is_of_usbtmc(&device));
     let names = if is_instrument { BY_SERIAL_NUMBER } else { BY_ID };
     stable_name_in(Path::new(names), device)
 }
@@ -146,7 +149,7 @@ fn holders_in(proc: &Path, device: &Path) -> Vec<Holder> {
 }
 
 fn stable_name_in(by_id: &Path, device: &Path) -> Option<String> {
-    let device = fs::canonicalize(device).ok()?;
+    let device = device_of(device)?;
     let mut names: Vec<PathBuf> = entries(by_id)
         .filter(|name| fs::canonicalize(name).is_ok_and(|target| target == device))
         .collect();
@@ -176,7 +179,8 @@ fn latency_ms(device: &Path) -> Option<u32> {
     fs::read_to_string(timer).ok()?.trim().parse().ok()
 }
 
-#[cfg(test)]
+// The folders of Linux are made with symbolic links.
+#[cfg(all(test, unix))]
 mod tests {
     use std::os::unix::fs::symlink;
 

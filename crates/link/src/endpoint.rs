@@ -1,11 +1,15 @@
 //! The address of a port, and how it is opened and reopened.
 
-use std::{fmt, io, os::unix::fs::FileTypeExt, path::Path, sync::Arc, time::Duration};
+use std::{fmt, io, path::Path, sync::Arc, time::Duration};
 
 use tokio::{net::TcpStream, time::timeout};
 use tokio_serial::SerialPortBuilderExt;
 
-use crate::{OpenError, Transport, attached, transport::Carrier};
+use crate::{
+    OpenError, Transport, attached,
+    device::{device_of, is_pseudo_terminal, is_there, what_it_is},
+    transport::Carrier,
+};
 use rig_model::{LineSettings, Parity, PortKind, StopBits};
 
 /// Time limit of a TCP connection attempt.
@@ -16,12 +20,15 @@ const CONNECT_WITHIN: Duration = Duration::from_secs(3);
 #[cfg(target_os = "linux")]
 const USBTMC_OPENS_WITHIN: Duration = Duration::from_secs(11);
 
+/// What a serial port is called in a message.
+const SERIAL_PORT: &str = if cfg!(windows) { "one such as COM3" } else { "a serial port" };
+
 /// Where a port is.
 pub enum Endpoint {
     /// A serial port of this computer. A path below `/dev/serial/by-id` stays the same when the
     /// adapter is plugged in elsewhere.
     Serial {
-        /// The device file.
+        /// The device file; on Windows the name, such as `COM3`.
         path: String,
         /// Speed and format of the characters.
         line: LineSettings,
@@ -113,10 +120,6 @@ impl fmt::Debug for Endpoint {
     }
 }
 
-fn is_pseudo_terminal(path: &str) -> bool {
-    std::fs::canonicalize(path).is_ok_and(|device| device.starts_with("/dev/pts"))
-}
-
 fn open_serial(
     port: &Arc<str>,
     path: &str,
@@ -132,9 +135,9 @@ fn open_serial(
         StopBits::Two => tokio_serial::StopBits::Two,
     };
     // The device file behind any symbolic links: the lock of the library is on it.
-    let device = std::fs::canonicalize(path).unwrap_or_else(|_| path.into());
+    let device = device_of(Path::new(path)).unwrap_or_else(|| path.into());
     if let Some(what) = what_it_is(&device) {
-        return Err(OpenError::NotAPort { port: port.clone(), what, wanted: "a serial port" });
+        return Err(OpenError::NotAPort { port: port.clone(), what, wanted: SERIAL_PORT });
     }
     let stream = tokio_serial::new(device.to_string_lossy(), line.baud)
         .parity(parity)
@@ -163,22 +166,9 @@ async fn open_usbtmc(port: Arc<str>, path: String) -> Result<Carrier, OpenError>
 }
 
 #[cfg(not(target_os = "linux"))]
+#[expect(clippy::unused_async, reason = "the same signature as on Linux")]
 async fn open_usbtmc(port: Arc<str>, _: String) -> Result<Carrier, OpenError> {
     Err(OpenError::Io { port, source: io::ErrorKind::Unsupported.into() })
-}
-
-/// The kind of a file that is not a character device. A missing file shows when it is opened.
-pub(crate) fn what_it_is(path: &Path) -> Option<&'static str> {
-    let kind = std::fs::metadata(path).ok()?.file_type();
-    if kind.is_char_device() {
-        None
-    } else if kind.is_dir() {
-        Some("a directory")
-    } else if kind.is_file() {
-        Some("a file")
-    } else {
-        Some("a pipe, a socket or a disk")
-    }
 }
 
 fn explain(port: Arc<str>, device: &Path, error: tokio_serial::Error) -> OpenError {
@@ -188,7 +178,9 @@ fn explain(port: Arc<str>, device: &Path, error: tokio_serial::Error) -> OpenErr
         Io(PermissionDenied) => OpenError::Permission { port },
         Io(NotFound) => OpenError::Absent { port },
         // The library reports the same when another program holds the lock.
-        NoDevice if device.exists() => OpenError::Busy { port, holders: attached::holders(device) },
+        NoDevice if is_there(device) => {
+            OpenError::Busy { port, holders: attached::holders(device) }
+        }
         NoDevice => OpenError::Absent { port },
         _ => OpenError::Io { port, source: error.into() },
     }

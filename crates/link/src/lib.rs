@@ -6,10 +6,15 @@
 
 mod attached;
 mod clock;
+mod device;
 mod durations;
 mod endpoint;
 mod error;
 mod health;
+#[cfg_attr(
+    not(target_os = "linux"),
+    expect(dead_code, reason = "only a driver of Linux carries whole messages")
+)]
 mod messages;
 mod port;
 mod stop;
@@ -20,6 +25,7 @@ mod usbtmc;
 
 pub use attached::{AttachedPort, Holder, UsbIdentity, attached_ports};
 pub use clock::Clock;
+pub use device::device_of;
 pub use durations::Durations;
 pub use endpoint::{Endpoint, Plug};
 pub use error::{LineError, OpenError, PartialAnswer, escaped};

@@ -15,7 +15,7 @@ use tokio::{
 
 use crate::{
     Clock, Endpoint, Flow, Holder, LineError, OpenError, PartialAnswer, Transcript, Transport,
-    attached::holders, transport::Carrier,
+    attached::holders, device::device_of, transport::Carrier,
 };
 use rig_model::{LineSettings, PortKind};
 
@@ -135,7 +135,7 @@ impl Port {
     /// know.
     pub fn intruders(&self) -> Vec<Holder> {
         let file = self.endpoint.as_ref().and_then(Endpoint::file);
-        let device = file.and_then(|file| std::fs::canonicalize(file).ok());
+        let device = file.and_then(device_of);
         device.map(|device| holders(&device)).unwrap_or_default()
     }
 

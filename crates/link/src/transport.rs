@@ -21,6 +21,7 @@ pub(crate) enum Carrier {
     /// A stream of bytes.
     Bytes(Box<dyn Transport>),
     /// Messages, each with its bounds, and a device clear beside them.
+    #[cfg_attr(not(target_os = "linux"), expect(dead_code, reason = "its driver is of Linux"))]
     Messages(MessageLink),
 }
 

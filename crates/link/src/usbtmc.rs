@@ -18,7 +18,7 @@ use rustix::fs::{FlockOperation, flock};
 use crate::{
     OpenError,
     attached::{holders, is_of_usbtmc},
-    endpoint::what_it_is,
+    device::what_it_is,
     messages::MessageLink,
 };
 use kernel::KernelDevice;

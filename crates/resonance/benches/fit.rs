@@ -11,7 +11,6 @@ use rand_core::Rng;
 use rand_pcg::Pcg64;
 use rig_model::{Impedance, PointResult, Reading, RigTime};
 use rig_resonance::{Circuit, FitOptions, FitOutcome, Fitter, Timing};
-use rustix::time::{ClockId, clock_gettime};
 
 const CALLS: usize = 20_000;
 const SWEEPS: usize = 2000;
@@ -51,8 +50,7 @@ fn main() {
 
 /// Processor time of this thread, s.
 fn processor_s() -> f64 {
-    let now = clock_gettime(ClockId::ThreadCPUTime);
-    now.tv_sec as f64 + 1e-9 * now.tv_nsec as f64
+    rig_system::clocks::of_thread().as_secs_f64()
 }
 
 /// Even sweeps over ±20 % with 0.5 % of noise.

@@ -26,7 +26,6 @@ use rig_contact::Circuit;
 use rig_model::{DriveLevel, Reading, RigTime, SweepMethod, SweepPoint, SweepRequest, Window};
 use rig_resonance::{Bench as Known, FitOutcome, Next, NoisePrior, Planner, Prior, Refusal};
 use rig_sim::plant::Plant;
-use rustix::time::{ClockId, clock_gettime};
 use support::Random;
 
 #[expect(dead_code, reason = "the tests use the rest")]
@@ -172,8 +171,7 @@ impl Bench {
 
 /// The time that this thread has had of the processor, s: other load hardly changes it.
 fn processor_s() -> f64 {
-    let time = clock_gettime(ClockId::ThreadCPUTime);
-    Duration::try_from(time).unwrap_or_default().as_secs_f64()
+    rig_system::clocks::of_thread().as_secs_f64()
 }
 
 /// What became of the sweeps.

@@ -17,6 +17,7 @@ use std::{
 };
 
 use rig_store::{Digest, Reader, Run, RunId, Store, StoreError, make_directory};
+use rig_system::files::whole_path;
 use rig_verify::JournalError;
 
 use crate::run_files;
@@ -114,7 +115,7 @@ impl Archive {
     pub(crate) fn open(root: &Path) -> Result<Self, ArchiveError> {
         make_directory(root).map_err(failed(root))?;
         // The journal keeps the place, and a path from the current directory means nothing later.
-        let root = fs::canonicalize(root).map_err(failed(root))?;
+        let root = whole_path(root).map_err(failed(root))?;
         let path = root.join(LOCK);
         let lock = File::options().create(true).truncate(false).write(true).open(&path);
         let lock = lock.map_err(failed(&path))?;

@@ -30,7 +30,7 @@ impl Beside {
         let ending = CancellationToken::new();
         let end = ending.clone();
         let run = move || {
-            if let Err(error) = rustix::process::nice(NICE) {
+            if let Err(error) = rig_system::priority::give_way(NICE) {
                 tracing::warn!(%error, name, "a thread has the priority of the rig thread");
             }
             runtime.block_on(async {

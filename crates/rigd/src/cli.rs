@@ -24,6 +24,10 @@ mod identify;
 mod instrument;
 mod live;
 mod log;
+#[cfg(target_os = "linux")]
+mod manager;
+#[cfg(not(target_os = "linux"))]
+#[path = "cli/no_manager.rs"]
 mod manager;
 mod manual;
 mod measure;

@@ -7,11 +7,17 @@ pub(crate) mod commissioning;
 mod data;
 mod device;
 mod growth;
+#[cfg(target_os = "linux")]
+pub(crate) mod host;
+// Groups, udev, brltty and ModemManager are of Linux.
+#[cfg(not(target_os = "linux"))]
+#[path = "doctor/other_host.rs"]
 pub(crate) mod host;
 pub(crate) mod hub;
 mod port;
 #[cfg(test)]
 mod tests;
+#[cfg(target_os = "linux")]
 mod usbtmc;
 
 use std::path::Path;

@@ -3,10 +3,10 @@
 use std::{
     fs::{self, File},
     io::{self, Write},
-    os::unix::fs::OpenOptionsExt,
     path::{Path, PathBuf},
 };
 
+use rig_system::files::{sync_folder, with_mode};
 use serde::Serialize;
 
 /// Permissions of a file with nothing secret, before the umask.
@@ -36,19 +36,19 @@ pub(crate) fn replace_bytes(path: &Path, bytes: &[u8], mode: u32) -> io::Result<
         _ = fs::remove_file(&beside);
     }
     written?;
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-    File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
+    sync_folder(path.parent().unwrap_or(Path::new("")))
 }
 
 fn write(path: &Path, bytes: &[u8], mode: u32) -> io::Result<()> {
-    let mut file = File::options().create_new(true).write(true).mode(mode).open(path)?;
+    let mut options = File::options();
+    let mut file = with_mode(options.create_new(true).write(true), mode).open(path)?;
     file.write_all(bytes)?;
     file.sync_all()
 }
 
 #[cfg(test)]
 mod tests {
-    use std::os::unix::fs::PermissionsExt;
+    use rig_system::files::forbidden_mode;
 
     use super::*;
 
@@ -61,7 +61,7 @@ mod tests {
             replace(&path, &value, FOR_OWNER).unwrap();
             assert_eq!(fs::read_to_string(&path).unwrap(), value.to_string());
         }
-        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, FOR_OWNER);
+        assert_eq!(forbidden_mode(&fs::metadata(&path).unwrap(), !FOR_OWNER), None);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
         assert!(replace(&folder.path().join("gone/a.json"), &1, FOR_ALL).is_err());
         // A name that is taken by a folder cannot be replaced, and nothing is left beside it.

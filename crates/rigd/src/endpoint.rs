@@ -7,10 +7,12 @@ use std::{
     fs::{self, File, TryLockError},
     io::{self, Read, Seek, SeekFrom, Write},
     net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr},
-    os::unix::fs::{OpenOptionsExt, PermissionsExt},
     path::{Path, PathBuf},
 };
 
+use rig_system::files::{
+    forbidden_mode, lock_to_hold, lock_to_try, set_mode, whole_path, with_mode,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::tokens::Secret;
@@ -40,7 +42,7 @@ pub(crate) struct Endpoint {
 #[derive(Debug)]
 pub(crate) struct Announced {
     path: PathBuf,
-    _file: File,
+    _lock: File,
 }
 
 /// Why no daemon was found.
@@ -87,7 +89,7 @@ impl Endpoint {
             IpAddr::V6(ip) if ip.is_unspecified() => Ipv6Addr::LOCALHOST.into(),
             ip => ip,
         };
-        let token_file = token_file.map(fs::canonicalize).transpose()?;
+        let token_file = token_file.map(whole_path).transpose()?;
         let secret = secret.map(|secret| secret.reveal().to_owned());
         Ok(Self { address: SocketAddr::new(ip, listening.port()), token_file, secret })
     }
@@ -96,14 +98,15 @@ impl Endpoint {
     pub(crate) fn announce(&self, data: &Path) -> io::Result<Announced> {
         let path = data.join(FILE);
         let mut options = File::options();
-        let mut file =
-            options.create(true).truncate(false).read(true).write(true).mode(MODE).open(&path)?;
-        file.lock()?;
-        file.set_permissions(fs::Permissions::from_mode(MODE))?;
+        let options = with_mode(options.create(true).truncate(false).read(true).write(true), MODE);
+        let mut file = options.open(&path)?;
+        let lock = lock_to_hold(&file, &path)?;
+        lock.lock()?;
+        set_mode(&file, MODE)?;
         file.set_len(0)?;
         file.seek(SeekFrom::Start(0))?;
         file.write_all(&serde_json::to_vec(self)?)?;
-        Ok(Announced { path, _file: file })
+        Ok(Announced { path, _lock: lock })
     }
 
     /// Finds the daemon that serves a data directory.
@@ -115,13 +118,13 @@ impl Endpoint {
             _ => EndpointError::File { path: path.clone(), source },
         };
         let file = File::open(&path).map_err(failed)?;
-        match file.try_lock_shared() {
+        match lock_to_try(&file, &path).map_err(failed)?.try_lock_shared() {
             Ok(()) => return Err(none()),
             Err(TryLockError::WouldBlock) => {}
             Err(TryLockError::Error(source)) => return Err(failed(source)),
         }
-        let mode = file.metadata().map_err(failed)?.permissions().mode() & 0o777;
-        if mode & MODE_FORBIDDEN != 0 {
+        let metadata = file.metadata().map_err(failed)?;
+        if let Some(mode) = forbidden_mode(&metadata, MODE_FORBIDDEN) {
             return Err(EndpointError::Open { path, mode });
         }
         let mut text = Vec::new();
@@ -137,8 +140,11 @@ impl Drop for Announced {
     }
 }
 
-#[cfg(test)]
+// Modes of files are of Unix.
+#[cfg(all(test, unix))]
 mod tests {
+    use std::os::unix::fs::PermissionsExt;
+
     use tempfile::TempDir;
 
     use super::*;

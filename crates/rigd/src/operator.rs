@@ -2,6 +2,8 @@
 
 use std::{env, fmt, str::FromStr};
 
+use rig_system::person;
+
 /// Longer than any login name and any full name that fits a line of the report.
 const LENGTH_MAX: usize = 64;
 
@@ -30,8 +32,8 @@ impl Operator {
     /// The person who is logged in, with the variable that says it.
     pub(crate) fn logged_in() -> (Self, Option<&'static str>) {
         let name = |variable| Some((env::var(variable).ok()?.parse().ok()?, Some(variable)));
-        let named = ["LOGNAME", "USER"].into_iter().find_map(name);
-        named.unwrap_or_else(|| (Self(format!("uid {}", rustix::process::getuid())), None))
+        let named = person::LOGIN_VARIABLES.iter().copied().find_map(name);
+        named.unwrap_or_else(|| (Self(person::without_a_name()), None))
     }
 
     /// The name, 1 to 64 characters.

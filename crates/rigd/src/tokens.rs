@@ -8,7 +8,6 @@ use std::{
     fmt::{self, Write as _},
     fs::{self, File},
     io,
-    os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt},
     path::{Path, PathBuf},
     sync::{Mutex, MutexGuard, PoisonError},
     time::{SystemTime, UNIX_EPOCH},
@@ -17,6 +16,7 @@ use std::{
 use clap::ValueEnum;
 use rig_record::Digest;
 use rig_store::make_directory;
+use rig_system::files::{RANDOM_NUMBERS, Stamp, forbidden_mode, with_mode};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
@@ -171,8 +171,8 @@ pub fn read(data: &Path) -> Result<Vec<NamedToken>, TokensError> {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
         Err(error) => return Err(failed(error)),
     };
-    let mode = file.metadata().map_err(failed)?.permissions().mode() & 0o777;
-    if mode & MODE_FORBIDDEN != 0 {
+    let metadata = file.metadata().map_err(failed)?;
+    if let Some(mode) = forbidden_mode(&metadata, MODE_FORBIDDEN) {
         return Err(TokensError::Open { path, mode });
     }
     let text = io::read_to_string(file).map_err(failed)?;
@@ -192,7 +192,7 @@ pub fn make(data: &Path, name: &Operator, role: Role) -> Result<Secret, TokensEr
     if tokens.len() >= TOKENS_MAX {
         return Err(TokensError::Full);
     }
-    let failed = |source| TokensError::File { path: PathBuf::from("/dev/urandom"), source };
+    let failed = |source| TokensError::File { path: PathBuf::from(RANDOM_NUMBERS), source };
     let secret = Secret::new().map_err(failed)?;
     tokens.push(NamedToken {
         name: name.to_string(),
@@ -231,8 +231,8 @@ fn lock(data: &Path) -> Result<File, TokensError> {
     let failed = |source| TokensError::File { path: path.clone(), source };
     make_directory(data).map_err(failed)?;
     let mut options = File::options();
-    let file = options.create(true).truncate(false).write(true).mode(0o600).open(&path);
-    let file = file.map_err(failed)?;
+    let options = with_mode(options.create(true).truncate(false).write(true), 0o600);
+    let file = options.open(&path).map_err(failed)?;
     file.lock().map_err(failed)?;
     Ok(file)
 }
@@ -246,9 +246,6 @@ fn replace(path: &Path, value: &impl Serialize) -> Result<(), TokensError> {
 pub fn unix_s() -> u64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs())
 }
-
-/// Tells one state of the file from another.
-type Stamp = (u64, i64, i64, u64);
 
 /// The tokens as the daemon knows them.
 #[derive(Debug)]
@@ -312,9 +309,7 @@ impl Tokens {
     fn current(&self) -> MutexGuard<'_, Known> {
         // Nothing that holds it panics.
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
-        let stamp = fs::metadata(self.data.join(FILE))
-            .ok()
-            .map(|file| (file.ino(), file.mtime(), file.mtime_nsec(), file.len()));
+        let stamp = fs::metadata(self.data.join(FILE)).ok().map(|file| Stamp::of(&file));
         if stamp != known.stamp {
             known.stamp = stamp;
             known.tokens = match read(&self.data) {
@@ -335,8 +330,11 @@ fn entry(token: NamedToken) -> Option<(String, (Operator, Role))> {
     Some((token.sha256, (token.name.parse().ok()?, token.role)))
 }
 
-#[cfg(test)]
+// Modes of files are of Unix.
+#[cfg(all(test, unix))]
 mod tests {
+    use std::os::unix::fs::PermissionsExt;
+
     use tempfile::TempDir;
 
     use super::*;

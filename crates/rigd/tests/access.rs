@@ -1,5 +1,7 @@
 //! Requests that the daemon must refuse.
 
+// Signals and modes of files are of Unix.
+#![cfg(unix)]
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
 #[path = "access/named.rs"]

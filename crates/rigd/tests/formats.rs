@@ -2,6 +2,8 @@
 //!
 //! `tests/service/data_of_a_release.py` makes the data of a new release; those of the old ones stay.
 
+// Signals and modes of files are of Unix.
+#![cfg(unix)]
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
 #[expect(dead_code, reason = "other tests use more of it")]

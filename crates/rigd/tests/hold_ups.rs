@@ -1,6 +1,8 @@
 //! The program is stopped for ten seconds, asked to end, and given another wall clock, in each phase
 //! of a touch.
 
+// Signals and modes of files are of Unix.
+#![cfg(unix)]
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
 #[path = "support/preload.rs"]

@@ -1,5 +1,7 @@
 //! A daemon that ships its journal to a hub, on a PostgreSQL of this test.
 
+// Signals and modes of files are of Unix.
+#![cfg(unix)]
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
 #[expect(dead_code, reason = "other tests use more of it")]

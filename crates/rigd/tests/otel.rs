@@ -1,5 +1,7 @@
 //! Spans that a collector receives: `cargo test -p rigd --features otel --test otel`.
 
+// Signals and modes of files are of Unix.
+#![cfg(unix)]
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
 #[expect(dead_code, reason = "other tests use more of it")]

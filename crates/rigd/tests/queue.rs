@@ -1,5 +1,7 @@
 //! The queue of a daemon: order, record, restart, faults.
 
+// Signals and modes of files are of Unix.
+#![cfg(unix)]
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
 #[path = "queue/kills.rs"]

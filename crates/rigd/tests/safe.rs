@@ -1,5 +1,7 @@
 //! `rigd safe` on simulated devices on ports, with the probe in contact in truth.
 
+// Pseudo-terminals are those of Linux.
+#![cfg(target_os = "linux")]
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
 #[expect(dead_code, reason = "other tests add servers")]

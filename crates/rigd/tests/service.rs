@@ -1,5 +1,7 @@
 //! The daemon under a service manager: what it tells, what it shows, and its files.
 
+// systemd is of Linux.
+#![cfg(target_os = "linux")]
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
 #[expect(dead_code, reason = "other tests use more of it")]

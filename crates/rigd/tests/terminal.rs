@@ -1,5 +1,7 @@
 //! The screen of a terminal of a given width, through a pseudo-terminal.
 
+// Pseudo-terminals are those of Linux.
+#![cfg(target_os = "linux")]
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
 #[path = "support/terminal.rs"]

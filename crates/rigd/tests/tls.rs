@@ -1,5 +1,7 @@
 //! TLS, by a client that trusts one certificate.
 
+// Signals and modes of files are of Unix.
+#![cfg(unix)]
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
 use std::{fs, os::unix::fs::PermissionsExt, path::Path, sync::Arc};

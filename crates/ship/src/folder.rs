@@ -10,6 +10,7 @@ use std::{
 };
 
 use bytes::Bytes;
+use rig_system::files::sync_folder;
 
 use crate::StorageError;
 
@@ -98,8 +99,7 @@ fn make(directory: &Path) -> Result<(), StorageError> {
 }
 
 fn flush(directory: &Path) -> Result<(), StorageError> {
-    let directory = if directory.as_os_str().is_empty() { Path::new(".") } else { directory };
-    File::open(directory).and_then(|file| file.sync_all()).map_err(failed(directory))
+    sync_folder(directory).map_err(failed(directory))
 }
 
 /// Adds the names of the files below a directory, without those that begin with a dot.

@@ -4,7 +4,6 @@ use std::{
     fmt::Write as _,
     fs::{self, File},
     io::{self, Write as _},
-    os::unix::fs::{OpenOptionsExt, PermissionsExt},
     path::{Path, PathBuf},
     str::FromStr,
 };
@@ -12,6 +11,7 @@ use std::{
 use rcgen::{KeyPair, PKCS_ED25519, SigningKey as _};
 use rig_report::export::Signature;
 use rig_store::Digest;
+use rig_system::files::{forbidden_mode, with_mode};
 
 /// Reading and writing by the owner.
 const MODE: u32 = 0o600;
@@ -70,7 +70,8 @@ impl BenchKey {
     pub fn make(path: &Path) -> Result<Self, KeyError> {
         let key = KeyPair::generate_for(&PKCS_ED25519)?;
         let write = || {
-            let mut file = File::options().create_new(true).write(true).mode(MODE).open(path)?;
+            let mut options = File::options();
+            let mut file = with_mode(options.create_new(true).write(true), MODE).open(path)?;
             file.write_all(key.serialize_pem().as_bytes())?;
             file.sync_all()
         };
@@ -84,8 +85,8 @@ impl BenchKey {
     /// [`KeyError`] with the fault of the file and advice.
     pub fn read(path: &Path) -> Result<Self, KeyError> {
         let failed = |source| KeyError::File { path: path.to_path_buf(), source };
-        let mode = fs::metadata(path).map_err(failed)?.permissions().mode() & 0o777;
-        if mode & MODE_FORBIDDEN != 0 {
+        let metadata = fs::metadata(path).map_err(failed)?;
+        if let Some(mode) = forbidden_mode(&metadata, MODE_FORBIDDEN) {
             return Err(KeyError::Open { path: path.to_path_buf(), mode });
         }
         let text = fs::read_to_string(path).map_err(failed)?;
@@ -146,8 +147,11 @@ impl FromStr for PublicKey {
     }
 }
 
-#[cfg(test)]
+// Modes of files are of Unix.
+#[cfg(all(test, unix))]
 mod tests {
+    use std::os::unix::fs::PermissionsExt;
+
     use super::*;
 
     #[test]

@@ -13,7 +13,6 @@ use rig_store::{
     Axis, Journal, Move, ReadingFlag, ReadingRecord, Record, RunKind, Store, Sweep, SweepOutcome,
     SweepPurpose,
 };
-use rustix::time::{ClockId, clock_gettime};
 
 /// Records that are each made durable.
 const EACH: usize = 500;
@@ -48,8 +47,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// The time for which the processor has worked for this thread, also in the system.
 fn processor_time() -> Duration {
-    let time = clock_gettime(ClockId::ThreadCPUTime);
-    Duration::new(time.tv_sec.unsigned_abs(), u32::try_from(time.tv_nsec).unwrap_or(0))
+    rig_system::clocks::of_thread()
 }
 
 fn durable(journal: &mut Journal, record: &Record) -> Result<(), rig_store::StoreError> {

@@ -1,10 +1,8 @@
 //! Copies a journal while it may be written.
 
-use std::{
-    fs::{self, File},
-    path::Path,
-};
+use std::{fs, path::Path};
 
+use rig_system::files::{sync_file, sync_folder};
 use rusqlite::{
     Connection,
     backup::{Backup, StepResult},
@@ -51,9 +49,9 @@ pub fn back_up(from: &Path, to: &Path) -> Result<Vec<BackedUpRun>, StoreError> {
     }
     new.close().map_err(|(_, error)| error)?;
     let place = || {
-        File::open(&part)?.sync_all()?;
+        sync_file(&part)?;
         fs::rename(&part, &target)?;
-        File::open(to)?.sync_all()
+        sync_folder(to)
     };
     place().map_err(PathAct::Place.failed(&target))?;
     drop(lock);

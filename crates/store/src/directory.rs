@@ -1,10 +1,8 @@
 //! Directories and copies that outlive a power cut.
 
-use std::{
-    fs::{self, File},
-    io,
-    path::Path,
-};
+use std::{fs, io, path::Path};
+
+use rig_system::files::{sync_file, sync_folder};
 
 /// Copies what stands beside a journal, if it is there: a file, or a folder with its files and without the folders in it.
 /// The copy is on the disk when this returns.
@@ -20,13 +18,13 @@ pub fn copy_beside(from: &Path, to: &Path) -> io::Result<()> {
                 copy_beside(&entry.path(), &to.join(entry.file_name()))?;
             }
         }
-        return File::open(to)?.sync_all();
+        return sync_folder(to);
     }
     match fs::copy(from, to) {
         Err(error) if error.kind() == io::ErrorKind::NotFound && !from.exists() => Ok(()),
         copied => {
             copied?;
-            File::open(to)?.sync_all()
+            sync_file(to)
         }
     }
 }
@@ -43,8 +41,7 @@ pub fn make_directory(directory: &Path) -> io::Result<()> {
         .collect();
     fs::create_dir_all(directory)?;
     for made in missing {
-        let above = made.parent().filter(|above| !above.as_os_str().is_empty());
-        File::open(above.unwrap_or(Path::new(".")))?.sync_all()?;
+        sync_folder(made.parent().unwrap_or(Path::new("")))?;
     }
     Ok(())
 }

@@ -2,10 +2,11 @@
 
 use std::{
     ffi::{OsStr, OsString},
-    fs::{self, File},
-    io,
+    fs, io,
     path::Path,
 };
+
+use rig_system::files::sync_folder;
 
 use crate::{
     BackedUpRun, PathAct, StoreError, backup, copy_beside, lock, lock::DirectoryLock, schema,
@@ -76,7 +77,7 @@ fn place(backup: &Path, stage: &Path, to: &Path, beside: &[&str]) -> io::Result<
             fs::rename(&staged, placed)?;
         }
     }
-    File::open(to)?.sync_all()?;
+    sync_folder(to)?;
     fs::rename(schema::database(stage), schema::database(to))?;
-    File::open(to)?.sync_all()
+    sync_folder(to)
 }

@@ -20,6 +20,7 @@ use tokio::{
     task::JoinSet,
 };
 
+use super::{ServeError, Server};
 use crate::{PortId, SimHandle, SimPort};
 
 const MESSAGE: u8 = b'>';
@@ -42,6 +43,21 @@ pub(super) struct Socket {
     path: PathBuf,
     /// The system reads and writes whole packets on it, as its type of socket says.
     listener: UnixListener,
+}
+
+impl Server {
+    /// Serves the analyzer on a socket of whole packets at this path, in place of the device file of an instrument on
+    /// USB. [`SOCK_SEQPACKET`](https://man7.org/linux/man-pages/man7/unix.7.html) is of Linux.
+    ///
+    /// # Errors
+    /// [`ServeError::Socket`].
+    pub fn open_usbtmc(&mut self, path: &Path) -> Result<(), ServeError> {
+        let fail = |source| ServeError::Socket { path: path.to_owned(), source };
+        let socket = Socket::open(path).map_err(fail)?;
+        let handle = self.handle.clone();
+        self.tasks.spawn(async move { socket.serve(&handle).await });
+        Ok(())
+    }
 }
 
 impl Socket {

@@ -40,6 +40,8 @@ enum PortFault {
     DrivesOnUsb,
     #[error("usbtmc = \"{text}\" is not a device file")]
     NoDeviceFile { text: String },
+    #[error("serial = \"{path}\" waits for the carrier of a modem")]
+    WaitsForCarrier { path: String },
     #[error("usbtmc needs the driver of Linux, and this system is {system}")]
     UsbWithoutLinux { system: String },
     #[error("{key} is for a serial port")]
@@ -65,6 +67,9 @@ impl Complaint for PortFault {
             }
             Self::NoDeviceFile { .. } => {
                 "name the device file, such as \"/dev/usbtmc0\"; `rigd ports` shows it".into()
+            }
+            Self::WaitsForCarrier { path } => {
+                format!("write serial = \"{}\"", path.replacen("/dev/tty.", "/dev/cu.", 1))
             }
             Self::UsbWithoutLinux { .. } => {
                 "write { tcp = \"host:port\" } for an instrument on the network".into()
@@ -160,6 +165,8 @@ fn refuse_values(table: &Table<'_>, written: &Written) {
         Written { serial: Some(serial), tcp: None, usbtmc: None, baud, .. } => {
             if is_address(&serial.value) && !serial.value.contains('/') {
                 table.refuse(serial, &PortFault::NotADevice { address: serial.value.clone() });
+            } else if let Some(fault) = serial_fault(&serial.value, std::env::consts::OS) {
+                table.refuse(serial, &fault);
             } else if baud.is_none() {
                 table.refuse(serial, &PortFault::NoBaud);
             }
@@ -187,6 +194,12 @@ fn refuse_values(table: &Table<'_>, written: &Written) {
             table.refuse(location, &PortFault::NotSerial { key });
         }
     }
+}
+
+/// Why a system of this name does not open this as a serial port. macOS has two files for each.
+fn serial_fault(path: &str, system: &str) -> Option<PortFault> {
+    let waits = system == "macos" && path.starts_with("/dev/tty.");
+    waits.then(|| PortFault::WaitsForCarrier { path: path.to_owned() })
 }
 
 /// Why a system of this name cannot open this as an instrument on USB.
@@ -224,6 +237,22 @@ fn is_address(address: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_port_of_macos_is_the_one_that_waits_for_no_carrier() {
+        let tty = "/dev/tty.usbserial-A1";
+        let fault = serial_fault(tty, "macos").unwrap();
+        assert_eq!(
+            fault.to_string(),
+            "serial = \"/dev/tty.usbserial-A1\" waits for the carrier of a modem"
+        );
+        assert_eq!(fault.suggestion().unwrap(), "write serial = \"/dev/cu.usbserial-A1\"");
+        for (path, system) in
+            [("/dev/cu.usbserial-A1", "macos"), (tty, "linux"), ("COM3", "windows")]
+        {
+            assert_eq!(serial_fault(path, system), None);
+        }
+    }
 
     #[test]
     fn an_instrument_on_usb_is_for_linux_which_has_its_driver() {

@@ -76,6 +76,11 @@ fn a_port_takes_the_settings_of_its_device() {
     let line = LineSettings { parity: Parity::Odd, baud: 9600, stop_bits: StopBits::One };
     let serial = PortFile::Serial { path: "/dev/ttyS0".into(), line };
     check("{ serial = \"/dev/ttyS0\", baud = 9600, parity = \"odd\" }", Ok(serial));
+    for path in ["COM3", "COM10", r"\\.\COM10", "/dev/cu.usbserial-1410", "/dev/cu.SLAB_USBtoUART"]
+    {
+        let serial = PortFile::Serial { path: path.into(), line };
+        check(&format!("{{ serial = '{path}', baud = 9600, parity = \"odd\" }}"), Ok(serial));
+    }
     let tcp = PortFile::Tcp { address: "[::1]:502".into() };
     check("{ tcp = \"[::1]:502\" }", Ok(tcp));
     check("{}", Err("a port is serial or tcp"));

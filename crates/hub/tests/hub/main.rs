@@ -1,5 +1,7 @@
 //! The hub on a real PostgreSQL, which these tests start in a directory of their own.
 
+// The tests start servers by a shell of Unix.
+#![cfg(unix)]
 #![expect(clippy::unwrap_used, reason = "a test may stop where it stands")]
 
 mod access;

@@ -7,6 +7,7 @@ use std::{
 };
 
 use rig_store::{Digest, Reader, Run, RunId, StoreError};
+use rig_system::files::{sync_file, sync_folder};
 use serde::{Deserialize, Serialize};
 use sha2::Digest as _;
 
@@ -161,7 +162,7 @@ pub(super) fn list(place: &Path, run: &Run, parts: &[(RunId, Digest)]) -> Result
 /// Puts every file and directory below a directory on the disk.
 pub(super) fn flush(place: &Path) -> Result<(), ArchiveError> {
     for path in files_in(place)? {
-        File::open(&path).and_then(|file| file.sync_all()).map_err(failed(&path))?;
+        sync_file(&path).map_err(failed(&path))?;
         let within = path.ancestors().skip(1).take_while(|above| above.starts_with(place));
         within.into_iter().try_for_each(flush_directory)?;
     }
@@ -169,7 +170,7 @@ pub(super) fn flush(place: &Path) -> Result<(), ArchiveError> {
 }
 
 pub(super) fn flush_directory(directory: &Path) -> Result<(), ArchiveError> {
-    File::open(directory).and_then(|file| file.sync_all()).map_err(failed(directory))
+    sync_folder(directory).map_err(failed(directory))
 }
 
 /// Removes a folder if each of its files has a copy with the same bytes. Returns whether it is gone.

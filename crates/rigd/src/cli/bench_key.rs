@@ -4,8 +4,12 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 use rig_ship::BenchKey;
+use rig_system::files::protection;
 
-use super::{Failure, table::print};
+use super::{
+    Failure,
+    table::{note, print},
+};
 
 #[derive(Debug, Args)]
 pub(super) struct BenchKeyArgs {
@@ -29,7 +33,13 @@ enum BenchKeyCommand {
 
 pub(super) fn bench_key(args: &BenchKeyArgs) -> Result<(), Failure> {
     let key = match &args.command {
-        BenchKeyCommand::New { file } => BenchKey::make(file)?,
+        BenchKeyCommand::New { file } => {
+            let key = BenchKey::make(file)?;
+            if let Some(text) = protection(file) {
+                note(&text);
+            }
+            key
+        }
         BenchKeyCommand::Show { file } => BenchKey::read(file)?,
     };
     print(&key.public())

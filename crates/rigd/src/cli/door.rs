@@ -7,6 +7,7 @@ use std::{
 
 use axum::Router;
 use listenfd::ListenFd;
+use rig_system::network::TAKES_PORT_OF_ENDED_PROGRAM;
 use tokio::{
     net::{TcpListener, TcpSocket},
     task::JoinHandle,
@@ -140,7 +141,7 @@ const BACKLOG: u32 = 4096;
 fn listen(address: SocketAddr) -> io::Result<TcpListener> {
     let socket = if address.is_ipv4() { TcpSocket::new_v4() } else { TcpSocket::new_v6() }?;
     // The port of a daemon that has just ended can be taken again.
-    socket.set_reuseaddr(true)?;
+    socket.set_reuseaddr(TAKES_PORT_OF_ENDED_PROGRAM)?;
     socket.bind(address)?;
     socket.listen(BACKLOG)
 }

@@ -6,13 +6,13 @@
 //! the rig is closed as after a signal.
 
 use std::{
-    os::unix::process::CommandExt,
     path::PathBuf,
     process::{self, Command},
     thread,
     time::Duration,
 };
 
+use rig_system::program::replace_by;
 use tokio::{
     runtime::{self, Handle},
     sync::{oneshot, watch},
@@ -31,6 +31,9 @@ const ASK: Duration = Duration::from_secs(1);
 /// closed.
 const HTTP_SILENT_AFTER: u32 = 5;
 const HTTP_GIVEN_UP_AFTER: u32 = 30;
+
+/// Exit code of a program that does not know that the probe is clear.
+const NOT_CLEAR: i32 = 4;
 
 /// What `rigd safe` is called with.
 #[derive(Debug, Clone)]
@@ -72,12 +75,12 @@ fn replace(way_out: &WayOut, silence: Silence) {
     if silence.doing != Doing::Recording {
         safe.arg("--data").arg(&way_out.data);
     }
-    let error = safe.exec();
+    let error = replace_by(safe, NOT_CLEAR);
     say(&format!(
         "rigd: {silence}, and `rigd safe` cannot be started: {error}. The drives may still carry out \
          their last command. First check by eye where the probe is; then `rigd home` retracts it"
     ));
-    process::exit(4);
+    process::exit(NOT_CLEAR);
 }
 
 /// Watches over the server that runs on `http`.

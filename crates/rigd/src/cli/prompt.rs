@@ -90,8 +90,7 @@ fn ask(text: &str) {
 fn forget_input() {
     let stdin = io::stdin();
     if stdin.is_terminal() {
-        // If this fails, the read fails too.
-        _ = rustix::termios::tcflush(&stdin, rustix::termios::QueueSelector::IFlush);
+        rig_system::terminal::forget_input();
     }
 }
 

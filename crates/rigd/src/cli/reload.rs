@@ -13,7 +13,7 @@ use std::{collections::BTreeMap, future::pending, path::PathBuf};
 
 use rig_files::service_file::NotificationsFile;
 use rig_model::with_causes;
-use tokio::{signal::unix::Signal, sync::watch, task::spawn_blocking};
+use tokio::{sync::watch, task::spawn_blocking};
 use tokio_util::sync::CancellationToken;
 
 use super::{
@@ -22,6 +22,7 @@ use super::{
     manager,
     screen::say,
     settings::{ServiceArgs, Settings},
+    signals::Hangups,
 };
 use crate::{
     files::FileError,
@@ -85,7 +86,7 @@ impl Reloader {
     /// Carries out reloads until `ending`, and gives back who tells people what happens.
     pub(super) async fn serve(
         mut self,
-        mut hangups: Option<Signal>,
+        mut hangups: Option<Hangups>,
         ending: CancellationToken,
     ) -> Option<Notifier> {
         let mut requests = self.shared.take_reloads();

@@ -9,10 +9,7 @@ use clap::Args;
 use rig_engine::{Command, RefusalAnswer, RefusedTouch, RunStatus};
 use rig_model::with_causes;
 use rig_store::{Ending, Reader, RunId};
-use tokio::{
-    signal::unix::{Signal, SignalKind, signal},
-    time::MissedTickBehavior,
-};
+use tokio::time::MissedTickBehavior;
 
 use super::{
     Failure,
@@ -21,6 +18,7 @@ use super::{
     prompt::Terminal,
     runs, screen,
     session::{LeftInContact, Session, latched, with_rig},
+    signals::Resizes,
     table::note,
 };
 use crate::{
@@ -208,7 +206,7 @@ async fn replay(
     journal: Option<&Path>,
 ) -> Result<(RunId, RunStatus, Status), Failure> {
     let mut terminal = if bench.is_simulated { None } else { Some(open_terminal()?) };
-    let (mut resizes, mut resized) = (resizes()?, None);
+    let (mut resizes, mut resized) = (Resizes::listen()?, None);
     let run = begin(session, order).await?;
     let mut touches = journal.map(|data| Touches::new(data, run, &session.status.borrow()));
     let mut redraw = tokio::time::interval(REDRAW_INTERVAL);
@@ -247,7 +245,7 @@ async fn replay(
                     session.repeat_advice();
                 }
             }
-            _ = resizes.recv() => resized = Some(Instant::now()),
+            () = resizes.next() => resized = Some(Instant::now()),
             () = session.signals.next() => {
                 screen::show_progress("");
                 session.end_early().await?;
@@ -285,12 +283,6 @@ const RESIZE_PAUSE: Duration = Duration::from_millis(200);
 
 fn open_terminal() -> Result<Terminal, Failure> {
     Terminal::open().map_err(|source| Failure::System { what: "terminal", source })
-}
-
-/// That the terminal has another size.
-fn resizes() -> Result<Signal, Failure> {
-    signal(SignalKind::window_change())
-        .map_err(|source| Failure::System { what: "signals", source })
 }
 
 /// Asks what to do after a refused touch.

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use rig_model::{Clearance, Position};
+use rig_system::program::wait_for_the_replaced;
 use serde::Serialize;
 
 use super::{
@@ -58,6 +59,7 @@ struct SafeView {
 }
 
 pub(super) fn safe(args: &SafeArgs) -> Result<(), Failure> {
+    wait_for_the_replaced();
     let operator = args.operator.name();
     let out = make_safe(args.rig.load()?, args.data.as_deref(), operator.as_str())?;
     for fault in &out.faults {

@@ -10,6 +10,7 @@ use std::{
     sync::{Mutex, MutexGuard, PoisonError},
 };
 
+use rig_system::terminal;
 use unicode_width::{UnicodeWidthChar, UnicodeWidthStr};
 
 /// Width if the system does not report one.
@@ -27,13 +28,11 @@ struct Screen {
 /// Columns of the terminal, if stderr is one on which a line can be drawn again.
 pub(super) fn columns() -> Option<usize> {
     let stderr = io::stderr();
-    if !stderr.is_terminal() || env::var_os("TERM").is_some_and(|term| term == "dumb") {
+    let is_dumb = env::var_os("TERM").is_some_and(|term| term == "dumb");
+    if !stderr.is_terminal() || is_dumb || !terminal::can_redraw() {
         return None;
     }
-    let size = rustix::termios::tcgetwinsize(&stderr).ok();
-    Some(
-        size.map(|size| usize::from(size.ws_col)).filter(|&columns| columns > 0).unwrap_or(COLUMNS),
-    )
+    Some(terminal::columns().unwrap_or(COLUMNS))
 }
 
 /// A colour of the terminal. It repeats what a word or a mark says.

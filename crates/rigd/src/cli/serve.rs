@@ -11,6 +11,7 @@ use clap::Args;
 use jiff::Timestamp;
 use rig_files::service_file::TlsFile;
 use rig_store::{Reader, StoreError};
+use rig_system::files::protection;
 use tokio::runtime::Handle;
 use tokio_util::sync::CancellationToken;
 
@@ -73,7 +74,7 @@ const READING_TIME: Duration = Duration::from_secs(1);
 
 /// Lowers the priority of the calling thread; threads that it begins have it too.
 fn give_way(by: i32) {
-    if let Err(error) = rustix::process::nice(by) {
+    if let Err(error) = rig_system::priority::give_way(by) {
         tracing::warn!(%error, "a thread that serves clients has the priority of the rig thread");
     }
 }
@@ -121,6 +122,7 @@ impl Daemon {
         let secret = Secret::new().map_err(|source| Failure::System { what: "secret", source })?;
         let settings = Settings::settle(&args.bench, &args.service)?;
         settings.say();
+        say_protection(&settings);
         let listening = Listening::of(settings.listen.value)?;
         let access = access(&settings, listening.address(), args.bench.operator.name(), &secret)?;
         let (tls, targets) = (tls(&settings, listening.address())?, settings.targets()?);
@@ -206,6 +208,18 @@ impl Daemon {
             () = signals.next() => {}
         }
         Ok(())
+    }
+}
+
+/// Says what protects the files with secrets, where rigd does not see to it itself.
+fn say_protection(settings: &Settings) {
+    let key = match &settings.tls.value {
+        TlsFile::Files { key, .. } => Some(key),
+        TlsFile::Off | TlsFile::SelfSigned => None,
+    };
+    let files = [Some(&settings.data.value), settings.token_file.value.as_ref(), key];
+    for text in files.into_iter().flatten().filter_map(|path| protection(path)) {
+        say(&format!("rigd: {text}"));
     }
 }
 

@@ -4,6 +4,7 @@ use std::process::{Command, Stdio};
 
 use clap::{Args, Subcommand};
 use jiff::Timestamp;
+use rig_system::files::protection;
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -73,6 +74,9 @@ pub(super) fn token(args: &TokenArgs) -> Result<(), Failure> {
                  again",
                 role.name()
             ));
+            if let Some(text) = protection(&data.dir()) {
+                note(&text);
+            }
             Ok(())
         }
         TokenCommand::List { data, output } => list(data, output),

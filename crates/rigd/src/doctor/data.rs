@@ -29,9 +29,8 @@ pub(super) fn findings(data: &Path, rig: &str) -> Vec<Finding> {
             "choose another with --data, or let this user write there",
         ),
     }
-    match rustix::fs::statvfs(&place) {
-        Ok(system) => {
-            let free_bytes = system.f_bavail.saturating_mul(system.f_frsize);
+    match rig_system::disk::free_bytes(&place) {
+        Ok(free_bytes) => {
             space(&mut findings, free_bytes);
             growth::finding(&mut findings, data, free_bytes);
         }
@@ -40,6 +39,11 @@ pub(super) fn findings(data: &Path, rig: &str) -> Vec<Finding> {
             format!("{}: {error}", place.display()),
             "check the free space there",
         ),
+    }
+    if let Some(text) = rig_system::files::protection(&place) {
+        let advice =
+            "look at the access list of the directory: its files decide who may lead the rig";
+        findings.warning("access", text, advice);
     }
     journal(&mut findings, data, rig);
     findings.all

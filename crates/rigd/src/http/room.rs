@@ -1,6 +1,6 @@
 //! How many clients there is room for.
 
-use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use rig_system::handles;
 
 /// A page and a program have one stream each; this is a crowd of both.
 const STREAMS_MAX: usize = 1024;
@@ -25,7 +25,7 @@ pub(super) struct Room {
 impl Room {
     /// With the handles that the system gives this program.
     pub(super) fn now() -> Self {
-        Self::with(getrlimit(Resource::Nofile).current)
+        Self::with(handles::limit())
     }
 
     fn with(handles: Option<u64>) -> Self {
@@ -39,8 +39,7 @@ impl Room {
 
 /// Takes as many handles as the system allows: the usual limit is made for programs that use `select`.
 pub(crate) fn take_handles() {
-    let Rlimit { maximum, .. } = getrlimit(Resource::Nofile);
-    if let Err(error) = setrlimit(Resource::Nofile, Rlimit { current: maximum, maximum }) {
+    if let Err(error) = handles::take_all() {
         tracing::warn!(%error, "the number of handles of this program cannot be raised");
     }
 }

@@ -132,8 +132,7 @@ fn arrived_at(stream: &TcpStream) -> Option<IpAddr> {
 
 /// Makes the system close a connection whose client has vanished or does not read.
 fn watch_over(stream: &TcpStream) {
-    let unheard_ms = u32::try_from(UNHEARD_TIME.as_millis()).unwrap_or(u32::MAX);
-    if let Err(error) = rustix::net::sockopt::set_tcp_user_timeout(stream, unheard_ms) {
+    if let Err(error) = rig_system::network::limit_silence(stream, UNHEARD_TIME) {
         tracing::debug!(%error, "a connection has no limit for vanished clients");
     }
 }

@@ -4,7 +4,6 @@ use std::{
     fmt,
     fs::{self, File},
     io::{self, Write},
-    os::unix::fs::{MetadataExt, OpenOptionsExt},
     path::{Path, PathBuf},
     sync::{Arc, Mutex, PoisonError},
     time::Duration,
@@ -13,6 +12,7 @@ use std::{
 use jiff::Timestamp;
 use rcgen::{CertificateParams, DnType, KeyPair};
 use rig_hub::{read_certificates, read_key};
+use rig_system::files::{self, with_mode};
 use tokio::{net::TcpStream, time::timeout};
 use tokio_rustls::{
     TlsAcceptor,
@@ -133,13 +133,14 @@ impl Tls {
 
 fn write(path: &Path, text: &str, mode: u32) -> io::Result<()> {
     _ = fs::remove_file(path);
-    let mut file = File::options().create_new(true).write(true).mode(mode).open(path)?;
+    let mut options = File::options();
+    let mut file = with_mode(options.create_new(true).write(true), mode).open(path)?;
     file.write_all(text.as_bytes())?;
     file.sync_all()
 }
 
 /// Tells one state of the two files from another.
-type Stamp = [Option<(u64, i64, i64)>; 2];
+type Stamp = [Option<files::Stamp>; 2];
 
 #[derive(Debug)]
 struct Files {
@@ -149,10 +150,8 @@ struct Files {
 
 impl Files {
     fn stamp(&self) -> Stamp {
-        [&self.certificate, &self.key].map(|path| {
-            let file = fs::metadata(path).ok()?;
-            Some((file.ino(), file.mtime(), file.mtime_nsec()))
-        })
+        let stamp = |path: &PathBuf| Some(files::Stamp::of(&fs::metadata(path).ok()?));
+        [stamp(&self.certificate), stamp(&self.key)]
     }
 
     fn read(&self, provider: &CryptoProvider) -> Result<Arc<CertifiedKey>, TlsError> {

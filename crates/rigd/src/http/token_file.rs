@@ -3,10 +3,10 @@
 use std::{
     fmt, fs,
     io::{self, Read},
-    os::unix::fs::PermissionsExt,
     path::{Path, PathBuf},
 };
 
+use rig_system::files::forbidden_mode;
 use subtle::ConstantTimeEq;
 
 /// A shorter secret could be guessed over the network.
@@ -64,8 +64,8 @@ impl Token {
         let failed = |source| TokenError::File { path: path.to_path_buf(), source };
         let file = fs::File::open(path).map_err(failed)?;
         // Of the open file, even if the path now names another one.
-        let mode = file.metadata().map_err(failed)?.permissions().mode() & 0o777;
-        if mode & MODE_FORBIDDEN != 0 {
+        let metadata = file.metadata().map_err(failed)?;
+        if let Some(mode) = forbidden_mode(&metadata, MODE_FORBIDDEN) {
             return Err(TokenError::Open { path: path.to_path_buf(), mode });
         }
         let mut bytes = Vec::new();
@@ -103,8 +103,11 @@ impl fmt::Debug for Token {
     }
 }
 
-#[cfg(test)]
+// Modes of files are of Unix.
+#[cfg(all(test, unix))]
 mod tests {
+    use std::os::unix::fs::PermissionsExt;
+
     use super::*;
 
     #[test]

@@ -5,7 +5,7 @@
 
 use std::time::{Duration, SystemTime};
 
-use rustix::time::{ClockId, clock_gettime};
+use rig_system::clocks;
 
 /// Interval at which the rig thread wakes at least.
 pub(super) const BEAT: Duration = Duration::from_millis(100);
@@ -36,8 +36,7 @@ pub(super) struct Noticed {
 
 impl Heartbeat {
     pub(super) fn now() -> Self {
-        let running = clock_gettime(ClockId::Boottime).try_into().unwrap_or_default();
-        Self { running, wall: SystemTime::now() }
+        Self { running: clocks::running(), wall: SystemTime::now() }
     }
 
     /// The next wake.

@@ -1,11 +1,11 @@
 //! Inspects each device of a rig separately, so that a fault of one does not hide the others.
 //! Nothing moves, nothing is written into a drive, and no journal is needed.
 
-use std::{fs, path::Path};
+use std::path::Path;
 
 use rig_analyzer::{Analyzer, AnalyzerError};
 use rig_files::rig_file::{PortFile, RigFile};
-use rig_link::{Clock, Flow, Holder, Port, Transcript, attached_ports};
+use rig_link::{Clock, Flow, Holder, Port, Transcript, attached_ports, device_of};
 use rig_model::{Axis, DriveLevel, PortKind, RigLimits, Unit};
 use rig_stage::{Alarm, AxisStatus, BusHandle, Look, Stage, StageError};
 
@@ -250,7 +250,7 @@ fn port_facts(name: &str, intruders: Vec<Holder>, transcript: &Transcript) -> Po
 
 /// `None` for a path that is not a serial port of this computer.
 fn adapter_delay_ms(path: &Path) -> Option<u32> {
-    let device = fs::canonicalize(path).ok()?;
+    let device = device_of(path)?;
     attached_ports().into_iter().find(|port| Path::new(&port.device) == device)?.latency_ms
 }
 

@@ -20,7 +20,7 @@ use rig_interlock::Proven;
 use rig_link::{Clock, Transcript};
 use rig_model::{Mm, Position, RigTime};
 use rig_store::{ClockJumped, Record, Store};
-use rustix::time::{ClockId, clock_gettime};
+use rig_system::clocks;
 use tokio::sync::{mpsc, oneshot, watch};
 
 use super::{
@@ -317,9 +317,10 @@ impl Shell {
     }
 
     fn think<T>(&mut self, decide: impl FnOnce(&mut Engine, RigTime) -> T) -> T {
-        let begun = is_traced().then(processor_time);
+        let begun = is_traced().then(clocks::of_thread);
         let decision = decide(&mut self.engine, self.clock.now());
-        self.thought = begun.map_or(Duration::ZERO, |begun| processor_time().saturating_sub(begun));
+        self.thought =
+            begun.map_or(Duration::ZERO, |begun| clocks::of_thread().saturating_sub(begun));
         decision
     }
 
@@ -442,11 +443,6 @@ impl Shell {
 /// Whether somebody reads the processor time of decisions.
 fn is_traced() -> bool {
     tracing::enabled!(target: "rigd::planned", tracing::Level::TRACE)
-}
-
-/// Processor time of this thread, which does not depend on other load.
-fn processor_time() -> Duration {
-    clock_gettime(ClockId::ThreadCPUTime).try_into().unwrap_or_default()
 }
 
 /// Waits for the next beat; for ever in virtual time, which waiting would only move on.

@@ -17,8 +17,7 @@ pub(crate) fn check(data: Option<&Path>, run_bytes: u64) -> Result<(), RequestRe
 
 /// Free space of the file system of a directory, bytes; none if the system does not say.
 pub(crate) fn free_bytes(data: &Path) -> Option<u64> {
-    let system = rustix::fs::statvfs(data).ok()?;
-    Some(system.f_bavail.saturating_mul(system.f_frsize))
+    rig_system::disk::free_bytes(data).ok()
 }
 
 fn admit(free_bytes: u64, run_bytes: u64) -> Result<(), RequestRefusal> {

@@ -9,10 +9,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use rustix::{
-    fs::{CWD, FlockOperation, RenameFlags, flock, renameat_with},
-    io::Errno,
-};
+use rig_system::files::{FolderTurn, exchange, sync_file, sync_folder};
 
 /// Files that take the place of a folder.
 #[derive(Debug)]
@@ -20,8 +17,8 @@ pub(super) struct StagedFolder {
     to: PathBuf,
     staged: PathBuf,
     names: Vec<String>,
-    /// Holds the lock: one program at a time writes folders beside this one.
-    parent: File,
+    /// One program at a time writes folders beside this one.
+    parent: FolderTurn,
 }
 
 impl StagedFolder {
@@ -30,8 +27,7 @@ impl StagedFolder {
         let name = to.file_name().unwrap_or_default().to_string_lossy();
         let (staged, above) = (to.with_file_name(format!(".{name}.new")), parent(to));
         fs::create_dir_all(above)?;
-        let parent = File::open(above)?;
-        flock(&parent, FlockOperation::LockExclusive)?;
+        let parent = FolderTurn::take(above)?;
         // Of a program that was killed while it wrote.
         remove(&staged)?;
         fs::create_dir(&staged)?;
@@ -61,21 +57,9 @@ impl StagedFolder {
                 }
             }
         }
-        File::open(&staged)?.sync_all()?;
-        match renameat_with(CWD, &staged, CWD, &to, RenameFlags::EXCHANGE) {
-            Ok(()) => {}
-            Err(Errno::NOENT) => fs::rename(&staged, &to)?,
-            // Such as on a network file system: for a moment there is no folder.
-            Err(Errno::INVAL | Errno::NOSYS | Errno::NOTSUP) => {
-                let old = staged.with_extension("old");
-                remove(&old)?;
-                fs::rename(&to, &old)?;
-                fs::rename(&staged, &to)?;
-                remove(&old)?;
-            }
-            Err(error) => return Err(error.into()),
-        }
-        parent.sync_all()?;
+        sync_folder(&staged)?;
+        exchange(&staged, &to)?;
+        parent.sync()?;
         remove(&staged)
     }
 }
@@ -102,7 +86,7 @@ pub(crate) fn copy(from: &Path, to: &Path) -> io::Result<()> {
         })
     } else if kind.is_file() {
         fs::copy(from, to)?;
-        File::open(to)?.sync_all()
+        sync_file(to)
     } else {
         Ok(())
     }
