@@ -41,7 +41,7 @@ pub struct RunSummary {
     pub touches_not_reached: usize,
     /// Prompts that were answered.
     pub prompts: u32,
-    /// From beginning to end on the rig's clock, s.
+    /// From beginning to end on the rig's clock, s, without the time from an interruption to the resumption.
     pub rig_seconds: f64,
     /// The duration that was expected at the beginning, least and most, s on the rig's clock; `None`
     /// for a run that was made without an estimate.
