@@ -39,7 +39,8 @@ Exit codes:
   5  a run, a move or a sweep was aborted
   6  a run came to its end, and some of its touches were refused
   7  the journal or the folder of a run is not sound
-  8  the daily check of the bench says look, or not to be trusted";
+  8  the daily check of the bench says look, or not to be trusted
+130  interrupted by Ctrl-C or by another signal to end";
 
 /// Why a command failed, with its exit code.
 #[derive(Debug, thiserror::Error)]
@@ -230,7 +231,7 @@ impl Failure {
             Self::NotSound => 7,
             Self::NotAccepted { .. } => 8,
             Self::Commission(failure) => failure.exit_code(),
-            Self::Interrupted => 130,
+            Self::Interrupted | Self::Left { .. } => 130,
             #[cfg(feature = "simulator")]
             Self::Rehearse(_) => 1,
             Self::RunFiles(_)
@@ -253,7 +254,6 @@ impl Failure {
             | Self::Unidentified { .. }
             | Self::Unfit { .. }
             | Self::Unchecked { .. }
-            | Self::Left { .. }
             | Self::HttpEnded
             | Self::Listen { .. }
             | Self::Sockets { .. }
