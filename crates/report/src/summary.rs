@@ -121,10 +121,13 @@ pub struct StiffnessSummary {
     pub sample: String,
     /// Young's modulus, MPa; none when no touch gave one.
     pub stiffness_mpa: Option<f64>,
-    /// Its standard deviation, those of calibration and model included, MPa.
+    /// Its standard deviation, those of calibration and model included, MPa; none if the sample sets the scale.
     pub sigma_mpa: Option<f64>,
-    /// The parts of its standard deviation by cause.
+    /// The parts of its standard deviation by cause; none if the sample sets the scale.
     pub budget: Option<StiffnessBudget>,
+    /// Whether its touches alone give the factor of the calibration: the stiffness is then the known one again, and no
+    /// measurement of the sample.
+    pub sets_scale: bool,
     /// Known Young's modulus, MPa.
     pub known_mpa: Option<f64>,
     /// Number of touches with a stiffness; of sites, when the angle is unknown.
@@ -314,11 +317,13 @@ impl RunResults {
         });
         let stiffness = |stiffness: &Stiffness, sample: usize| {
             let (found, basis) = (stiffness.of_sample(sample), stiffness.basis(data, sample));
+            let measured = found.filter(|found| !found.sets_scale);
             StiffnessSummary {
                 sample: data.samples()[sample].name.clone(),
                 stiffness_mpa: found.map(|found| found.young_mpa),
-                sigma_mpa: found.map(|found| found.sigma_mpa),
-                budget: found.map(|found| StiffnessBudget::of(&found.budget, found.young_mpa)),
+                sigma_mpa: measured.map(|found| found.sigma_mpa),
+                budget: measured.map(|found| StiffnessBudget::of(&found.budget, found.young_mpa)),
+                sets_scale: found.is_some_and(|found| found.sets_scale),
                 known_mpa: data.samples()[sample].stiffness_mpa,
                 used: basis.used,
                 planned: basis.planned,
