@@ -72,6 +72,8 @@ pub(super) enum Failure {
     NoSoak,
     #[error("data directory {}", data.display())]
     Data { data: PathBuf, source: StoreError },
+    #[error("data directory {}: the list of its runs cannot be read, so that nothing is copied", data.display())]
+    NothingReadable { data: PathBuf, source: StoreError },
     #[error(transparent)]
     Store(#[from] StoreError),
     #[error(transparent)]
@@ -167,6 +169,8 @@ pub(super) enum Failure {
     NoFolder { what: &'static str },
     #[error("run {run} has no sweep {number}; `rigd export {run} --format sweeps` lists them")]
     NoSweep { run: String, number: u64 },
+    #[error("{}: there is a file already, and it is not {kind}; it is left as it is", path.display())]
+    Kept { path: PathBuf, kind: &'static str },
     #[error("{}", path.display())]
     File { path: PathBuf, source: io::Error },
     #[error(transparent)]
@@ -244,6 +248,7 @@ impl Failure {
             | Self::Daemon(_)
             | Self::Open(_)
             | Self::Data { .. }
+            | Self::NothingReadable { .. }
             | Self::Store(_)
             | Self::Export(_)
             | Self::Transcript { .. }
@@ -258,6 +263,7 @@ impl Failure {
             | Self::Listen { .. }
             | Self::Sockets { .. }
             | Self::Socket { .. }
+            | Self::Kept { .. }
             | Self::File { .. }
             | Self::System { .. } => 1,
         }
@@ -311,6 +317,11 @@ impl Failure {
             | Self::Open(OpenError::Data { source: StoreError::Damaged(_), .. }) => {
                 Some("`rigd salvage NEW --data DIR` copies the readable part to a new directory")
             }
+            Self::Kept { .. } => Some("name another file with --out, or remove this one"),
+            Self::NothingReadable { .. } => Some(
+                "keep the directory, and `rigd restore BACKUP --data NEW` if there is a backup; a report that was written before \
+                 is in the directory",
+            ),
             Self::Store(StoreError::Io(_))
             | Self::RunFiles(RunFilesError::Store(StoreError::Io(_))) => {
                 Some("check the disk of the data directory")
