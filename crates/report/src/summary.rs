@@ -155,6 +155,23 @@ pub struct CalibrationSummary {
     pub resonance_ratio: f64,
 }
 
+impl StiffnessSummary {
+    fn of(stiffness: &Stiffness, data: &RunData, sample: usize) -> Self {
+        let (found, basis) = (stiffness.of_sample(sample), stiffness.basis(data, sample));
+        let measured = found.filter(|found| !found.sets_scale);
+        Self {
+            sample: data.samples()[sample].name.clone(),
+            stiffness_mpa: found.map(|found| found.young_mpa),
+            sigma_mpa: measured.map(|found| found.sigma_mpa),
+            budget: measured.map(|found| StiffnessBudget::of(&found.budget, found.young_mpa)),
+            sets_scale: found.is_some_and(|found| found.sets_scale),
+            known_mpa: data.samples()[sample].stiffness_mpa,
+            used: basis.used,
+            planned: basis.planned,
+        }
+    }
+}
+
 impl CalibrationSummary {
     fn of(calibration: &RunCalibration) -> Self {
         let (samples, angle_deg) = match calibration.source {
@@ -315,20 +332,6 @@ impl RunResults {
             let (trials, correct, rate) = (score.trials, score.correct, score.rate()?);
             Some(ClassificationSummary { trials, correct, rate })
         });
-        let stiffness = |stiffness: &Stiffness, sample: usize| {
-            let (found, basis) = (stiffness.of_sample(sample), stiffness.basis(data, sample));
-            let measured = found.filter(|found| !found.sets_scale);
-            StiffnessSummary {
-                sample: data.samples()[sample].name.clone(),
-                stiffness_mpa: found.map(|found| found.young_mpa),
-                sigma_mpa: measured.map(|found| found.sigma_mpa),
-                budget: measured.map(|found| StiffnessBudget::of(&found.budget, found.young_mpa)),
-                sets_scale: found.is_some_and(|found| found.sets_scale),
-                known_mpa: data.samples()[sample].stiffness_mpa,
-                used: basis.used,
-                planned: basis.planned,
-            }
-        };
         let statuses = self.touches.iter().map(|row| row.status);
         let Tally { planned, measured, refused, skipped, not_reached } = Tally::of(statuses);
         let recognition = |found: &Recognition| {
@@ -364,7 +367,11 @@ impl RunResults {
             stiffness: self
                 .stiffness
                 .iter()
-                .flat_map(|found| self.samples().into_iter().map(|sample| stiffness(found, sample)))
+                .flat_map(|found| {
+                    self.samples()
+                        .into_iter()
+                        .map(|sample| StiffnessSummary::of(found, data, sample))
+                })
                 .collect(),
             calibration: (self.stiffness.as_ref().ok())
                 .map(|found| CalibrationSummary::of(&found.calibration)),

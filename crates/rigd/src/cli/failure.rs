@@ -295,6 +295,9 @@ fn code_of(refusal: &RequestRefusal) -> u8 {
 pub(crate) const SALVAGE: &str =
     "keep the directory; `rigd salvage NEW --data DIR` copies what verifies to a new one";
 
+const NOTHING_READABLE: &str = "keep the directory, and `rigd restore BACKUP --data NEW` if there is a backup; a report that was written \
+                                before is in the directory";
+
 const NO_RIG_FILE: &str = "give a rig file with --rig; without --rig, rigd looks in /etc/rigd, in ~/.config/rigd, and for the \
                            shipped one here";
 
@@ -318,10 +321,7 @@ impl Failure {
                 Some("`rigd salvage NEW --data DIR` copies the readable part to a new directory")
             }
             Self::Kept { .. } => Some("name another file with --out, or remove this one"),
-            Self::NothingReadable { .. } => Some(
-                "keep the directory, and `rigd restore BACKUP --data NEW` if there is a backup; a report that was written before \
-                 is in the directory",
-            ),
+            Self::NothingReadable { .. } => Some(NOTHING_READABLE),
             Self::Store(StoreError::Io(_))
             | Self::RunFiles(RunFilesError::Store(StoreError::Io(_))) => {
                 Some("check the disk of the data directory")
