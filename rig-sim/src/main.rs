@@ -11,6 +11,7 @@ use clap::{
     Args, Parser, Subcommand,
     builder::{PossibleValuesParser, TypedValueParser},
 };
+use rig_files::FileKind;
 use rig_model::{AnalyzerMake, DriveMake, with_causes};
 use rig_sim::{
     AxisWiring, LineTransport, SimRig, Wiring, scene,
@@ -185,7 +186,11 @@ fn load(path: &Path) -> Result<Scene, String> {
     let name = path.display().to_string();
     let bytes = std::fs::read(path).map_err(|error| format!("{name}: {error}"))?;
     let text = rig_files::settings::text(&name, &bytes);
-    text.and_then(|text| scene::read(&name, text)).map_err(|faults| faults.to_string())
+    let scene = text.and_then(|text| {
+        FileKind::Scene.expect(&name, text)?;
+        scene::read(&name, text)
+    });
+    scene.map_err(|faults| faults.to_string())
 }
 
 async fn serve(args: &Serve, scene: Scene) -> Result<(), Failure> {
@@ -287,5 +292,13 @@ mod tests {
         for make in makes.chain(DriveMake::ALL.iter().map(|make| make.name())) {
             assert!(readme.contains(&format!("`{make}`")), "{make} is not in README.md");
         }
+    }
+
+    #[test]
+    fn a_file_of_another_kind_is_told_so() {
+        let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../config");
+        let said = load(&config.join("rigs/simulated.toml")).unwrap_err();
+        assert!(said.contains("this looks like a rig file, not like a scene file"), "{said}");
+        load(&config.join("scenes/paper.toml")).unwrap();
     }
 }

@@ -67,6 +67,9 @@ pub struct RunSample {
     pub spread_mpa: Option<f64>,
     /// Known Young's modulus, MPa.
     pub known_mpa: Option<f64>,
+    /// Whether its touches alone give the factor of the run. Its stiffness is then the known one again, its
+    /// standard deviation is that of nothing measured, and neither is to be stated.
+    pub sets_scale: bool,
     /// Number of touches or sites with a stiffness.
     pub touches: usize,
 }

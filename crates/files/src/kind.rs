@@ -38,7 +38,7 @@ impl Complaint for OtherKind {
             }
             (FileKind::Protocol, FileKind::Sweep) => "`rigd fit` takes sweeps",
             (FileKind::Protocol, _) => "give a protocol file",
-            (FileKind::Scene, _) => "name a scene file in [simulation] of the rig file",
+            (FileKind::Scene, _) => "give a scene file; [simulation] of a rig file names one",
             (FileKind::Analyzer, _) => "name an analyzer file as the dialect of the rig file",
             (FileKind::Drive, _) => "name a drive file as a register_map of the rig file",
             (FileKind::Service, _) => "name the service file with --config",

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use rig_record::{
     Amended, Amendment, BlackBox, Change, CitedCalibration, Clearance, ClockJumped, Confirmed,
     Direction, Expected, Fault, Intent, MoveReason, Prompt, Record, ReferenceJumped,
-    RefusalAnswered, RefusedTouch, Resumed, RetractTried, RunStarted, Sample, Stalled,
+    RefusalAnswered, RefusedTouch, Resumed, RetractTried, RunId, RunStarted, Sample, Stalled,
     StoredRecord, Sweep, SweepOutcome, Touch, TouchSettings, UnreadableRecord,
 };
 
@@ -24,6 +24,8 @@ pub(crate) struct RunData {
     pub(crate) started: Option<RunStarted>,
     /// Time of the last record since the beginning of the run, µs.
     pub(crate) end_us: u64,
+    /// The part of it between an interruption and what ended it, µs.
+    idle_us: u64,
     /// Every sweep, in order, also those of amendments.
     pub(crate) sweeps: Vec<Sweep>,
     /// For each sweep: the time of the run at zero of the clock of its readings, s.
@@ -152,7 +154,8 @@ impl RunData {
         let run = records.first().map(|first| first.run);
         let own = records.iter().rev().find(|record| Some(record.run) == run);
         let end_us = own.map_or(0, |last| last.run_us);
-        let mut data = Self { end_us, epochs: epochs(records), ..Self::default() };
+        let idle_us = run.map_or(0, |run| idle_us(records, run));
+        let mut data = Self { end_us, idle_us, epochs: epochs(records), ..Self::default() };
         for stored in records {
             let mut record = stored.record()?;
             data.confirmed.take(&record);
@@ -176,10 +179,10 @@ impl RunData {
         }
     }
 
-    /// Time from the first record of the run to the last, s: by the rig's clock, and by the wall
-    /// clock while it was interrupted.
+    /// Time from the first record of the run to the last by the rig's clock, s, without the time from an
+    /// interruption to the resumption.
     pub(crate) fn rig_s(&self) -> f64 {
-        self.end_us as f64 / 1e6
+        self.end_us.saturating_sub(self.idle_us) as f64 / 1e6
     }
 
     /// The duration that was expected at the beginning.
@@ -417,6 +420,13 @@ impl PlannedTouch {
             amendments: Vec::new(),
         }
     }
+}
+
+/// Time between the parts of a run, µs: from the last record before it was resumed or given up to that record.
+fn idle_us(records: &[StoredRecord], run: RunId) -> u64 {
+    let own: Vec<_> = records.iter().filter(|record| record.run == run).collect();
+    let pairs = own.windows(2).filter(|pair| matches!(&*pair[1].kind, "resumed" | "given_up"));
+    pairs.map(|pair| pair[1].run_us.saturating_sub(pair[0].run_us)).sum()
 }
 
 /// The epochs of records, in order. Each has a clock of its own.

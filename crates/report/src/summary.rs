@@ -41,7 +41,7 @@ pub struct RunSummary {
     pub touches_not_reached: usize,
     /// Prompts that were answered.
     pub prompts: u32,
-    /// From beginning to end on the rig's clock, s.
+    /// From beginning to end on the rig's clock, s, without the time from an interruption to the resumption.
     pub rig_seconds: f64,
     /// The duration that was expected at the beginning, least and most, s on the rig's clock; `None`
     /// for a run that was made without an estimate.
@@ -122,10 +122,13 @@ pub struct StiffnessSummary {
     pub sample: String,
     /// Young's modulus, MPa; none when no touch gave one.
     pub stiffness_mpa: Option<f64>,
-    /// Its standard deviation, those of calibration and model included, MPa.
+    /// Its standard deviation, those of calibration and model included, MPa; none if the sample sets the scale.
     pub sigma_mpa: Option<f64>,
-    /// The parts of its standard deviation by cause.
+    /// The parts of its standard deviation by cause; none if the sample sets the scale.
     pub budget: Option<StiffnessBudget>,
+    /// Whether its touches alone give the factor of the calibration: the stiffness is then the known one again, and no
+    /// measurement of the sample.
+    pub sets_scale: bool,
     /// Known Young's modulus, MPa.
     pub known_mpa: Option<f64>,
     /// Number of touches with a stiffness; of sites, when the angle is unknown.
@@ -151,6 +154,23 @@ pub struct CalibrationSummary {
     pub is_beyond_description: bool,
     /// Mean free resonance measured, over that of the sensor described. Shifts were divided by it.
     pub resonance_ratio: f64,
+}
+
+impl StiffnessSummary {
+    fn of(stiffness: &Stiffness, data: &RunData, sample: usize) -> Self {
+        let (found, basis) = (stiffness.of_sample(sample), stiffness.basis(data, sample));
+        let measured = found.filter(|found| !found.sets_scale);
+        Self {
+            sample: data.samples()[sample].name.clone(),
+            stiffness_mpa: found.map(|found| found.young_mpa),
+            sigma_mpa: measured.map(|found| found.sigma_mpa),
+            budget: measured.map(|found| StiffnessBudget::of(&found.budget, found.young_mpa)),
+            sets_scale: found.is_some_and(|found| found.sets_scale),
+            known_mpa: data.samples()[sample].stiffness_mpa,
+            used: basis.used,
+            planned: basis.planned,
+        }
+    }
 }
 
 impl CalibrationSummary {
@@ -313,18 +333,6 @@ impl RunResults {
             let (trials, correct, rate) = (score.trials, score.correct, score.rate()?);
             Some(ClassificationSummary { trials, correct, rate })
         });
-        let stiffness = |stiffness: &Stiffness, sample: usize| {
-            let (found, basis) = (stiffness.of_sample(sample), stiffness.basis(data, sample));
-            StiffnessSummary {
-                sample: data.samples()[sample].name.clone(),
-                stiffness_mpa: found.map(|found| found.young_mpa),
-                sigma_mpa: found.map(|found| found.sigma_mpa),
-                budget: found.map(|found| StiffnessBudget::of(&found.budget, found.young_mpa)),
-                known_mpa: data.samples()[sample].stiffness_mpa,
-                used: basis.used,
-                planned: basis.planned,
-            }
-        };
         let statuses = self.touches.iter().map(|row| row.status);
         let Tally { planned, measured, refused, skipped, not_reached } = Tally::of(statuses);
         let recognition = |found: &Recognition| {
@@ -360,7 +368,11 @@ impl RunResults {
             stiffness: self
                 .stiffness
                 .iter()
-                .flat_map(|found| self.samples().into_iter().map(|sample| stiffness(found, sample)))
+                .flat_map(|found| {
+                    self.samples()
+                        .into_iter()
+                        .map(|sample| StiffnessSummary::of(found, data, sample))
+                })
                 .collect(),
             calibration: (self.stiffness.as_ref().ok())
                 .map(|found| CalibrationSummary::of(&found.calibration)),

@@ -187,7 +187,7 @@ fn the_summary_has_the_documented_fields() {
     assert_eq!(fields(&json["classification"]), "correct rate trials");
     assert_eq!(
         fields(&json["stiffness"][0]),
-        "budget known_mpa planned sample sigma_mpa stiffness_mpa used"
+        "budget known_mpa planned sample sets_scale sigma_mpa stiffness_mpa used"
     );
     assert_eq!(
         fields(&json["calibration"]),
@@ -434,6 +434,29 @@ fn a_person_at_a_terminal_reads_a_table() {
         "aborted: 0.0 s of rig time in 4.2 s\n0 of 110 touches measured; 110 not reached\n"
     ));
     assert_eq!(nothing.matches("not reached").count(), 20 * 4 + 1, "{nothing}");
+}
+
+#[test]
+fn a_sample_that_gives_the_factor_alone_has_no_uncertainty_in_any_output() {
+    let mut sample = SampleRun::new(Story::Complete);
+    // Of the first sample, one touch is left; the others are not known.
+    sample.chain.records.retain(|stored| match stored.record().unwrap() {
+        rig_record::Record::TouchResult(touch) => touch.touch.step == "main/1/left/0/1",
+        _ => true,
+    });
+    let results = sample.results();
+    let first = &results.summary().stiffness[0];
+    assert!(first.sets_scale && first.stiffness_mpa.is_some(), "{first:?}");
+    assert_eq!((first.sigma_mpa, &first.budget), (None, &None));
+    let text = results.text();
+    assert!(text.contains("used for the scale") && !text.contains("± 0.000"), "{text}");
+    let html = sample.html();
+    check_markup(&html);
+    assert!(html.contains("<td>used for the scale</td>"));
+    assert!(!html.contains("NaN") && !html.contains("fig-budget") && !html.contains("chart:"));
+    // Another sample, and touches at other angles, are measured by it.
+    let all = SampleRun::new(Story::Complete).results().summary();
+    assert!(all.stiffness.iter().all(|found| !found.sets_scale && found.sigma_mpa.is_some()));
 }
 
 /// The rows of the table of touches by the address of their step.

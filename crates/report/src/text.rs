@@ -1,6 +1,9 @@
 //! The results for a person at a terminal.
 
-use rig_analysis::model::{ModelCheck, Pattern, Verdict};
+use rig_analysis::{
+    model::{ModelCheck, Pattern, Verdict},
+    run::RunSample,
+};
 use rig_record::{Expected, Phase};
 
 use crate::{
@@ -10,7 +13,7 @@ use crate::{
         grid::GridRow,
         recognition::{Method, Recognition},
         status::{Tally, TouchStatus},
-        stiffness::Stiffness,
+        stiffness::{SETS_SCALE, Stiffness},
         touches::{TouchRow, sentence},
     },
     units::{duration, fixed, percent, percent_range, with_sigma},
@@ -171,12 +174,17 @@ fn stiffness_table(results: &RunResults, stiffness: &Stiffness) -> Vec<String> {
         let basis = stiffness.basis(&results.data, sample);
         rows.push(vec![
             of_run.name.clone(),
-            found.map_or_else(|| "none".into(), |it| with_sigma(it.young_mpa, it.sigma_mpa)),
+            found.map_or_else(|| "none".into(), in_words),
             of_run.stiffness_mpa.map_or_else(String::new, |known| known.to_string()),
             format!("{} of {} {}", basis.used, basis.planned, basis.of),
         ]);
     }
     aligned(&rows)
+}
+
+/// The stiffness of a sample in MPa with its standard deviation, or that it only sets the scale.
+fn in_words(found: &RunSample) -> String {
+    if found.sets_scale { SETS_SCALE.into() } else { with_sigma(found.young_mpa, found.sigma_mpa) }
 }
 
 /// The rows of the table of shifts, each cell as wide as the widest of its column.

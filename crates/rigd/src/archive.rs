@@ -37,6 +37,14 @@ pub(crate) enum ArchiveError {
         /// The error of the system.
         source: io::Error,
     },
+    /// The directory is that of a journal.
+    #[error(
+        "archive {}: the directory has a journal or the folders of its runs; an archive needs one of its own", root.display()
+    )]
+    NotApart {
+        /// The directory.
+        root: PathBuf,
+    },
     /// Another program writes to the archive.
     #[error("archive {} is in use by another rigd", root.display())]
     InUse {
@@ -98,6 +106,20 @@ impl ArchiveError {
 fn failed(path: &Path) -> impl FnOnce(io::Error) -> ArchiveError {
     let path = path.to_path_buf();
     move |source| ArchiveError::File { path, source }
+}
+
+/// Refuses the directory of a journal, and that of the folders of runs in `data`, as an archive: its runs would
+/// be said to be elsewhere.
+///
+/// # Errors
+/// [`ArchiveError::NotApart`].
+pub(crate) fn check_apart(root: &Path, data: &Path) -> Result<(), ArchiveError> {
+    let runs = fs::canonicalize(run_files::root(data));
+    let is_runs = || matches!((fs::canonicalize(root), runs), (Ok(root), Ok(runs)) if root == runs);
+    if Reader::exists(root) || is_runs() {
+        return Err(ArchiveError::NotApart { root: root.to_path_buf() });
+    }
+    Ok(())
 }
 
 /// An archive that is open to write. There is one writer at a time.

@@ -33,6 +33,7 @@ mod manual;
 mod measure;
 mod moves;
 mod outcome;
+mod output_file;
 mod ports;
 mod prompt;
 mod queue;

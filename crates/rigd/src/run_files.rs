@@ -103,7 +103,12 @@ pub(crate) fn folder(data: &Path, run: &Run) -> PathBuf {
     if name != short {
         name = format!("{name}_{}", own_part(&run.id.to_string()));
     }
-    data.join("runs").join(format!("{day}_{name}"))
+    root(data).join(format!("{day}_{name}"))
+}
+
+/// The directory of the folders of all runs.
+pub(crate) fn root(data: &Path) -> PathBuf {
+    data.join("runs")
 }
 
 /// The random end of the id of a run: its beginning is the time.

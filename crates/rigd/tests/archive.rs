@@ -121,6 +121,25 @@ fn an_archived_run_is_read_from_the_archive_alone() {
 }
 
 #[test]
+fn a_directory_with_a_journal_or_its_folders_of_runs_is_no_archive() {
+    let folder = with_runs(1);
+    let data = folder.path().join("data");
+    let before = names(&data);
+    for to in [data.clone(), data.join("runs"), data.join("runs/..")] {
+        for dry_run in [&[][..], &["--dry-run"]] {
+            let to = to.to_str().unwrap();
+            let args = [&["archive", to, "--older-than", "0d"], dry_run].concat();
+            let output = rigd(&data, &args, &[]);
+            let said = String::from_utf8_lossy(&output.stderr);
+            assert_eq!(output.status.code(), Some(1), "{to}: {said}");
+            assert!(said.contains("an archive needs one of its own"), "{to}: {said}");
+        }
+    }
+    assert_eq!(names(&data), before);
+    assert!(rigd(&data, &["show", "smoke-1"], &[]).status.success());
+}
+
+#[test]
 fn only_sealed_and_sound_runs_leave_the_journal() {
     let folder = with_runs(2);
     let (data, archive) = (folder.path().join("data"), folder.path().join("archive"));

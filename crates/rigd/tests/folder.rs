@@ -217,6 +217,138 @@ fn one_or_several_runs_are_exported_in_every_form() {
     assert_eq!(none.status.code(), Some(3));
 }
 
+/// Runs a command as a user who may only read.
+fn rigd_as_reader(data: &Path, args: &[&str]) -> Output {
+    use std::os::unix::{fs::MetadataExt, process::CommandExt};
+    const NOBODY: u32 = 65_534;
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rigd"));
+    command.args(args).args(["--data", data.to_str().unwrap()]).current_dir("/");
+    // Nothing is forbidden to root.
+    if fs::metadata(data).unwrap().uid() == 0 {
+        command.uid(NOBODY);
+    }
+    command.output().unwrap()
+}
+
+/// Sets the rights to a directory and to all in it: to read, and to write or not.
+fn set_rights(directory: &Path, is_writable: bool) {
+    use std::os::unix::fs::PermissionsExt;
+    let bits = |path: &Path| match (path.is_dir(), is_writable) {
+        (true, false) => 0o555,
+        (false, false) => 0o444,
+        (true, true) => 0o755,
+        (false, true) => 0o644,
+    };
+    let mut paths = vec![directory.to_owned()];
+    while let Some(path) = paths.pop() {
+        if path.is_dir() {
+            paths.extend(fs::read_dir(&path).unwrap().map(|entry| entry.unwrap().path()));
+        }
+        fs::set_permissions(&path, fs::Permissions::from_mode(bits(&path))).unwrap();
+    }
+}
+
+#[test]
+fn a_data_directory_that_may_only_be_read_is_verified_and_reported() {
+    use std::os::unix::fs::PermissionsExt;
+    let data = with_runs(1);
+    set_rights(data.path(), false);
+    let elsewhere = TempDir::new().unwrap();
+    fs::set_permissions(elsewhere.path(), fs::Permissions::from_mode(0o777)).unwrap();
+    let report = elsewhere.path().join("report.html");
+    let report = report.to_str().unwrap();
+    let verified = rigd_as_reader(data.path(), &["verify", "latest"]);
+    let reported = rigd_as_reader(data.path(), &["report", "latest", "--out", report]);
+    let nowhere = rigd_as_reader(data.path(), &["report", "latest", "--out", "/proc/report.html"]);
+    let here = rigd_as_reader(data.path(), &["report", "latest"]);
+    set_rights(data.path(), true);
+    let said = |output: &Output| String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(verified.status.success(), "{}", said(&verified));
+    assert!(reported.status.success(), "{}", said(&reported));
+    let text = fs::read_to_string(report).unwrap();
+    assert!(!text.contains("the journal cannot be read"), "the journal was not checked");
+    // The advice is another command than the one that was given.
+    assert_eq!(here.status.code(), Some(1));
+    assert!(said(&here).contains("--out FILE"), "{}", said(&here));
+    assert_eq!(nowhere.status.code(), Some(1));
+    assert!(!said(&nowhere).contains("--out FILE"), "{}", said(&nowhere));
+}
+
+#[test]
+fn an_output_replaces_a_file_of_its_kind_and_no_other() {
+    let data = with_runs(1);
+    let out = data.path().join("out");
+    let path = out.to_str().unwrap();
+    let outputs: [&[&str]; 10] = [
+        &["report", "smoke-1"],
+        &["export", "smoke-1", "--format", "csv"],
+        &["export", "smoke-1", "--format", "sweeps"],
+        &["export", "smoke-1", "--format", "readings"],
+        &["export", "smoke-1", "--format", "searches"],
+        &["export", "smoke-1", "--format", "parquet"],
+        &["export", "smoke-1", "--format", "hdf5"],
+        &["export", "smoke-1", "--format", "jsonl"],
+        &["export", "smoke-1", "--format", "documents"],
+        &["export", "smoke-1", "--format", "touchstone", "--sweep", "2"],
+    ];
+    let write = |args: &[&str]| rigd(data.path(), &[args, &["--out", path]].concat());
+    let refuse = |args: &[&str], what: &str| {
+        let before = fs::read(&out).unwrap();
+        let refused = write(args);
+        let said = String::from_utf8_lossy(&refused.stderr);
+        assert_eq!(refused.status.code(), Some(1), "{args:?} over {what}: {said}");
+        assert!(said.contains("it is left as it is"), "{args:?} over {what}: {said}");
+        assert!(fs::read(&out).unwrap() == before, "{args:?} over {what}");
+    };
+    for (index, args) in outputs.iter().enumerate() {
+        fs::write(&out, "name = \"protocol\"\n").unwrap();
+        refuse(args, "a protocol");
+        // Nothing is lost with an empty file.
+        fs::write(&out, "").unwrap();
+        for _ in 0..2 {
+            let done = write(args);
+            let said = String::from_utf8_lossy(&done.stderr);
+            assert!(done.status.success(), "{args:?}: {said}");
+        }
+        let other = outputs[(index + 1) % outputs.len()];
+        refuse(other, &format!("{args:?}"));
+    }
+    // A table of several runs has one column more.
+    fs::remove_file(&out).unwrap();
+    for runs in [&["smoke-1"][..], &["smoke-1", "smoke-1"], &["smoke-1"]] {
+        let args = [&["export", "--format", "csv"], runs].concat();
+        assert!(write(&args).status.success(), "{runs:?}");
+    }
+}
+
+/// What is left of a journal whose end was lost, and what is said of one without a list of runs.
+#[test]
+fn a_journal_that_was_cut_is_salvaged_and_no_advice_leads_in_a_circle() {
+    let data = with_runs(1);
+    let whole = fs::read(data.path().join("rigd.db")).unwrap();
+    for (bytes, code) in [(whole.len() / 2, 0), (4096, 1)] {
+        let cut = TempDir::new().unwrap();
+        fs::write(cut.path().join("rigd.db"), &whole[..bytes]).unwrap();
+        let shown = rigd(cut.path(), &["runs"]);
+        let said = String::from_utf8_lossy(&shown.stderr);
+        assert!(said.contains("`rigd salvage NEW --data DIR`"), "{said}");
+        let new = cut.path().join("new");
+        let salvaged = rigd(cut.path(), &["salvage", new.to_str().unwrap()]);
+        let said = String::from_utf8_lossy(&salvaged.stderr);
+        assert_eq!(salvaged.status.code(), Some(code), "{said}");
+        if code == 0 {
+            let runs = rigd(&new, &["runs", "--json"]);
+            let runs: Value = serde_json::from_slice(&runs.stdout).unwrap();
+            assert_eq!(
+                (&runs[0]["name"], &runs[0]["status"]),
+                (&"smoke-1".into(), &"interrupted".into())
+            );
+        } else {
+            assert!(said.contains("nothing is copied") && !said.contains("rigd salvage"), "{said}");
+        }
+    }
+}
+
 /// Names that read the same in a folder, one that is too long for it, and a run of a journal that was lost.
 #[test]
 fn no_folder_takes_the_place_of_that_of_another_run() {

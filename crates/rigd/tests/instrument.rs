@@ -225,6 +225,31 @@ fn a_correction_is_kept_with_its_cable_and_its_date() {
     assert!(!is_done && text.contains("correct it at its panel"), "{text}");
 }
 
+/// The noise of the simulated analyzer is 0.5 % at every frequency. A sensor that has not settled adds its decay.
+#[test]
+fn a_selftest_finds_the_noise_of_the_analyzer_with_a_sensor_that_rings_for_long() {
+    for (quality, loss) in [(67, "0.015"), (250, "0.004"), (300, "0.00333")] {
+        let bench = Bench::new();
+        bench.change("scene.toml", "beam_loss = 0.015", &format!("beam_loss = {loss}"));
+        let output = rigd(&["selftest", "--rig", &bench.path("rig.toml"), "--json"]);
+        let checks: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let is_noise =
+            |check: &&serde_json::Value| check["check"].as_str().unwrap().starts_with("noise at");
+        let noise: Vec<f64> = checks
+            .as_array()
+            .unwrap()
+            .iter()
+            .filter(is_noise)
+            .map(|check| check["value"].as_f64().unwrap())
+            .collect();
+        assert_eq!(noise.len(), 6, "{checks}");
+        let mean = noise.iter().sum::<f64>() / 6.0;
+        // Each is known to 16 %, and their mean to 7 %.
+        assert!(noise.iter().all(|percent| *percent < 0.78), "Q {quality}: {noise:?}");
+        assert!((0.4..0.6).contains(&mean), "Q {quality}: {noise:?}");
+    }
+}
+
 /// The archive of a bench that nobody here has seen becomes a test: its transcripts replay.
 #[test]
 fn a_selftest_has_a_line_for_each_check_and_an_archive_whose_transcripts_replay() {

@@ -47,6 +47,21 @@ fn every_signal_retracts_a_probe_that_was_lowered() {
 }
 
 #[test]
+fn the_third_signal_ends_a_run_at_once_with_the_code_of_a_signal() {
+    let folder = TempDir::new().unwrap();
+    let mut program = Program::start(folder.path(), &["run", "config/protocols/smoke.toml"]);
+    program.wait_until_lowered();
+    program.signal(Signal::INT);
+    program.wait_for_line("interrupt again to stop everything");
+    program.signal(Signal::INT);
+    program.wait_for_line("interrupt again to leave the rig as it is");
+    program.signal(Signal::INT);
+    let (status, text, _) = program.end();
+    assert_eq!(status.code(), Some(130), "{text}");
+    assert!(text.contains("it is left as it is"), "{text}");
+}
+
+#[test]
 fn every_signal_closes_the_daemon() {
     let others = [Signal::USR1, Signal::USR2, Signal::ALARM, Signal::XCPU, Signal::POWER];
     // Without a terminal, a daemon reads its configuration again on SIGHUP.
@@ -140,7 +155,7 @@ fn a_second_signal_ends_the_daemon_at_once_and_says_where_the_probe_is() {
     program.signal(Signal::TERM);
     let began = Instant::now();
     let (status, text, data) = program.end();
-    assert_eq!(status.code(), Some(1), "{text}");
+    assert_eq!(status.code(), Some(130), "{text}");
     assert!(began.elapsed() < Duration::from_secs(1), "{:?}", began.elapsed());
     assert!(text.contains("it is left as it is, and the probe is lowered"), "{text}");
     let reader = Reader::open(&data).unwrap();

@@ -64,6 +64,11 @@ impl Reader {
         Ok(Self { connection, medium, is_excerpt, _copy: copy })
     }
 
+    /// Whether a directory has a journal.
+    pub fn exists(directory: &Path) -> bool {
+        schema::database(directory).exists()
+    }
+
     /// Whether a program has the journal open to write.
     pub fn has_writer(&self) -> bool {
         self.medium.has_writer()

@@ -50,7 +50,7 @@ pub fn salvage(from: &Path, to: &Path) -> Result<Vec<SalvagedRun>, StoreError> {
     if !source.exists() {
         return Err(StoreError::NoJournal);
     }
-    let (old, _copy) = schema::open_to_read(&source)?;
+    let (old, _copy) = schema::open_to_salvage(&source)?;
     let last_key: i64 =
         old.query_row("SELECT coalesce(max(key), 0) FROM runs", [], |row| row.get(0))?;
     let _lock = DirectoryLock::take(to)?;
@@ -120,7 +120,15 @@ impl Found {
             [key],
             |row| Ok((entry_from(row)?, row.get(8)?, row.get(9)?, row.get::<_, Vec<u8>>(10)?)),
         )?;
-        let (records, head, flaw) = read_records(old, key, is_archived(old, &entry.run)?);
+        let is_archived = is_archived(old, &entry.run).unwrap_or_default();
+        let read = |order| read_records(old, key, is_archived, order);
+        let (mut records, mut head, mut flaw) = read(BY_NUMBER);
+        if matches!(flaw, Some(Flaw::Unreadable { .. })) {
+            let (more, head_of_more, flaw_of_more) = read(AS_WRITTEN);
+            if more.len() > records.len() {
+                (records, head, flaw) = (more, head_of_more, flaw_of_more);
+            }
+        }
         let seal = old
             .query_row("SELECT seal FROM seals WHERE run = ?1", [key], |row| row.get(0))
             .optional()
@@ -233,19 +241,26 @@ impl Copied {
     }
 }
 
+/// The records of a run by the index of their numbers.
+const BY_NUMBER: &str = "records WHERE run = ?1 ORDER BY seq";
+
+/// The records of a run in the order in which they were written, without the index: its pages may be lost, and those of
+/// the records not.
+const AS_WRITTEN: &str = "records NOT INDEXED WHERE run = ?1 ORDER BY id";
+
 /// The records before the first flaw, the digest of the last one, and the flaw. Of an archived run, the
 /// readings have their digests only.
 fn read_records(
     old: &Connection,
     key: i64,
     is_archived: bool,
+    order: &str,
 ) -> (Vec<Copied>, Digest, Option<Flaw>) {
     let (mut records, mut head) = (Vec::new(), Digest::START);
     let unreadable = |error: &rusqlite::Error| Flaw::Unreadable { reason: error.to_string() };
-    let prepared = old.prepare_cached(
-        "SELECT id, seq, epoch, rig_us, kind, payload, digest FROM records
-         WHERE run = ?1 ORDER BY seq",
-    );
+    let prepared = old.prepare_cached(&format!(
+        "SELECT id, seq, epoch, rig_us, kind, payload, digest FROM {order}"
+    ));
     let mut statement = match prepared {
         Ok(statement) => statement,
         Err(error) => return (records, head, Some(unreadable(&error))),

@@ -146,15 +146,33 @@ pub(crate) fn empty(connection: &mut Connection) -> rusqlite::Result<()> {
 /// recovered before it can be read. Otherwise a database without a log is read directly, and one
 /// with a log is copied to the directory for temporary files first; the copy is returned too.
 pub(crate) fn open_to_read(path: &Path) -> Result<(Connection, Option<Copied>), StoreError> {
+    open_by(path, |opened| reading(opened, BUSY))
+}
+
+/// Opens the database to read what is left of it, as [`open_to_read`] does. One that was cut is read up to the cut.
+pub(crate) fn open_to_salvage(path: &Path) -> Result<(Connection, Option<Copied>), StoreError> {
+    open_by(path, |opened| {
+        let connection = opened?;
+        // SQLite refuses a file that is shorter than its head says, unless this is set. Nothing is written.
+        connection.pragma_update(None, "writable_schema", true)?;
+        reading(Ok(connection), BUSY)
+    })
+}
+
+/// Opens the database with what prepares it for reading.
+fn open_by(
+    path: &Path,
+    prepare: impl Fn(rusqlite::Result<Connection>) -> Result<Connection, StoreError>,
+) -> Result<(Connection, Option<Copied>), StoreError> {
     let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-    match reading(Connection::open_with_flags(path, flags), BUSY) {
+    match prepare(Connection::open_with_flags(path, flags)) {
         Err(StoreError::Io(_)) => {}
         opened => return Ok((opened?, None)),
     }
     let log = log_of(path);
     if fs::metadata(&log).is_ok_and(|log| log.len() > 0) {
         let copy = Copied::of(path, &log).map_err(PathAct::Copy.failed(path))?;
-        let connection = reading(Connection::open_with_flags(database(&copy.0), flags), BUSY)?;
+        let connection = prepare(Connection::open_with_flags(database(&copy.0), flags))?;
         return Ok((connection, Some(copy)));
     }
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY
@@ -164,7 +182,7 @@ pub(crate) fn open_to_read(path: &Path) -> Result<(Connection, Option<Copied>), 
     let escaped =
         path.to_string_lossy().replace('%', "%25").replace('?', "%3f").replace('#', "%23");
     let uri = format!("file:{escaped}?immutable=1");
-    Ok((reading(Connection::open_with_flags(uri, flags), BUSY)?, None))
+    Ok((prepare(Connection::open_with_flags(uri, flags))?, None))
 }
 
 /// Pages that a reader keeps, kB. A daemon has some readers, and each would keep 2 MB of what it has read in weeks.

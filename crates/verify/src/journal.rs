@@ -270,7 +270,11 @@ pub(crate) fn open(path: &Path) -> Result<Connection, JournalError> {
     connection.busy_timeout(std::time::Duration::from_secs(10))?;
     let probe = connection.query_row("SELECT count(*) FROM runs", [], |row| row.get::<_, i64>(0));
     let Err(error) = probe else { return Ok(connection) };
-    if error.sqlite_error_code() != Some(ErrorCode::CannotOpen) {
+    let is_closed_to_writers = matches!(
+        error.sqlite_error_code(),
+        Some(ErrorCode::CannotOpen | ErrorCode::ReadOnly | ErrorCode::SystemIoFailure)
+    );
+    if !is_closed_to_writers {
         return Err(error.into());
     }
     let log = with_ending(path, "-wal");

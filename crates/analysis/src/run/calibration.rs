@@ -303,8 +303,15 @@ impl RunCalibration {
             budget,
             spread_mpa: found.spread_mpa.map(|spread| spread / self.factor),
             known_mpa,
+            sets_scale: self.is_all_from(&readings),
             touches: found.touches,
         }
+    }
+
+    /// Whether the factor is from one known sample, and from all of these touches of it.
+    fn is_all_from(&self, readings: &[(usize, &ModelReading)]) -> bool {
+        matches!(self.source, ScaleSource::Known { samples: 1, .. })
+            && readings.iter().all(|(index, _)| self.in_factor[*index] != 0.0)
     }
 
     /// The variance of the touches of a sample about their mean over the stated one, if that is beyond chance.

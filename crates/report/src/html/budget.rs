@@ -27,7 +27,7 @@ const BARS: [(&str, &[Part]); rig_chart::COLOURS] = [
 /// A bar for each sample. Its height is the relative standard deviation, its parts have the proportions of
 /// their variances.
 pub(super) fn bars(data: &RunData, stiffness: &Stiffness) -> Markup {
-    let samples = &stiffness.samples;
+    let samples: Vec<&RunSample> = stiffness.measured().collect();
     let ticks: Vec<f64> = (1..=samples.len()).map(|number| number as f64).collect();
     let names: Vec<&str> =
         samples.iter().map(|sample| data.samples()[sample.sample].name.as_str()).collect();
@@ -39,7 +39,7 @@ pub(super) fn bars(data: &RunData, stiffness: &Stiffness) -> Markup {
         Axis::linear("standard deviation (%)").including(0.0),
     );
     chart.size_px = HALF_PX;
-    for (&x, RunSample { budget, .. }) in ticks.iter().zip(samples) {
+    for (&x, RunSample { budget, .. }) in ticks.iter().zip(&samples) {
         let total = budget.total();
         let mut low = 0.0;
         for (colour, (name, parts)) in BARS.into_iter().enumerate() {
@@ -67,7 +67,7 @@ pub(super) fn parts(data: &RunData, stiffness: &Stiffness) -> Markup {
         row.push(percent(budget.total()));
         row
     };
-    let rows: Vec<_> = stiffness.samples.iter().map(row).collect();
+    let rows: Vec<_> = stiffness.measured().map(row).collect();
     let caption = "Standard deviations of the stiffness by cause, %. Their squares add up. The sensor stands \
                    for the calibration by known samples, or for its description; the angle for what is not \
                    known of it; the sample for its variation between points.";

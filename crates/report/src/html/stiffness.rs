@@ -17,7 +17,7 @@ use crate::{
     results::{
         RunResults,
         recognition::{Method, Recognition},
-        stiffness::{Site, Stiffness, TouchStiffness},
+        stiffness::{SETS_SCALE, Site, Stiffness, TouchStiffness},
     },
     units::{fixed, percent, percent_range, with_sigma},
 };
@@ -27,11 +27,12 @@ pub(super) fn section(results: &RunResults, stiffness: &Stiffness) -> Markup {
     let data = &results.data;
     let by_stiffness = |found: &&Recognition| found.method == Method::CalibratedStiffness;
     let recognition = results.recognitions.iter().find(by_stiffness);
-    let is_known = stiffness.samples.iter().any(|sample| sample.known_mpa.is_some());
+    let is_known = stiffness.measured().any(|sample| sample.known_mpa.is_some());
+    let is_measured = stiffness.measured().next().is_some();
     let charts = html! {
         @if is_known { (against_known(data, stiffness)) }
         @if let Some(recognition) = recognition { (blind(data, stiffness, recognition)) }
-        (bars(data, stiffness))
+        @if is_measured { (bars(data, stiffness)) }
     };
     let caption = "Deviation of the samples from their known stiffness, and the stiffness of each blind \
                    touch. A ring marks a touch taken for another sample or for none. Error bars show \
@@ -46,8 +47,8 @@ pub(super) fn section(results: &RunResults, stiffness: &Stiffness) -> Markup {
         (samples(results, stiffness))
         (model(results, stiffness))
         (calibration(&stiffness.calibration, angle))
-        (figure_row(&charts, caption))
-        (parts(data, stiffness))
+        @if is_measured || recognition.is_some() { (figure_row(&charts, caption)) }
+        @if is_measured { (parts(data, stiffness)) }
         @if let Some(found) = &stiffness.sites { (sites(data, stiffness, found)) }
     }
 }
@@ -65,7 +66,8 @@ fn calibration(calibration: &RunCalibration, angle: &str) -> Markup {
                 "The touches{at} of {samples} samples of known stiffness give {factor} times the \
                  known values. Every stiffness was divided by this one factor of the run. Its \
                  uncertainty is {adds}. It is part of every standard deviation of a sample below, as far \
-                 as the other samples give the factor. Only the ratios between samples and between angles \
+                 as the other samples give the factor. A sample whose touches alone give it has its known value again \
+                 and no uncertainty of its own. Only the ratios between samples and between angles \
                  are a test against known values."
             )
         }
@@ -102,7 +104,7 @@ fn against_known(data: &RunData, stiffness: &Stiffness) -> Markup {
         Axis::linear("found less known (%)").including(0.0),
     );
     chart.size_px = HALF_PX;
-    let known = stiffness.samples.iter().filter_map(|sample| Some((sample, sample.known_mpa?)));
+    let known = stiffness.measured().filter_map(|sample| Some((sample, sample.known_mpa?)));
     for (sample, known_mpa) in known {
         let name = format!("sample {}", data.samples()[sample.sample].name);
         let found = with_sigma(sample.young_mpa, sample.sigma_mpa);
@@ -177,10 +179,16 @@ fn samples(results: &RunResults, stiffness: &Stiffness) -> Markup {
         let (found, basis) = (stiffness.of_sample(sample), stiffness.basis(data, sample));
         let known_mpa = data.samples()[sample].stiffness_mpa;
         let deviation = |found: &RunSample| {
+            if found.sets_scale {
+                return None;
+            }
             let deviation = found.young_mpa / found.known_mpa? - 1.0;
             Some(text(format!("{} %", fixed(100.0 * deviation, 1))))
         };
         let value = |found: &RunSample| {
+            if found.sets_scale {
+                return text(SETS_SCALE);
+            }
             html! { b { (with_sigma(found.young_mpa, found.sigma_mpa)) } }
         };
         let spread = found.and_then(|found| found.spread_mpa);

@@ -80,6 +80,9 @@ impl StiffnessBasis {
     }
 }
 
+/// In place of the stiffness of a sample whose touches alone give the factor of the run.
+pub(crate) const SETS_SCALE: &str = "used for the scale";
+
 /// Reason why a run has no stiffness.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum NoStiffness {
@@ -166,6 +169,11 @@ impl Stiffness {
     /// The stiffness of a sample, if it has one.
     pub(crate) fn of_sample(&self, sample: usize) -> Option<&RunSample> {
         self.samples.iter().find(|found| found.sample == sample)
+    }
+
+    /// The samples whose stiffness is a measurement: those that do not set the scale alone.
+    pub(crate) fn measured(&self) -> impl Iterator<Item = &RunSample> {
+        self.samples.iter().filter(|found| !found.sets_scale)
     }
 
     /// The used and the planned touches or sites of a sample.

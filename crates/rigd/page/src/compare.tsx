@@ -13,7 +13,8 @@ interface Row { sample: string; a: number; b: number; sigma: number }
 export function stiffnessRows(a: RunDetail, b: RunDetail): Row[] {
   return a.results.stiffness.flatMap((one) => {
     const other = b.results.stiffness.find((s) => s.sample === one.sample);
-    if (one.stiffness_mpa == null || other?.stiffness_mpa == null) return [];
+    // One that sets the scale alone has no uncertainty: it is no measurement.
+    if (one.stiffness_mpa == null || other?.stiffness_mpa == null || one.sets_scale || other.sets_scale) return [];
     return [{ sample: one.sample, a: one.stiffness_mpa, b: other.stiffness_mpa, sigma: Math.hypot(one.sigma_mpa ?? 0, other.sigma_mpa ?? 0) }];
   });
 }

@@ -189,7 +189,7 @@ export function RunPage({ id, view }: { id: string; view: View }) {
             const value = s.stiffness_mpa != null && s.sigma_mpa != null ? stiffness(s.stiffness_mpa, s.sigma_mpa) : undefined;
             return (
               <div key={s.sample}><h3><SampleMark index={samples.indexOf(s.sample)} /> sample {s.sample}</h3>
-                <p class="value second">{value ? <>{value.value} <span class="sigma">± {value.sigma}</span> <span class="unit">{value.unit}</span></> : <span class="refused-word">none</span>}</p>
+                <p class="value second">{value ? <>{value.value} <span class="sigma">± {value.sigma}</span> <span class="unit">{value.unit}</span></> : s.sets_scale ? <span class="soft">used for the scale</span> : <span class="refused-word">none</span>}</p>
                 <p class="soft">{s.used} of {s.planned} touches{s.known_mpa != null ? ` · known: ${knownAs(s.known_mpa, value?.unit)}` : ""}</p>
                 {s.planned > s.used && <p class="refused-word">{s.planned - s.used} without a value</p>}</div>
             );

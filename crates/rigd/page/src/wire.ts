@@ -277,7 +277,7 @@ export interface RunDetail extends RunEntry {
     rig_seconds: number;
     wall_seconds?: number | null;
     no_load_hz?: number | null;
-    stiffness: { sample: string; stiffness_mpa?: number | null; sigma_mpa?: number | null; known_mpa?: number | null; used: number; planned: number }[];
+    stiffness: { sample: string; stiffness_mpa?: number | null; sigma_mpa?: number | null; sets_scale?: boolean; known_mpa?: number | null; used: number; planned: number }[];
     recognition: { method: string; trials: number; correct: number; rate: number; low: number; high: number }[];
     touch_results: TouchRow[];
   };

@@ -103,6 +103,7 @@ impl ArchivedView {
 pub(super) fn archive(args: &ArchiveArgs) -> Result<(), Failure> {
     let data = args.data.dir();
     let reader = args.data.journal()?;
+    archive::check_apart(&args.to, &data)?;
     if args.dry_run {
         return report(args, &foretold(args, &reader)?);
     }

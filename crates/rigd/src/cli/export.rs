@@ -14,7 +14,12 @@ use rig_report::{
 };
 use rig_store::{Pages, Reader, Run, Sweep};
 
-use super::{Failure, args::DataArgs, runs::results_of};
+use super::{
+    Failure,
+    args::DataArgs,
+    output_file::{self, OutputKind},
+    runs::results_of,
+};
 
 #[derive(Debug, Args)]
 pub(super) struct ExportArgs {
@@ -34,7 +39,7 @@ pub(super) struct ExportArgs {
     #[arg(long, value_name = "N")]
     sweep: Option<u64>,
     /// File to write instead of stdout; a directory for `jsonl` of several runs and for `touchstone`
-    /// without --sweep
+    /// without --sweep. A file that is there is replaced only if it is such an output
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
 }
@@ -71,6 +76,23 @@ enum ExportTable {
     Readings,
     /// One row a place tried on the way to a surface
     Searches,
+}
+
+impl ExportArgs {
+    /// What a file has.
+    fn kind(&self) -> OutputKind {
+        match self.format {
+            ExportFormat::Csv => OutputKind::Csv(self.table.name()),
+            ExportFormat::Sweeps => OutputKind::Csv(TableName::Sweeps),
+            ExportFormat::Readings => OutputKind::Csv(TableName::Readings),
+            ExportFormat::Searches => OutputKind::Csv(TableName::Searches),
+            ExportFormat::Parquet => OutputKind::Parquet,
+            ExportFormat::Hdf5 => OutputKind::Hdf5,
+            ExportFormat::Jsonl => OutputKind::Records,
+            ExportFormat::Documents => OutputKind::Documents,
+            ExportFormat::Touchstone => OutputKind::Touchstone,
+        }
+    }
 }
 
 impl ExportTable {
@@ -180,7 +202,7 @@ fn jsonl(args: &ExportArgs, runs: &[Found]) -> Result<(), Failure> {
     let folder = folder(args, "the records of several runs")?;
     for (reader, run) in runs {
         let name = format!("{}_records.jsonl", run.short_name());
-        file_in(folder, &name, |out| {
+        file_in(folder, &name, args.kind(), |out| {
             each_page(reader, &mut reader.pages(run.id)?, |page| export::jsonl(page, out))
         })?;
     }
@@ -207,7 +229,7 @@ fn touchstone(args: &ExportArgs, runs: &[Found]) -> Result<(), Failure> {
     for found in runs {
         for sweep in sweeps(found)? {
             let name = format!("{}_sweep-{}.s1p", found.1.short_name(), sweep.number);
-            file_in(folder, &name, |out| Ok(export::touchstone(&sweep, out)?))?;
+            file_in(folder, &name, args.kind(), |out| Ok(export::touchstone(&sweep, out)?))?;
         }
     }
     Ok(())
@@ -227,7 +249,7 @@ fn failed(path: &Path) -> impl FnOnce(io::Error) -> Failure {
 /// The file of `--out`, or stdout.
 fn writer(args: &ExportArgs) -> Result<Box<dyn Write + Send>, Failure> {
     Ok(match &args.out {
-        Some(path) => Box::new(BufWriter::new(File::create(path).map_err(failed(path))?)),
+        Some(path) => Box::new(BufWriter::new(output_file::create(path, args.kind())?)),
         None => Box::new(BufWriter::new(io::stdout())),
     })
 }
@@ -246,10 +268,11 @@ fn folder<'a>(args: &'a ExportArgs, what: &'static str) -> Result<&'a PathBuf, F
 fn file_in(
     folder: &Path,
     name: &str,
+    kind: OutputKind,
     write: impl FnOnce(&mut BufWriter<File>) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
     let path = folder.join(name);
-    let mut out = BufWriter::new(File::create(&path).map_err(failed(&path))?);
+    let mut out = BufWriter::new(output_file::create(&path, kind)?);
     write(&mut out)?;
     out.flush().map_err(failed(&path))
 }

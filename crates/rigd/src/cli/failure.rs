@@ -39,7 +39,8 @@ Exit codes:
   5  a run, a move or a sweep was aborted
   6  a run came to its end, and some of its touches were refused
   7  the journal or the folder of a run is not sound
-  8  the daily check of the bench says look, or not to be trusted";
+  8  the daily check of the bench says look, or not to be trusted
+130  interrupted by Ctrl-C or by another signal to end";
 
 /// Why a command failed, with its exit code.
 #[derive(Debug, thiserror::Error)]
@@ -71,6 +72,8 @@ pub(super) enum Failure {
     NoSoak,
     #[error("data directory {}", data.display())]
     Data { data: PathBuf, source: StoreError },
+    #[error("data directory {}: the list of its runs cannot be read, so that nothing is copied", data.display())]
+    NothingReadable { data: PathBuf, source: StoreError },
     #[error(transparent)]
     Store(#[from] StoreError),
     #[error(transparent)]
@@ -166,6 +169,8 @@ pub(super) enum Failure {
     NoFolder { what: &'static str },
     #[error("run {run} has no sweep {number}; `rigd export {run} --format sweeps` lists them")]
     NoSweep { run: String, number: u64 },
+    #[error("{}: there is a file already, and it is not {kind}; it is left as it is", path.display())]
+    Kept { path: PathBuf, kind: &'static str },
     #[error("{}", path.display())]
     File { path: PathBuf, source: io::Error },
     #[error(transparent)]
@@ -230,7 +235,7 @@ impl Failure {
             Self::NotSound => 7,
             Self::NotAccepted { .. } => 8,
             Self::Commission(failure) => failure.exit_code(),
-            Self::Interrupted => 130,
+            Self::Interrupted | Self::Left { .. } => 130,
             #[cfg(feature = "simulator")]
             Self::Rehearse(_) => 1,
             Self::RunFiles(_)
@@ -243,6 +248,7 @@ impl Failure {
             | Self::Daemon(_)
             | Self::Open(_)
             | Self::Data { .. }
+            | Self::NothingReadable { .. }
             | Self::Store(_)
             | Self::Export(_)
             | Self::Transcript { .. }
@@ -253,11 +259,11 @@ impl Failure {
             | Self::Unidentified { .. }
             | Self::Unfit { .. }
             | Self::Unchecked { .. }
-            | Self::Left { .. }
             | Self::HttpEnded
             | Self::Listen { .. }
             | Self::Sockets { .. }
             | Self::Socket { .. }
+            | Self::Kept { .. }
             | Self::File { .. }
             | Self::System { .. } => 1,
         }
@@ -289,6 +295,9 @@ fn code_of(refusal: &RequestRefusal) -> u8 {
 pub(crate) const SALVAGE: &str =
     "keep the directory; `rigd salvage NEW --data DIR` copies what verifies to a new one";
 
+const NOTHING_READABLE: &str = "keep the directory, and `rigd restore BACKUP --data NEW` if there is a backup; a report that was written \
+                                before is in the directory";
+
 const NO_RIG_FILE: &str = "give a rig file with --rig; without --rig, rigd looks in /etc/rigd, in ~/.config/rigd, and for the \
                            shipped one here";
 
@@ -311,6 +320,8 @@ impl Failure {
             | Self::Open(OpenError::Data { source: StoreError::Damaged(_), .. }) => {
                 Some("`rigd salvage NEW --data DIR` copies the readable part to a new directory")
             }
+            Self::Kept { .. } => Some("name another file with --out, or remove this one"),
+            Self::NothingReadable { .. } => Some(NOTHING_READABLE),
             Self::Store(StoreError::Io(_))
             | Self::RunFiles(RunFilesError::Store(StoreError::Io(_))) => {
                 Some("check the disk of the data directory")

@@ -14,6 +14,7 @@ use serde::Serialize;
 use super::{
     Failure,
     args::{DataArgs, OperatorArgs, OutputArgs, RunArg, TouchArgs},
+    output_file::{self, OutputKind},
     table::{columns, duration, note, print, print_json},
 };
 use crate::{
@@ -23,7 +24,7 @@ use crate::{
     interruption::{ADVICE, InterruptionView},
     local_time,
     rig::{self, RequestRefusal},
-    run_files::{self, ResultsView},
+    run_files::{self, ResultsView, RunFilesError},
     verdict,
 };
 
@@ -47,7 +48,7 @@ pub(super) struct ShowArgs {
 pub(super) struct ReportArgs {
     #[command(flatten)]
     run: RunArg,
-    /// File to write instead of the one in the data directory
+    /// File to write instead of the one in the data directory. One that is there is replaced only if it is a report
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
@@ -181,7 +182,12 @@ pub(super) fn report(args: &ReportArgs) -> Result<(), Failure> {
     let (reader, run) = args.run.find()?;
     let path = match &args.out {
         Some(path) => {
-            run_files::write_report(data, &reader, run.id, path)?;
+            output_file::check(path, OutputKind::Report)?;
+            let written = run_files::write_report(data, &reader, run.id, path);
+            written.map_err(|error| match error {
+                RunFilesError::File { path, source } => Failure::File { path, source },
+                error => error.into(),
+            })?;
             path.clone()
         }
         None if reader.is_excerpt() => {
@@ -306,7 +312,10 @@ fn is_whole(runs: &[BackedUpRun]) -> bool {
 /// Copies what verifies of a damaged journal.
 pub(super) fn salvage(args: &SalvageArgs) -> Result<(), Failure> {
     let from = args.data.dir();
-    let data_error = |source| copy_failed(source, &from, &args.to);
+    let data_error = |source| match source {
+        StoreError::Damaged(_) => Failure::NothingReadable { data: from.clone(), source },
+        source => copy_failed(source, &from, &args.to),
+    };
     let salvaged = rig_store::salvage(&from, &args.to).map_err(data_error)?;
     copy_all_beside(&from, &args.to)?;
     let view = |run: rig_store::SalvagedRun| SalvagedView {

@@ -109,6 +109,40 @@ fn a_ruined_page_costs_the_runs_that_stand_on_it_and_no_other() {
 }
 
 #[test]
+fn of_a_journal_that_was_cut_the_records_before_the_cut_are_copied() {
+    let (directory, runs) = journal();
+    let mut clean = fs::read(directory.path().join("rigd.db")).unwrap();
+    // The size in pages, and the change at which it was right: a checkpoint writes both.
+    let pages = u32::try_from(clean.len() / 4096).unwrap();
+    clean[28..32].copy_from_slice(&pages.to_be_bytes());
+    clean.copy_within(24..28, 92);
+    let all: usize = runs.iter().map(|(_, records)| records.len()).sum();
+    let mut copied = Vec::new();
+    for percent in [30, 50, 70, 90, 95] {
+        let (damaged, target) = (Directory::new(), Directory::new());
+        let cut = &clean[..clean.len() * percent / 100];
+        fs::write(damaged.path().join("rigd.db"), cut).unwrap();
+        let refusal = Reader::open(damaged.path()).unwrap_err();
+        assert!(matches!(refusal, StoreError::Damaged(_)), "{percent} %: {refusal}");
+        let salvaged = salvage(damaged.path(), target.path()).unwrap();
+        let reader = Reader::open(target.path()).unwrap();
+        for found in &salvaged {
+            let (id, expected) = runs.iter().find(|(id, _)| id.to_string() == found.id).unwrap();
+            let chain = reader.chain(*id).unwrap();
+            assert!(matches!(chain.check, ChainCheck::Intact { .. }), "{percent} %");
+            let count = chain.records.len();
+            assert_eq!(payloads(&chain.records), payloads(&expected[..count]), "{percent} %");
+            assert!(found.flaw.is_some() || count == expected.len(), "{percent} %: {found:?}");
+        }
+        let records = salvaged.iter().map(|run| run.records).sum::<u64>();
+        assert_eq!(fs::read(damaged.path().join("rigd.db")).unwrap(), cut, "{percent} %");
+        copied.push(records as f64 / all as f64);
+    }
+    // A part of the file is the index.
+    assert!(copied.is_sorted() && copied[1] > 0.25 && copied[3] > 0.6, "{copied:?}");
+}
+
+#[test]
 fn a_damaged_run_does_not_hide_the_list_of_runs_nor_the_others() {
     let (directory, runs) = journal();
     let database = rusqlite::Connection::open(directory.path().join("rigd.db")).unwrap();
