@@ -180,7 +180,8 @@ fn latency_ms(device: &Path) -> Option<u32> {
 }
 
 // The folders of Linux are made with symbolic links.
-#[cfg(all(test, unix))]
+#[cfg(test)]
+#[cfg(unix)]
 mod tests {
     use std::os::unix::fs::symlink;
 

@@ -141,7 +141,8 @@ impl Drop for Announced {
 }
 
 // Modes of files are of Unix.
-#[cfg(all(test, unix))]
+#[cfg(test)]
+#[cfg(unix)]
 mod tests {
     use std::os::unix::fs::PermissionsExt;
 

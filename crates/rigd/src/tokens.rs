@@ -331,7 +331,8 @@ fn entry(token: NamedToken) -> Option<(String, (Operator, Role))> {
 }
 
 // Modes of files are of Unix.
-#[cfg(all(test, unix))]
+#[cfg(test)]
+#[cfg(unix)]
 mod tests {
     use std::os::unix::fs::PermissionsExt;
 

@@ -148,7 +148,8 @@ impl FromStr for PublicKey {
 }
 
 // Modes of files are of Unix.
-#[cfg(all(test, unix))]
+#[cfg(test)]
+#[cfg(unix)]
 mod tests {
     use std::os::unix::fs::PermissionsExt;
 

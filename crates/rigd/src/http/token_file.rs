@@ -104,7 +104,8 @@ impl fmt::Debug for Token {
 }
 
 // Modes of files are of Unix.
-#[cfg(all(test, unix))]
+#[cfg(test)]
+#[cfg(unix)]
 mod tests {
     use std::os::unix::fs::PermissionsExt;
 
