@@ -268,6 +268,11 @@ impl Stays {
         all.map(part).collect()
     }
 
+    /// The change of the logarithm of the resonance during the sweep.
+    pub(crate) fn change_by_drift(&self) -> f64 {
+        self.drift.map_or(0.0, |drift| drift.change)
+    }
+
     /// Standard deviation of the logarithm of the resonance by a drift that is not fully known.
     pub(crate) fn sigma_by_drift(&self) -> f64 {
         self.drift.map_or(0.0, |drift| drift.more_sigma)

@@ -25,6 +25,10 @@ use crate::{
 /// With it a mode that shifts the resonance by four standard deviations gains sixteen.
 pub(crate) const MODE_WIDENS: f64 = 1.2;
 
+/// Largest change of the resonance during the sweep, in its standard deviations. Beyond it the shapes of a drift, and a resonance
+/// that is constant during a stay, are not exact enough.
+const FOLLOWED_SIGMAS: f64 = 100.0;
+
 /// Largest number of wrong readings for which the circuit is searched again.
 const SEARCHES: usize = 8;
 /// The readings are compared within their stays at most this many times.
@@ -190,7 +194,10 @@ fn judge(
     // Outside of the window a place is stated if it is known.
     let outside = doubt_place(&found, window)
         .map(|place| doubt_precision(&found, found.sigma_hz).unwrap_or(place));
+    let moved_hz = best.at.resonance_hz * stays.change_by_drift().abs();
+    let is_followed = moved_hz < FOLLOWED_SIGMAS * found.sigma_hz;
     doubt_existence(&found, gain(stays, best, &found))
+        .or((!is_followed).then_some(Reason::Drift))
         .or(outside)
         .or_else(|| doubt_circuit(&found, window))
         .or_else(|| doubt_precision(&found, found.sigma_hz))
