@@ -231,13 +231,9 @@ impl Model {
         self.too_many
     }
 
-    /// The refusal for outliers that were not excluded. If they are few, they could have been, and something else is
-    /// wrong.
     fn too_many_outliers(&self) -> Option<Reason> {
         let found = outliers::count(&self.trace, &self.found);
-        let many = self.outliers(found);
-        let is_few = matches!(many, Reason::Outliers { allowed, .. } if found <= allowed);
-        (found > 0).then_some(if is_few { Reason::Distorted } else { many })
+        (found > 0).then(|| self.outliers(found))
     }
 
     /// The refusal for this number of outliers.

@@ -124,8 +124,12 @@ pub enum Reason {
     },
     /// Too many readings are far from the rest.
     #[error(
-        "{found} of {readings} readings are far from the rest; at most {allowed} can be left out, \
-         and only where the rest still determines the resonance"
+        "{found} of {readings} readings are far from the rest; {}",
+        if found <= allowed {
+            "the rest alone does not determine one resonance without doubt".to_owned()
+        } else {
+            format!("at most {allowed} can be left out")
+        }
     )]
     Outliers {
         /// Number of outliers.
