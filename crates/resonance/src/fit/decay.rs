@@ -38,7 +38,7 @@ use crate::{
     numeric::descent::{Descent, End, Normal},
 };
 use drift::Drift;
-use model::{Amplitude, Model, Ring};
+use model::{Amplitude, Model, Moving, Ring};
 use stay::State;
 
 /// Assumed gap between two readings before any is measured, s.
@@ -159,6 +159,11 @@ pub(crate) fn variance(normal: &Normal<UNKNOWNS>, free: usize) -> f64 {
 }
 
 impl Stay {
+    /// The middle of its readings, s after the start of the first one.
+    fn middle_s(&self) -> f64 {
+        0.5 * self.samples.last().map_or(0.0, Sample::end_s)
+    }
+
     /// Corrects the start of a reading that was recorded late because its settings were sent with it,
     /// so that it would end after the next one starts. It is moved back until the usual gap follows it.
     fn mend_last(&mut self, next: &mut Sample) {
@@ -282,7 +287,9 @@ impl Stays {
         self.all.iter().zip(self.middles_s()).map(move |(stay, middle_s)| {
             let square = amplitude.change(stay.frequency_hz, stay.since_s);
             let at = self.moved(&at, middle_s);
-            Modelled { stay, at, model: Model::new(&at, stay.frequency_hz), square }
+            let moving = Moving { per_s: self.ln_rate(middle_s), middle_s: stay.middle_s() };
+            let model = Model::new(&at, stay.frequency_hz).moving(moving);
+            Modelled { stay, at, model, square }
         })
     }
 
@@ -300,7 +307,7 @@ impl Stays {
         for (of, state) in self.models(at).zip(states) {
             let prior = of.model.prior(of.square);
             let of_stay = state
-                .moved(&of.at, of.stay, prior, &self.known)
+                .moved((&of, prior), &self.known)
                 .unwrap_or_else(|| self.computed(&of, prior, state));
             normal.sum(&of_stay);
         }
@@ -314,8 +321,8 @@ impl Stays {
         normal
     }
 
-    /// Time to which the fitted constant resonance refers, s after the start of the first reading. Each
-    /// stay is weighted by its information on the resonance.
+    /// Time to which the fitted constant resonance refers, s after the start of the first reading: that at which an
+    /// even drift has its value. Each stay is weighted by its information on the resonance.
     ///
     /// With few readings on one side of the resonance the weights are large and of both signs. They need
     /// the equations of the very same stays: those of the descent may be extrapolated from a nearby
@@ -333,9 +340,10 @@ impl Stays {
         for ((of, state), middle_s) in self.models(&best.at).zip(&mut states).zip(self.middles_s())
         {
             let Modelled { stay, model, square, .. } = of;
-            let (normal, _) = model.normal(&best.at, stay, model.prior(square), &self.known, state);
-            for (sum, row) in sum.iter_mut().zip(&normal.matrix) {
-                *sum += row[0] * middle_s;
+            model.normal(&best.at, stay, model.prior(square), &self.known, state);
+            let normal = model.normal_with_rate(stay, &self.known, state);
+            for (sum, row) in sum.iter_mut().zip(&normal.matrix).take(CIRCUIT) {
+                *sum += row[0] * middle_s + row[CIRCUIT];
             }
             all.sum(&normal);
         }

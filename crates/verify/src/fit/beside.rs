@@ -21,18 +21,62 @@ pub(super) struct Course {
 }
 
 impl Course {
+    /// A resonance that rises by one in a second.
+    pub(super) const EVEN: Self = Self { span_s: 1.0, time_s: f64::INFINITY, stated_s: 0.0 };
+
     /// The part of its change that is done at this time.
-    fn done(&self, s: f64) -> f64 {
+    fn done(&self, s: Complex64) -> Complex64 {
         if self.time_s.is_finite() {
-            (1.0 - (-s / self.time_s).exp()) / (1.0 - (-self.span_s / self.time_s).exp())
+            (1.0 - (-s / self.time_s).exp()) / self.all()
         } else {
             s / self.span_s
         }
     }
 
-    /// The same from the time for which it is stated.
-    pub(super) fn since_stated(&self, s: f64) -> f64 {
-        self.done(s) - self.done(self.stated_s)
+    /// The part of an exponential approach that happens during the sweep.
+    fn all(&self) -> f64 {
+        1.0 - (-self.span_s / self.time_s).exp()
+    }
+
+    /// The part that is done at this time less that at the time for which it is stated.
+    fn since_stated(&self, s: Complex64) -> Complex64 {
+        self.done(s) - self.done(Complex64::from(self.stated_s))
+    }
+
+    /// The mean of that over `passed_s` from `begin_s`.
+    fn mean_since_stated(&self, begin_s: f64, passed_s: f64) -> f64 {
+        let mean = if self.time_s.is_finite() {
+            let at = |s: f64| self.time_s * (-s / self.time_s).exp();
+            (1.0 - (at(begin_s) - at(begin_s + passed_s)) / passed_s) / self.all()
+        } else {
+            (begin_s + 0.5 * passed_s) / self.span_s
+        };
+        mean - self.done(Complex64::from(self.stated_s)).re
+    }
+}
+
+/// How far a resonance has moved for a reading, as a part of its change.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Moved {
+    /// For the forced motion. It follows the resonance, to first order, with the complex delay −1/λ, where the free
+    /// motion goes as e^{λt}.
+    pub(super) forced: Complex64,
+    /// For the free decay, whose phase is what was turned since the stay began.
+    pub(super) free: f64,
+}
+
+impl Moved {
+    /// For a reading with its middle `after_s` after `begin_s`, where the stay begins; `rate` is λ of a resonance that
+    /// has changed by the given part of the change.
+    pub(super) fn new(
+        course: &Course,
+        (begin_s, after_s): (f64, f64),
+        rate: impl Fn(f64) -> Complex64,
+    ) -> Self {
+        let now = Complex64::from(begin_s + after_s);
+        let lambda = rate(course.since_stated(now).re);
+        let forced = course.since_stated(now + lambda.inv());
+        Self { forced, free: course.mean_since_stated(begin_s, after_s) }
     }
 }
 
@@ -56,7 +100,7 @@ pub(super) enum Beside {
 /// A reading in its sweep, and the circuit's part in it.
 pub(super) struct Place {
     pub(super) omega: f64,
-    /// From −1 at the first reading to 1 at the last; of a moving resonance [`Course::since_stated`].
+    /// From −1 at the first reading to 1 at the last.
     pub(super) when: f64,
     /// Impedance times the unit of capacitance, s.
     pub(super) z: Complex64,
@@ -64,6 +108,8 @@ pub(super) struct Place {
     pub(super) resonance: f64,
     /// The slope of the admittance by the logarithm of the resonance.
     pub(super) by_f: Complex64,
+    /// That by the change of a moving resonance.
+    pub(super) by_change: Complex64,
 }
 
 /// The admittance with what is beside the circuit, the impedance without it, and slopes.
@@ -123,10 +169,9 @@ impl Beside {
         }
     }
 
-    /// The logarithm of the resonance at a reading less that of the circuit.
+    /// The logarithm of the resonance at a settled reading less that of the circuit.
     pub(super) fn ln_shift(self, unknowns: &[f64; BESIDE], when: f64) -> f64 {
         match self {
-            Self::Moving(_) => unknowns[0] * when,
             Self::Drift => (unknowns[0] * when).ln_1p(),
             _ => 0.0,
         }
@@ -142,7 +187,7 @@ pub(super) fn seen(kind: Option<Beside>, unknowns: &[f64; BESIDE], at: &Place) -
     let [a, b, c] = *unknowns;
     match kind {
         None => {}
-        Some(Beside::Moving(_)) => seen.y_by[0] = at.by_f * at.when,
+        Some(Beside::Moving(_)) => seen.y_by[0] = at.by_change,
         Some(Beside::Drift) => seen.y_by[0] = at.by_f * (at.when / (1.0 + a * at.when)),
         Some(Beside::Stray) => {
             seen.z -= a + b * drive;

@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use num_complex::Complex64;
 
 use crate::{
-    fit::beside::{self, Beside, Course, Place},
+    fit::beside::{self, Beside, Course, Moved, Place},
     normal::{GLOBAL, Normal, Part, Step},
     record::Reading,
 };
@@ -177,9 +177,14 @@ impl Branch {
 
     /// 1/D and the slopes of D by ln f and ln Q.
     fn response(&self, omega: f64) -> (Complex64, Complex64, Complex64) {
-        let u = omega / self.omega;
-        let d = Complex64::new(1.0 - u * u, u / self.q);
-        (d.inv(), Complex64::new(2.0 * u * u, -u / self.q), Complex64::new(0.0, -u / self.q))
+        self.response_if_moved(omega, Complex64::ZERO)
+    }
+
+    /// The same where the logarithm of the resonance has changed by this.
+    fn response_if_moved(&self, omega: f64, by: Complex64) -> (Complex64, Complex64, Complex64) {
+        let u = (-by).exp() * (omega / self.omega);
+        let (square, loss) = (u * u, Complex64::I * u / self.q);
+        ((1.0 - square + loss).inv(), 2.0 * square - loss, -loss)
     }
 }
 
@@ -197,8 +202,8 @@ struct Mode<'a> {
 enum Row {
     /// Those of the readings.
     Measured,
-    /// Those of a resonance that rises evenly, at the middle of the stay.
-    Moving { middle_s: f64 },
+    /// Those of a resonance that rises evenly.
+    Moving,
 }
 
 /// The mean of e^{λt} over a reading that begins at `t` and takes `span`, and its slope by λ.
@@ -322,8 +327,7 @@ impl Trace {
         let branch = Branch::new(&at.circuit);
         let mut normal = Normal::default();
         for k in 0..self.stays.len() {
-            let kind = Row::Moving { middle_s: self.middle_s(k) };
-            self.add_stay(k, at, weights, (&branch, None, kind), &mut normal);
+            self.add_stay(k, at, weights, (&branch, None, Row::Moving), &mut normal);
         }
         for unknown in MODE..GLOBAL {
             normal.expect(unknown, 0.0, 1.0);
@@ -341,11 +345,9 @@ impl Trace {
         }
     }
 
-    /// The middle of the readings of a stay, s after the begin of the first one.
-    fn middle_s(&self, stay: usize) -> f64 {
-        let begin_s: f64 = self.stays[..=stay].iter().skip(1).map(|stay| stay.since_s).sum();
-        let last = self.stays[stay].samples.last();
-        begin_s + 0.5 * last.map_or(0.0, |last| last.start_s + last.integration_s)
+    /// The begin of a stay, s after that of the first one.
+    fn begin_s(&self, stay: usize) -> f64 {
+        self.stays[..=stay].iter().skip(1).map(|stay| stay.since_s).sum()
     }
 
     /// The motion of a mode with the capacitance 1 in each stay, as an admittance: its steady part, and
@@ -412,18 +414,26 @@ impl Trace {
         let mut part = Part::new(unknowns);
         let [_, _, c0, c1, g] = at.circuit;
         let drive = Complex64::new(0.0, stay.omega);
-        let course = self.course().map(|course| course.since_stated(self.middle_s(k)));
+        let begin_s = self.begin_s(k);
+        // One that rests is asked for by how much it would move.
+        let (course, change) =
+            self.course().map_or((Course::EVEN, 0.0), |course| (course, at.beside[0]));
         for (i, (sample, t)) in stay.samples.iter().zip(self.times(at, k)).enumerate() {
-            let when = course.unwrap_or(sample.when);
-            let shift = self.beside.map_or(0.0, |kind| kind.ln_shift(&at.beside, when));
-            let (response, by_f, by_q) = branch.response(stay.omega * (-shift).exp());
+            let after_s = t + 0.5 * sample.integration_s;
+            let rate = |part: f64| branch.s * (change * part).exp() - drive;
+            let moved = Moved::new(&course, (begin_s, after_s), rate);
+            let settled = self.beside.map_or(0.0, |kind| kind.ln_shift(&at.beside, sample.when));
+            let (response, by_f, by_q) =
+                branch.response_if_moved(stay.omega, settled + change * moved.forced);
             let moving = -drive * c1 * response * response;
-            let s = if self.is_ringing { branch.s * shift.exp() } else { branch.s };
+            let s = branch.s * (change * moved.free).exp();
             let lambda = s - drive;
             let (mean, by_lambda) = decay(lambda, t, sample.integration_s);
-            let by_f = amplitude * by_lambda * s + moving * by_f;
-            let place =
-                Place { omega: stay.omega, when, z: sample.z, resonance: branch.omega, by_f };
+            let (free_by_f, forced_by_f) = (amplitude * by_lambda * s, moving * by_f);
+            let by_f = free_by_f + forced_by_f;
+            let by_change = free_by_f * moved.free + forced_by_f * moved.forced;
+            let (omega, resonance) = (stay.omega, branch.omega);
+            let place = Place { omega, when: sample.when, z: sample.z, resonance, by_f, by_change };
             let beside = beside::seen(self.beside, &at.beside, &place);
             let steady = Complex64::new(stay.omega * g, stay.omega * c0) + drive * c1 * response;
             let model = steady + beside.y + amplitude * mean;
@@ -454,23 +464,28 @@ impl Trace {
             let im: Vec<f64> = local.iter().map(|x| x.im).collect();
             let r = match kind {
                 Row::Measured => r,
-                Row::Moving { middle_s } => -global[0] * middle_s,
+                Row::Moving => -slope * by_change,
             };
             normal.add(&mut part, r.re, &global.map(|x| x.re), &re);
             normal.add(&mut part, r.im, &global.map(|x| x.im), &im);
         }
-        let mut cost = 0.0;
-        if self.is_ringing {
-            let sigma = AMPLITUDE_SHARE.sqrt();
-            let is_measured = matches!(kind, Row::Measured);
-            let found = |value: f64| if is_measured { value } else { 0.0 };
-            cost += part.expect(0, found(amplitude.re / size), sigma);
-            cost += part.expect(1, found(amplitude.im / size), sigma);
-            for (i, step) in at.steps[k].iter().enumerate() {
-                cost += part.expect(2 + i, found(*step), 1.0);
-            }
-        }
+        let cost = self.expect_decay(amplitude / size, &at.steps[k], kind, &mut part);
         normal.finish(part, cost);
+    }
+
+    /// What is expected of the free decay and the gaps of a stay, and what that costs.
+    fn expect_decay(&self, amplitude: Complex64, steps: &[f64], kind: Row, part: &mut Part) -> f64 {
+        if !self.is_ringing {
+            return 0.0;
+        }
+        let sigma = AMPLITUDE_SHARE.sqrt();
+        let found = |value: f64| if matches!(kind, Row::Measured) { value } else { 0.0 };
+        let of_amplitude =
+            part.expect(0, found(amplitude.re), sigma) + part.expect(1, found(amplitude.im), sigma);
+        steps
+            .iter()
+            .enumerate()
+            .fold(of_amplitude, |cost, (i, step)| cost + part.expect(2 + i, found(*step), 1.0))
     }
 
     /// The derivatives of reading `i` with respect to the unknowns of its stay: both parts of the amplitude,

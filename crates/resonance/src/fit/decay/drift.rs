@@ -12,6 +12,8 @@
 //! where the errors of resonance and d are independent, so that the uncertainty of d adds nothing; if
 //! it is not, where the likely shapes nearly agree.
 
+use std::f64::consts::PI;
+
 use rig_model::Window;
 
 use super::{
@@ -28,9 +30,21 @@ use crate::{
 
 /// Index of the change of the resonance among the unknowns.
 const DRIFT: usize = CIRCUIT;
+/// Index of the rate of the resonance in the equations of a stay.
+const RATE: usize = CIRCUIT;
 
-/// Time constants of relaxations, in durations of the sweep. A longer one looks like a steady drift.
-const TIMES: [f64; 5] = [1.0, 0.5, 0.35, 0.25, 0.15];
+/// Steepness S/τ of the shapes that are compared at first. That of a steady drift is 0.
+const STEEPNESS: [f64; 8] = [0.0, 0.5, 1.0, 2.0, 3.0, 4.5, 7.0, 10.0];
+/// A relaxation is slower than the free decay by at least this factor: a reading shows its resonance to first order
+/// only.
+const SLOW: f64 = 2.0;
+/// Further shapes between the likeliest one and both of its neighbours, and how often they are added.
+const BETWEEN: u32 = 3;
+const REFINEMENTS: usize = 2;
+/// Twice the log-likelihood that a relaxation must gain over a steady drift to be preferred.
+const BENDS: f64 = 1.0;
+/// The gain, without the motion during a stay, from which a drift is looked at more closely.
+const GAIN_AT_FIRST: f64 = 5.0;
 /// Twice the log-likelihood that a drift must gain. Chance reaches it in one sweep of two hundred,
 /// which does no harm.
 const GAIN: f64 = 9.0;
@@ -65,27 +79,38 @@ pub(crate) struct Drift {
 struct Shape {
     /// Duration of the sweep, s.
     span_s: f64,
-    /// Time constant, s; infinite for a steady drift.
-    time_s: f64,
+    steepness: f64,
 }
 
 impl Shape {
+    fn is_even(&self) -> bool {
+        self.steepness < 1e-6
+    }
+
     fn at(&self, s: f64) -> f64 {
-        if self.time_s.is_finite() {
-            (-s / self.time_s).exp_m1() / (-self.span_s / self.time_s).exp_m1()
-        } else {
-            s / self.span_s
+        let part = s / self.span_s;
+        if self.is_even() {
+            return part;
         }
+        (-self.steepness * part).exp_m1() / (-self.steepness).exp_m1()
+    }
+
+    /// dφ/dt, 1/s.
+    fn per_s(&self, s: f64) -> f64 {
+        if self.is_even() {
+            return 1.0 / self.span_s;
+        }
+        let per_s = -self.steepness / self.span_s;
+        per_s * (per_s * s).exp() / (-self.steepness).exp_m1()
     }
 
     /// The time at which it has this value, within the sweep.
     fn time_of(&self, value: f64) -> f64 {
         let value = value.clamp(0.0, 1.0);
-        if self.time_s.is_finite() {
-            -self.time_s * (value * (-self.span_s / self.time_s).exp_m1()).ln_1p()
-        } else {
-            value * self.span_s
+        if self.is_even() {
+            return value * self.span_s;
         }
+        -self.span_s / self.steepness * (value * (-self.steepness).exp_m1()).ln_1p()
     }
 }
 
@@ -94,6 +119,11 @@ impl Drift {
     /// at the effective time.
     pub(super) fn ln_shift(&self, s: f64) -> f64 {
         self.change * (self.shape.at(s) - self.shape.at(self.at_s))
+    }
+
+    /// Change of the logarithm of the resonance per second at this time.
+    pub(super) fn ln_rate(&self, s: f64) -> f64 {
+        self.change * self.shape.per_s(s)
     }
 
     /// The effective time, s after the begin of the first reading.
@@ -108,13 +138,13 @@ impl Drift {
     }
 
     /// What the readings show beside the circuit.
-    pub(super) const fn extra(&self) -> Extra {
-        let change = self.change;
-        if self.shape.time_s.is_finite() {
-            Extra::Relaxation { change, time_s: self.shape.time_s }
-        } else {
+    pub(super) fn extra(&self) -> Extra {
+        let Shape { span_s, steepness } = self.shape;
+        if self.shape.is_even() {
             // Its change from the middle to the end.
-            Extra::Drift { change: 0.5 * change }
+            Extra::Drift { change: 0.5 * self.change }
+        } else {
+            Extra::Relaxation { change: self.change, time_s: span_s / steepness }
         }
     }
 }
@@ -142,11 +172,12 @@ impl Candidate {
     }
 }
 
-/// A stay: the middle of its readings, s after the begin of the first one, its shift by the present
-/// drift, and its equations there.
+/// A stay: the middle of its readings, s after the begin of the first one, its shift and its rate by the
+/// present drift, and its equations there with the rate as the unknown after the circuit.
 struct Part {
     middle_s: f64,
     ln_shift: f64,
+    ln_rate: f64,
     normal: Normal<UNKNOWNS>,
 }
 
@@ -156,7 +187,7 @@ impl Stays {
         let mut begin_s = 0.0;
         self.all.iter().enumerate().map(move |(n, stay)| {
             begin_s += if n == 0 { 0.0 } else { stay.since_s };
-            begin_s + 0.5 * stay.samples.last().map_or(0.0, Sample::end_s)
+            begin_s + stay.middle_s()
         })
     }
 
@@ -178,10 +209,10 @@ impl Stays {
         expected: &CircuitPrior,
         (noise, window): (PooledVariance, Window),
     ) -> Option<(Self, Hypothesis)> {
-        if self.all.len() < STAYS_MIN {
+        if self.drift.is_none() && self.gain_by_drift(best, expected) < GAIN_AT_FIRST {
             return None;
         }
-        let (drift, gain) = self.likeliest(best, expected)?;
+        let (drift, gain) = self.likeliest(&self.parts(best), best, expected)?;
         if self.drift.is_none() && gain < GAIN {
             return None;
         }
@@ -205,7 +236,7 @@ impl Stays {
             if (before - found.normal.cost).abs() < SAME {
                 break;
             }
-            next = stays.likeliest(&found, expected)?.0;
+            next = stays.likeliest(&stays.parts(&found), &found, expected)?.0;
         }
         let trials = &Trials::none();
         let search = Search { stays: &stays, trials, expected, noise };
@@ -224,23 +255,39 @@ impl Stays {
         Some((stays, found))
     }
 
+    /// Twice the log-likelihood that a drift gains over a resonance that rests, without the motion during a stay.
+    pub(crate) fn gain_by_drift(&self, best: &Hypothesis, expected: &CircuitPrior) -> f64 {
+        if self.all.len() < STAYS_MIN {
+            return 0.0;
+        }
+        let found = self.likeliest(&self.parts_at_rest(best), best, expected);
+        found.map_or(0.0, |(_, gain)| gain)
+    }
+
     /// The most likely drift beside this circuit, by how much the logarithm of the resonance then differs from that of
     /// the circuit, and twice the log-likelihood that it gains over a constant resonance.
-    fn likeliest(&self, best: &Hypothesis, expected: &CircuitPrior) -> Option<((Drift, f64), f64)> {
-        let parts = self.parts(best);
+    fn likeliest(
+        &self,
+        parts: &[Part],
+        best: &Hypothesis,
+        expected: &CircuitPrior,
+    ) -> Option<((Drift, f64), f64)> {
         let span_s = self.span_s();
-        let times_s = TIMES.map(|part| part * span_s).into_iter().chain([f64::INFINITY]);
-        let all: Vec<Candidate> = times_s
-            .filter_map(|time_s| candidate(&parts, Shape { span_s, time_s }, best, expected))
-            .collect();
-        let likeliest = all.iter().max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+        let all = candidates(parts, span_s, best, expected);
+        let highest = all.iter().max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+        let steady = all.first().filter(|steady| steady.shape.is_even());
+        let likeliest = steady.filter(|steady| highest.gain < steady.gain + BENDS);
+        let likeliest = likeliest.unwrap_or(highest);
         let Candidate { shape, change, change_variance, covariances, independent, gain, .. } =
             *likeliest;
         let by = std::array::from_fn(|i| covariances[i] / change_variance.sqrt());
         let more_variance = |at_s: f64| {
             let (mut sum, mut spread) = (0.0, 0.0);
-            for one in &all {
-                let weight = (0.5 * (one.gain - gain)).exp();
+            for (n, one) in all.iter().enumerate() {
+                // Each stands for the shapes around it.
+                let neighbour = |n: usize| all.get(n).unwrap_or(one).shape.steepness;
+                let width = neighbour(n + 1) - neighbour(n.saturating_sub(1));
+                let weight = width * (0.5 * (one.gain - highest.gain)).exp();
                 sum += weight;
                 spread += weight * (one.at(at_s) - likeliest.at(at_s)).powi(2);
             }
@@ -256,16 +303,37 @@ impl Stays {
 
     /// The equations of the stays at this circuit.
     fn parts(&self, best: &Hypothesis) -> Vec<Part> {
+        let mut states = best.states.clone();
+        let all = self.models(&best.at).zip(&mut states).zip(self.middles_s());
+        let part = |((of, state), middle_s): ((Modelled<'_>, &mut State), f64)| {
+            self.computed(&of, of.model.prior(of.square), state);
+            let normal = of.model.normal_with_rate(of.stay, &self.known, state);
+            self.part(middle_s, &normal)
+        };
+        let parts = all.map(part).collect();
+        self.work.update(|work| work + self.count() as u64);
+        parts
+    }
+
+    /// The same without the motion during a stay, which needs no reading again.
+    fn parts_at_rest(&self, best: &Hypothesis) -> Vec<Part> {
         let all = self.models(&best.at).zip(&best.states).zip(self.middles_s());
         let part = |((of, state), middle_s): ((Modelled<'_>, &State), f64)| {
             let prior = of.model.prior(of.square);
-            let normal = state.moved(&of.at, of.stay, prior, &self.known).unwrap_or_else(|| {
-                let mut state = state.clone();
-                self.computed(&of, prior, &mut state)
-            });
-            Part { middle_s, ln_shift: self.ln_shift(middle_s), normal }
+            let normal = state.moved((&of, prior), &self.known);
+            let normal = normal.unwrap_or_else(|| self.computed(&of, prior, &mut state.clone()));
+            self.part(middle_s, &normal)
         };
         all.map(part).collect()
+    }
+
+    fn part(&self, middle_s: f64, normal: &Normal<UNKNOWNS>) -> Part {
+        Part {
+            middle_s,
+            ln_shift: self.ln_shift(middle_s),
+            ln_rate: self.ln_rate(middle_s),
+            normal: *normal,
+        }
     }
 
     /// The change of the logarithm of the resonance during the sweep.
@@ -282,6 +350,39 @@ impl Stays {
     pub(super) fn ln_shift(&self, s: f64) -> f64 {
         self.drift.map_or(0.0, |drift| drift.ln_shift(s))
     }
+
+    /// Change of the logarithm of the resonance per second at this time.
+    pub(super) fn ln_rate(&self, s: f64) -> f64 {
+        self.drift.map_or(0.0, |drift| drift.ln_rate(s))
+    }
+}
+
+/// The drifts of all shapes, in the order of their steepness.
+fn candidates(
+    parts: &[Part],
+    span_s: f64,
+    best: &Hypothesis,
+    expected: &CircuitPrior,
+) -> Vec<Candidate> {
+    let decay_s = best.at.q / (PI * best.at.resonance_hz);
+    let steepest = span_s / (SLOW * decay_s);
+    let of = |steepness: f64| candidate(parts, Shape { span_s, steepness }, best, expected);
+    let steepness = STEEPNESS.into_iter().filter(|steepness| *steepness <= steepest);
+    let mut all: Vec<Candidate> = steepness.filter_map(of).collect();
+    for _ in 0..REFINEMENTS {
+        let gain = |n: &usize| all[*n].gain;
+        let Some(best) = (0..all.len()).max_by(|a, b| gain(a).total_cmp(&gain(b))) else { break };
+        let around = &all[best.saturating_sub(1)..all.len().min(best + 2)];
+        let between = |pair: &[Candidate]| {
+            let (from, to) = (pair[0].shape.steepness, pair[1].shape.steepness);
+            let step = (to - from) / f64::from(BETWEEN + 1);
+            (1..=BETWEEN).map(move |n| from + f64::from(n) * step)
+        };
+        let more: Vec<Candidate> = around.windows(2).flat_map(between).filter_map(of).collect();
+        all.extend(more);
+        all.sort_by(|a, b| a.shape.steepness.total_cmp(&b.shape.steepness));
+    }
+    all
 }
 
 /// The drift of this shape, to first order around the present circuit and drift; `None` if the stays do not
@@ -293,20 +394,20 @@ fn candidate(
     expected: &CircuitPrior,
 ) -> Option<Candidate> {
     let mut sum = Normal::<UNKNOWNS>::default();
-    for Part { middle_s, ln_shift, normal } in parts {
-        // From the present shift of the stay back to none.
+    for Part { middle_s, ln_shift, ln_rate, normal } in parts {
+        // From the present shift and rate of the stay back to none.
         let mut constant = *normal;
         for (element, row) in constant.gradient.iter_mut().zip(&normal.matrix) {
-            *element -= row[0] * ln_shift;
+            *element -= row[0] * ln_shift + row[RATE] * ln_rate;
         }
-        let by = shape.at(*middle_s);
-        for i in 0..CIRCUIT {
-            let column = by * constant.matrix[i][0];
-            constant.matrix[i][DRIFT] = column;
-            constant.matrix[DRIFT][i] = column;
+        let (by, per_s) = (shape.at(*middle_s), shape.per_s(*middle_s));
+        let column = normal.matrix.map(|row| by * row[0] + per_s * row[RATE]);
+        for (i, element) in column.iter().enumerate().take(CIRCUIT) {
+            constant.matrix[i][DRIFT] = *element;
+            constant.matrix[DRIFT][i] = *element;
         }
-        constant.matrix[DRIFT][DRIFT] = by * by * constant.matrix[0][0];
-        constant.gradient[DRIFT] = by * constant.gradient[0];
+        constant.matrix[DRIFT][DRIFT] = by * column[0] + per_s * column[RATE];
+        constant.gradient[DRIFT] = by * constant.gradient[0] + per_s * constant.gradient[RATE];
         sum.sum(&constant);
     }
     expected.add_to(&mut sum, &best.at, 1.0);

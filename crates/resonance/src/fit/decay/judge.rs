@@ -29,6 +29,9 @@ pub(crate) const MODE_WIDENS: f64 = 1.2;
 /// that is constant during a stay, are not exact enough.
 const FOLLOWED_SIGMAS: f64 = 100.0;
 
+/// Twice the log-likelihood gained by a drift above which a resonance that rests is refused.
+const MOVES_GAIN: f64 = 25.0;
+
 /// Largest number of wrong readings for which the circuit is searched again.
 const SEARCHES: usize = 8;
 /// The readings are compared within their stays at most this many times.
@@ -181,6 +184,13 @@ fn judge(
         let is_described = scatter < allowed;
         (!is_described).then_some(Reason::Misfit { found: scatter, allowed })
     };
+    let doubt = doubt.or_else(|| {
+        // A drift that the readings show and that could not be followed.
+        let noise = (best.normal.cost / degrees).max(1.0);
+        let is_moving =
+            stays.drift.is_none() && stays.gain_by_drift(best, expected) > MOVES_GAIN * noise;
+        is_moving.then_some(Reason::Drift)
+    });
     if let Some(reason) = doubt {
         return refused(reason, roughly);
     }

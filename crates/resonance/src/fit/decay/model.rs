@@ -33,6 +33,15 @@ impl Amplitude {
     }
 }
 
+/// How the resonance moves during a stay.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Moving {
+    /// Change of its logarithm per second.
+    pub(super) per_s: f64,
+    /// The time at which it is that of the circuit, s after the start of the stay.
+    pub(super) middle_s: f64,
+}
+
 /// The model of readings at one frequency.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Model {
@@ -47,6 +56,7 @@ pub(crate) struct Model {
     pub(super) by: [Complex64; CIRCUIT],
     /// C1·ωs: the admittance of a free motion as large as the static deflection.
     pub(super) unit: f64,
+    pub(super) moving: Moving,
 }
 
 impl Model {
@@ -73,7 +83,24 @@ impl Model {
                 Complex64::from(omega),
             ],
             unit: at.c1.abs().max(1e-6) * omega_s,
+            moving: Moving { per_s: 0.0, middle_s: 0.0 },
         }
+    }
+
+    /// The model of a resonance that moves.
+    pub(super) const fn moving(self, moving: Moving) -> Self {
+        Self { moving, ..self }
+    }
+
+    /// The slope of the mean admittance of a reading by [`Moving::per_s`], with this free decay in it.
+    ///
+    /// With λ = s − jω and T the time since the middle of the stay, the motion q' = (λ + ψ·s·T)·q + drive is, to first
+    /// order in ψ, the forced motion of a resonance at T + 1/λ, which is earlier by up to the time constant of the
+    /// decay, and a free decay times 1 + ψ·s·T²/2.
+    pub(super) fn by_motion(&self, start_s: f64, integration_s: f64, free: Complex64) -> Complex64 {
+        let from_middle_s = start_s + 0.5 * integration_s - self.moving.middle_s;
+        let mean_square = from_middle_s * from_middle_s + integration_s * integration_s / 12.0;
+        self.by[0] * (from_middle_s + 1.0 / self.rate) + 0.5 * mean_square * free * self.rate_by[0]
     }
 
     /// The factors common to readings of this integration time, s.

@@ -4,7 +4,7 @@
 use num_complex::Complex64;
 
 use super::{
-    Known, Sample, Stay,
+    Known, Modelled, Sample, Stay,
     mode::{PLACES, WITH_MODES},
     model::{Branch, Decayed, Model, Ring},
 };
@@ -43,6 +43,8 @@ const LINEAR: f64 = 0.02;
 /// Relative changes of the prior amplitude and of the noise above which a stay is recomputed.
 const PRIOR_CHANGED: f64 = 0.1;
 const VARIANCE_CHANGED: f64 = 0.02;
+/// The same of the rate at which the resonance moves.
+const RATE_CHANGED: f64 = 0.02;
 
 /// The state of a stay during the search for a circuit.
 #[derive(Debug, Clone, Default)]
@@ -65,6 +67,8 @@ struct Computed {
     readings: usize,
     /// The noise variance of their weights.
     variance: f64,
+    /// [`Moving::per_s`](super::model::Moving::per_s) of the model.
+    per_s: f64,
     /// Twice the logarithm of the ratio of the prior volume of amplitudes to the posterior volume.
     freedom: f64,
 }
@@ -82,14 +86,14 @@ impl State {
     /// The equations at this circuit, if they follow from the last computed ones.
     pub(super) fn moved(
         &self,
-        at: &ModelEstimate,
-        stay: &Stay,
-        prior: f64,
+        (of, prior): (&Modelled<'_>, f64),
         known: &Known,
     ) -> Option<Normal<UNKNOWNS>> {
-        let Computed { at: last, normal, readings, variance, .. } = self.last.as_ref()?;
+        let Modelled { stay, at, model, .. } = of;
+        let Computed { at: last, normal, readings, variance, per_s, .. } = self.last.as_ref()?;
         let has_changed = |ratio: f64, part: f64| (ratio - 1.0).abs() > part;
         if *readings != stay.samples.len()
+            || (model.moving.per_s - per_s).abs() > RATE_CHANGED * per_s.abs()
             || has_changed(prior / self.prior, PRIOR_CHANGED)
             || has_changed(known.variance / variance, VARIANCE_CHANGED)
         {
@@ -213,7 +217,8 @@ impl Model {
                 let freedom = (determinant(&normal) * state.prior * state.prior).ln();
                 let normal = eliminated(&normal);
                 let (readings, variance) = (stay.samples.len(), known.variance);
-                state.last = Some(Computed { at: *at, normal, readings, variance, freedom });
+                let per_s = self.moving.per_s;
+                state.last = Some(Computed { at: *at, normal, readings, variance, per_s, freedom });
                 return (normal, round);
             }
             round += 1;
@@ -237,6 +242,25 @@ impl Model {
             sums.wait_until(late_s, known);
             let columns = modes.iter().map(mean);
             sums.add(self, sample, state.amplitude, &decayed, known, columns);
+        }
+        eliminated(&sums.without_time())
+    }
+
+    /// The normal equations with the rate at which the resonance moves as the unknown after the circuit.
+    pub(super) fn normal_with_rate(
+        &self,
+        stay: &Stay,
+        known: &Known,
+        state: &State,
+    ) -> Normal<UNKNOWNS> {
+        let mut sums = Sums::<WITH_ONE>::new(state.amplitude, state.prior, state.square);
+        let mut last = None;
+        for (sample, &late_s) in stay.samples.iter().zip(&state.late_s) {
+            let start_s = sample.start_s + late_s;
+            let decayed = self.decayed(start_s, sample.integration_s, &mut last);
+            sums.wait_until(late_s, known);
+            let rate = std::iter::once(Column::Rate);
+            sums.add(self, sample, state.amplitude, &decayed, known, rate);
         }
         eliminated(&sums.without_time())
     }
@@ -368,6 +392,8 @@ enum Column {
     FirstGap,
     /// This multiple of a change of the logarithm of the resonance.
     Drift(f64),
+    /// Change of the logarithm of the resonance per second during the stay.
+    Rate,
 }
 
 /// Accumulated sums of the readings of a stay.
@@ -412,7 +438,12 @@ impl<const N: usize> Sums<N> {
         disturbances: impl Iterator<Item = Column>,
     ) -> Row {
         let Decayed { value: e, by_rate: e_by, mirrored } = *decayed;
-        let admittance = model.steady + amplitude * e;
+        let free = amplitude * e;
+        let by_motion = || model.by_motion(sample.start_s, sample.integration_s, free);
+        let mut admittance = model.steady + free;
+        if model.moving.per_s != 0.0 {
+            admittance += model.moving.per_s * by_motion();
+        }
         let x = sample.impedance.map_or(Complex64::ONE, |impedance| impedance * admittance);
         let more = 1.0 / (x + 1.0);
         let slope = 4.0 * x * more * more / admittance;
@@ -434,6 +465,7 @@ impl<const N: usize> Sums<N> {
                 Column::Phase => -Complex64::I * admittance,
                 Column::FirstGap => in_time,
                 Column::Drift(part) => part * by_resonance,
+                Column::Rate => by_motion(),
             };
         }
         let counter = 0.5 * self.square * mirrored / admittance.norm_sqr();
