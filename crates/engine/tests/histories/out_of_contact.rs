@@ -2,7 +2,7 @@
 //! latched with its first cause, and nothing moves from a position that is not known.
 
 use rig_engine::{Command, Event, Fault, Operation, RigState, Snapshot};
-use rig_model::Clearance;
+use rig_model::{Clearance, Position};
 
 use crate::{
     drive::DriveTrouble,
@@ -59,6 +59,25 @@ fn a_probe_above_its_clear_position_stays_there_on_the_way_out() {
             }
         }
     }
+}
+
+/// A move up by hand that fails on its way leaves the probe above what was read back last, where a move to the clear
+/// position would go down.
+#[test]
+fn a_probe_that_a_failed_move_left_above_its_clear_position_is_found_there() {
+    let mut world = World::new(None);
+    world.command(Command::Prepare);
+    while world.in_flight.is_some() {
+        world.step();
+    }
+    world.command(Command::MoveLinear(Position::new(47.0)));
+    world.trouble = Some((world.operations, Trouble::Fails));
+    world.linear_mm = 43.0;
+    while world.engine.snapshot().state != RigState::Latched {
+        world.step();
+    }
+    assert_eq!(world.engine.snapshot().clearance, Clearance::Clear);
+    assert_eq!(world.linear_mm, 43.0);
 }
 
 #[test]
