@@ -5,8 +5,10 @@
 //! ```
 //!
 //! with S the duration of the sweep, which is short against the seconds of a relaxation or long. All
-//! shapes are compared by the likelihood that they gain. A resonance that moves slowly against its own
-//! decay is constant during a stay, so that the equations of the stays say everything of d.
+//! shapes are compared by the likelihood that they gain. During a stay the resonance goes on evenly, and moves
+//! slowly against its own decay, so that the equations of the stays say everything of d: how the readings
+//! depend on the resonance in the middle of the stay, and on its rate there
+//! ([`Model::by_motion`](super::model::Model::by_motion)).
 //!
 //! The result holds at the effective time m, at which it is most certain. If the shape is known, that is
 //! where the errors of resonance and d are independent, so that the uncertainty of d adds nothing; if

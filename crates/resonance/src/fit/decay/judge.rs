@@ -26,7 +26,7 @@ use crate::{
 pub(crate) const MODE_WIDENS: f64 = 1.2;
 
 /// Largest change of the resonance during the sweep, in its standard deviations. Beyond it the shapes of a drift, and a resonance
-/// that is constant during a stay, are not exact enough.
+/// that goes on evenly during a stay, are not exact enough.
 const FOLLOWED_SIGMAS: f64 = 100.0;
 
 /// Twice the log-likelihood gained by a drift above which a resonance that rests is refused.
