@@ -96,7 +96,7 @@ pub(crate) fn program() -> Result<String, LedgerError> {
 }
 
 /// The first digits of a SHA-256.
-fn head_of(bytes: impl AsRef<[u8]>) -> String {
+pub(crate) fn head_of(bytes: impl AsRef<[u8]>) -> String {
     let digest = Sha256::digest(bytes);
     let head = digest.iter().take(8).fold(0, |head, byte| head << 8 | u64::from(*byte));
     format!("{head:016x}")

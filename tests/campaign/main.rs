@@ -7,6 +7,8 @@
 //! last the faults end and the run must be completed. With `--protocol` or `--vary` it plays whole
 //! protocols without faults. With `--engine` it plays the engine alone in an ideal world.
 //!
+//! With `--queue`, many computers play the parts of a campaign, which they get from a NATS server.
+//!
 //! It prints each seed that fails with the command that plays it again. The last line has the counts.
 //! The exit code is 0 only if nothing failed.
 
@@ -26,6 +28,7 @@ mod known;
 mod ledger;
 mod life;
 mod page;
+mod queue;
 mod run;
 #[expect(dead_code, reason = "it is a part of the tests of the engine")]
 #[path = "../../crates/engine/tests/histories/streams.rs"]
@@ -37,6 +40,7 @@ mod world;
 
 use std::{
     fs,
+    ops::Range,
     path::{Path, PathBuf},
     process::ExitCode,
     sync::{
@@ -53,6 +57,7 @@ use clap::Parser;
 use ledger::{Ledger, LedgerError, Piece};
 use mimalloc::MiMalloc;
 use page::Page;
+use queue::QueueArguments;
 use tally::{Steps, Tally};
 
 /// The allocator of the system plays a tenth fewer runs.
@@ -102,10 +107,25 @@ struct Arguments {
     /// Play the engine alone, with two troubles in each run.
     #[arg(long)]
     engine: bool,
+    #[command(flatten)]
+    queue: QueueArguments,
+}
+
+impl Arguments {
+    /// The seeds.
+    const fn range(&self) -> Range<u64> {
+        self.first_seed..self.first_seed.saturating_add(self.seeds)
+    }
 }
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
+    if let Some(server) = arguments.queue.server() {
+        return match queue::run(server, &arguments, play) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(error) => failed(&error),
+        };
+    }
     if let (Some(page), [_, ..]) = (&arguments.page, &*arguments.merge) {
         return match merge(page, &arguments.merge) {
             Ok(()) => ExitCode::SUCCESS,
@@ -124,9 +144,9 @@ fn main() -> ExitCode {
 
 /// Plays each seed on one of the jobs. `play` says whether all was well.
 fn each_seed(arguments: &Arguments, play: impl Fn(u64) -> bool + Sync) {
-    let next = AtomicU64::new(arguments.first_seed);
+    let Range { start, end } = arguments.range();
+    let next = AtomicU64::new(start);
     let is_over = AtomicBool::new(false);
-    let end = arguments.first_seed.saturating_add(arguments.seeds);
     thread::scope(|scope| {
         for _ in 0..arguments.jobs.max(1) {
             scope.spawn(|| {
@@ -147,10 +167,9 @@ fn each_seed(arguments: &Arguments, play: impl Fn(u64) -> bool + Sync) {
 /// Touches under faults.
 fn faulted(arguments: &Arguments) -> ExitCode {
     // A ledger that cannot take the seeds is noticed before they are played.
-    let end = arguments.first_seed.saturating_add(arguments.seeds);
     let ledger = arguments.page.as_deref().map(|page| {
         let ledger = Ledger::read(page)?;
-        ledger.admits(page, &(arguments.first_seed..end))?;
+        ledger.admits(page, &arguments.range())?;
         Ok::<_, LedgerError>((page, ledger))
     });
     let ledger = match ledger.transpose() {
@@ -158,24 +177,7 @@ fn faulted(arguments: &Arguments) -> ExitCode {
         Err(error) => return failed(&error),
     };
     let begun = Instant::now();
-    let campaign = Campaign::default();
-    let counts = Mutex::new(Counts::default());
-    each_seed(arguments, |seed| {
-        let ended = campaign.play(seed, arguments.records);
-        for record in ended.played.iter().flat_map(|played| &played.records) {
-            println!("{record}");
-        }
-        if !ended.failures.is_empty() || arguments.seeds == 1 {
-            println!("seed {seed}: {}", ended.story);
-            for failure in &ended.failures {
-                println!("  {failure}");
-            }
-            println!("  {}", replay(seed, ""));
-        }
-        counts.lock().unwrap_or_else(PoisonError::into_inner).add(seed, &ended);
-        ended.failures.is_empty()
-    });
-    let counts = counts.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let counts = play(arguments, &Campaign::default());
     for (reason, count) in &counts.reasons {
         println!("{count:8} {reason}");
     }
@@ -197,7 +199,28 @@ fn faulted(arguments: &Arguments) -> ExitCode {
     if is_sound { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-fn failed(error: &LedgerError) -> ExitCode {
+/// Plays the seeds, and prints those that fail.
+fn play(arguments: &Arguments, campaign: &Campaign) -> Counts {
+    let counts = Mutex::new(Counts::default());
+    each_seed(arguments, |seed| {
+        let ended = campaign.play(seed, arguments.records);
+        for record in ended.played.iter().flat_map(|played| &played.records) {
+            println!("{record}");
+        }
+        if !ended.failures.is_empty() || arguments.seeds == 1 {
+            println!("seed {seed}: {}", ended.story);
+            for failure in &ended.failures {
+                println!("  {failure}");
+            }
+            println!("  {}", replay(seed, ""));
+        }
+        counts.lock().unwrap_or_else(PoisonError::into_inner).add(seed, &ended);
+        ended.failures.is_empty()
+    });
+    counts.into_inner().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn failed(error: &(dyn std::error::Error + 'static)) -> ExitCode {
     println!("{}", rig_model::with_causes(error));
     ExitCode::FAILURE
 }

@@ -22,6 +22,14 @@ impl NatsServer {
     ///
     /// # Errors
     /// [`TrialError::OnWindows`].
+    pub const fn with(_: &Path, _: &str) -> Result<Self, TrialError> {
+        Err(TrialError::OnWindows)
+    }
+
+    /// Refuses.
+    ///
+    /// # Errors
+    /// [`TrialError::OnWindows`].
     pub const fn free_port() -> Result<u16, TrialError> {
         Err(TrialError::OnWindows)
     }

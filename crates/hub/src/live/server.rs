@@ -41,13 +41,21 @@ impl NatsServer {
     /// # Errors
     /// [`TrialError`].
     pub fn start(directory: &Path, setup: &LiveSetup) -> Result<Self, TrialError> {
+        Self::with(directory, &setup.text(directory))
+    }
+
+    /// Starts a server with this configuration, which is written to `directory`.
+    ///
+    /// # Errors
+    /// [`TrialError`].
+    pub fn with(directory: &Path, configuration: &str) -> Result<Self, TrialError> {
         let program = program().ok_or(TrialError::NoNats)?;
         let config = directory.join("nats.conf");
         let failed = |path: &Path| {
             let path = path.to_path_buf();
             move |source| TrialError::System { path, source }
         };
-        fs::write(&config, setup.text(directory)).map_err(failed(&config))?;
+        fs::write(&config, configuration).map_err(failed(&config))?;
         let mut keeper = Command::new("sh")
             .arg("-c")
             .arg(KEEPER)

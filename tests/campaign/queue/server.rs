@@ -1,0 +1,343 @@
+//! The queue of a campaign on a NATS server with JetStream.
+//!
+//! ```text
+//!   fill ─▶ chunks (work queue) ─▶ worker: take, play ─▶ pieces ─▶ gather ─▶ ledger
+//!                ▲                    │  │                 ▲
+//!                └── not acknowledged ┘  └─ store, then ───┘ acknowledge
+//! ```
+//!
+//! A chunk leaves the queue when its piece is stored, and not before. What is done twice is stored twice, and merged once.
+
+use std::{
+    collections::BTreeSet,
+    path::Path,
+    time::{Duration, Instant},
+};
+
+use async_nats::{
+    ConnectOptions, ServerAddr,
+    jetstream::{
+        self, Context, ErrorCode,
+        consumer::{AckPolicy, Info, PullConsumer, pull},
+        context::{GetStreamErrorKind, PublishErrorKind, RequestErrorKind},
+        message::{PublishMessage, StreamMessage},
+        stream::{Config, RawMessageErrorKind, RetentionPolicy, Stream},
+    },
+};
+use futures_util::TryStreamExt;
+use serde::Deserialize;
+use tokio::{
+    runtime::{Builder, Runtime},
+    time::{sleep, timeout},
+};
+
+use super::{
+    chunk::{Chunk, Kind, Player},
+    error::QueueError,
+};
+
+/// Time limit of a connection.
+const CONNECT_TIME: Duration = Duration::from_secs(10);
+/// A server that has not answered twice in this time is gone, and is connected to again.
+const PING_EVERY: Duration = Duration::from_secs(10);
+/// Time in which a server that was there must answer again: it may be started anew.
+const PATIENCE: Duration = Duration::from_secs(60);
+/// Time to the second attempt, and the longest time between two. It doubles in between.
+const WAITS: [Duration; 2] = [Duration::from_millis(100), Duration::from_secs(4)];
+/// Time that the server keeps what nobody has asked for, so that a campaign that was forgotten leaves nothing.
+const KEPT: Duration = Duration::from_secs(30 * 24 * 3600);
+/// A queue, for one menu and one program.
+#[derive(Debug)]
+pub(crate) struct Queue {
+    pub(super) context: Context,
+    /// Host and port.
+    address: String,
+    pub(super) player: Player,
+    pub(super) patience: Duration,
+    /// Its only thread also says that chunks are in progress while others play.
+    pub(super) runtime: Runtime,
+}
+
+/// When a chunk goes to another worker.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Redelivery {
+    /// Time since the worker has said something.
+    pub(crate) after: Duration,
+    /// Number of workers that get it, one after the other.
+    pub(crate) deliveries: i64,
+}
+
+/// What became of the chunks of a call of `--fill`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Filled {
+    pub(crate) added: u64,
+    /// In the queue already, or with a worker.
+    pub(crate) queued: u64,
+    pub(crate) played: u64,
+}
+
+impl Queue {
+    /// Connects. With `files`, the connection is by TLS: `ca.pem` is the certificate of the server's authority, and `worker.pem`
+    /// with `worker.key`, if they are there, the certificate of this program.
+    ///
+    /// # Errors
+    /// [`QueueError`].
+    pub(crate) fn connect(
+        server: &ServerAddr,
+        files: Option<&Path>,
+        player: Player,
+    ) -> Result<Self, QueueError> {
+        let runtime = Builder::new_multi_thread().worker_threads(1).enable_all().build();
+        let runtime = runtime.map_err(QueueError::Runtime)?;
+        // Without the password that it may have.
+        let address = format!("{}:{}", server.host(), server.port());
+        let mut options = ConnectOptions::new()
+            .name("rigd campaign")
+            .connection_timeout(CONNECT_TIME)
+            .ping_interval(PING_EVERY);
+        if let Some(files) = files {
+            options = options.require_tls(true).add_root_certificates(files.join("ca.pem"));
+            let [certificate, key] = ["worker.pem", "worker.key"].map(|name| files.join(name));
+            if certificate.exists() {
+                options = options.add_client_certificate(certificate, key);
+            }
+        }
+        let context = runtime.block_on(async {
+            let within = CONNECT_TIME;
+            match timeout(within, options.connect(server.clone())).await {
+                Ok(Ok(client)) => Ok(jetstream::new(client)),
+                Ok(Err(cause)) => Err(QueueError::Connect { address: address.clone(), cause }),
+                Err(_) => Err(QueueError::Silent { address: address.clone(), within }),
+            }
+        })?;
+        let queue = Self { context, address, player, patience: PATIENCE, runtime };
+        queue.runtime.block_on(queue.check())?;
+        Ok(queue)
+    }
+
+    /// Asks whether the account has JetStream.
+    async fn check(&self) -> Result<(), QueueError> {
+        // The library cannot read the other parts of what an older server answers.
+        #[derive(Deserialize)]
+        struct Account {
+            error: Option<jetstream::Error>,
+        }
+        let without = || QueueError::NoJetStream { address: self.address.clone() };
+        let answer: Result<Account, _> = self.context.request("INFO", &()).await;
+        match answer {
+            Ok(Account { error: None }) => Ok(()),
+            Ok(Account { error: Some(error) }) if is_without(&error) => Err(without()),
+            Ok(Account { error: Some(error) }) => Err(self.at("JetStream")(error)),
+            Err(error) if error.kind() == RequestErrorKind::NoResponders => Err(without()),
+            Err(error) => Err(self.at("JetStream")(error)),
+        }
+    }
+
+    /// Puts chunks into the queue that are neither in it nor played. A chunk that was given up is put into it again, if no
+    /// worker has another one.
+    ///
+    /// # Errors
+    /// [`QueueError`]. Nothing was added if a chunk is in part another one.
+    pub(crate) fn fill(
+        &self,
+        chunks: &[Chunk],
+        redelivery: Redelivery,
+    ) -> Result<Filled, QueueError> {
+        self.runtime.block_on(async {
+            let [queued, pieces] = [self.make(Kind::Chunk).await?, self.make(Kind::Piece).await?];
+            let consumer = queued.create_consumer(self.consumer(redelivery)).await;
+            let consumer = consumer.map_err(self.at("the workers cannot be provided for"))?;
+            let info = consumer.get_info().await.map_err(self.at("the workers"))?;
+            let messages = self.messages(&queued, Kind::Chunk, &mut 0).await?;
+            let waiting = messages.iter().map(|(chunk, message)| (*chunk, message.sequence));
+            let waiting: Vec<_> = waiting.collect();
+            let played = self.messages(&pieces, Kind::Piece, &mut 0).await?;
+            let played: BTreeSet<_> = played.into_iter().map(|(chunk, _)| chunk).collect();
+            let known = || waiting.iter().map(|(chunk, _)| *chunk).chain(played.iter().copied());
+            for chunk in chunks {
+                if let Some(known) = known().find(|known| known.is_partly(*chunk)) {
+                    let (asked, known) = (chunk.range(), known.range());
+                    return Err(QueueError::Overlap { asked, known });
+                }
+            }
+            let mut filled = Filled::default();
+            for chunk in chunks {
+                let number = waiting.iter().find(|(known, _)| known == chunk);
+                let number = number.map(|(_, number)| *number);
+                if played.contains(chunk) {
+                    filled.played += 1;
+                    continue;
+                }
+                if let Some(number) = number {
+                    if !is_empty(&info) {
+                        filled.queued += 1;
+                        continue;
+                    }
+                    let deleted = queued.delete_message(number).await;
+                    deleted.map_err(self.at("a chunk that was given up cannot be removed"))?;
+                }
+                if self.publish_chunk(*chunk, number).await? {
+                    filled.added += 1;
+                } else {
+                    filled.queued += 1;
+                }
+            }
+            Ok(filled)
+        })
+    }
+
+    /// Adds a chunk in the place of the message with a number, and says whether it was added: another program may have
+    /// done so meanwhile.
+    async fn publish_chunk(
+        &self,
+        chunk: Chunk,
+        instead_of: Option<u64>,
+    ) -> Result<bool, QueueError> {
+        let message = PublishMessage::build()
+            .message_id(self.player.message_id(chunk, instead_of))
+            // None of the same chunk may be there, however long ago it came.
+            .expected_last_subject_sequence(0);
+        let subject = self.player.subject(Kind::Chunk, chunk);
+        let sent = async { self.context.send_publish(subject, message).await?.await }.await;
+        match sent {
+            Ok(taken) => Ok(!taken.duplicate),
+            Err(error) if error.kind() == PublishErrorKind::WrongLastSequence => Ok(false),
+            Err(error) => Err(self.at("a chunk cannot be added")(error)),
+        }
+    }
+
+    /// The stream of these messages, which is made if it is not there.
+    async fn make(&self, kind: Kind) -> Result<Stream, QueueError> {
+        let retention = match kind {
+            Kind::Chunk => RetentionPolicy::WorkQueue,
+            Kind::Piece => RetentionPolicy::Limits,
+        };
+        let config = Config {
+            name: kind.stream().to_owned(),
+            subjects: vec![kind.subjects()],
+            retention,
+            max_age: KEPT,
+            ..Config::default()
+        };
+        let made = self.context.get_or_create_stream(config).await;
+        made.map_err(self.at("the queue cannot be made"))
+    }
+
+    /// The stream of these messages.
+    pub(super) async fn open(&self, kind: Kind) -> Result<Stream, QueueError> {
+        let opened = self.patiently("the queue cannot be opened", async || {
+            match self.context.get_stream(kind.stream()).await {
+                Ok(stream) => Ok(Some(stream)),
+                Err(error) if is_unknown(&error.kind()) => Ok(None),
+                Err(error) => Err(error.into()),
+            }
+        });
+        opened.await?.ok_or_else(|| self.not_filled(Vec::new()))
+    }
+
+    /// What the workers of this player share.
+    pub(super) async fn workers(&self) -> Result<PullConsumer, QueueError> {
+        let stream = self.open(Kind::Chunk).await?;
+        let name = self.player.consumer();
+        let all = self.patiently("the workers cannot be listed", async || {
+            Ok(stream.consumers().try_collect::<Vec<_>>().await?)
+        });
+        let (own, others): (Vec<_>, Vec<_>) =
+            all.await?.into_iter().partition(|info| info.name == name);
+        if own.is_empty() {
+            let others = others.into_iter().filter(|info| !is_empty(info));
+            return Err(self.not_filled(others.map(|info| info.name).collect()));
+        }
+        let found = self
+            .patiently("the workers cannot be found", async || stream.get_consumer(&name).await);
+        found.await
+    }
+
+    fn consumer(&self, redelivery: Redelivery) -> pull::Config {
+        pull::Config {
+            durable_name: Some(self.player.consumer()),
+            ack_policy: AckPolicy::Explicit,
+            ack_wait: redelivery.after,
+            max_deliver: redelivery.deliveries,
+            filter_subject: self.player.subjects(Kind::Chunk),
+            ..pull::Config::default()
+        }
+    }
+
+    /// The messages of this player in a stream behind the one with a number, which is changed to that of the last.
+    pub(super) async fn messages(
+        &self,
+        stream: &Stream,
+        kind: Kind,
+        behind: &mut u64,
+    ) -> Result<Vec<(Chunk, StreamMessage)>, QueueError> {
+        let subjects = self.player.subjects(kind);
+        let mut messages = Vec::new();
+        loop {
+            let next = self.patiently("the messages cannot be read", async || {
+                let next = stream
+                    .raw_message_builder()
+                    .sequence(*behind + 1)
+                    .next_by_subject(subjects.clone());
+                match next.send().await {
+                    Ok(message) => Ok(Some(message)),
+                    Err(error) if error.kind() == RawMessageErrorKind::NoMessageFound => Ok(None),
+                    Err(error) => Err(error.into()),
+                }
+            });
+            let Some(message) = next.await? else { return Ok(messages) };
+            *behind = message.sequence;
+            if let Some(chunk) = self.player.chunk(kind, &message.subject) {
+                messages.push((chunk, message));
+            }
+        }
+    }
+
+    /// Tries until it succeeds or the patience is over.
+    pub(super) async fn patiently<T>(
+        &self,
+        what: &'static str,
+        attempt: impl AsyncFn() -> Result<T, async_nats::Error>,
+    ) -> Result<T, QueueError> {
+        let until = Instant::now() + self.patience;
+        let [mut wait, longest] = WAITS;
+        loop {
+            match attempt().await {
+                Ok(value) => return Ok(value),
+                Err(error) if Instant::now() + wait > until => return Err(self.error(what, error)),
+                Err(_) => sleep(wait).await,
+            }
+            wait = (wait * 2).min(longest);
+        }
+    }
+
+    fn at<E: Into<async_nats::Error>>(&self, what: &'static str) -> impl Fn(E) -> QueueError {
+        move |error| self.error(what, error.into())
+    }
+
+    pub(super) fn error(&self, what: &'static str, cause: async_nats::Error) -> QueueError {
+        QueueError::Server { address: self.address.clone(), what, cause }
+    }
+
+    fn not_filled(&self, others: Vec<String>) -> QueueError {
+        let (address, player) = (self.address.clone(), self.player.clone());
+        QueueError::NotFilled { address, player, others }
+    }
+}
+
+/// Whether no chunk waits and none is with a worker. Those that are in the stream then were given up.
+pub(super) const fn is_empty(info: &Info) -> bool {
+    info.num_pending == 0 && info.num_ack_pending == 0
+}
+
+/// Whether there is no such stream.
+fn is_unknown(error: &GetStreamErrorKind) -> bool {
+    let GetStreamErrorKind::JetStream(error) = error else { return false };
+    error.error_code() == ErrorCode::STREAM_NOT_FOUND
+}
+
+/// Whether the server or the account has no JetStream.
+fn is_without(error: &jetstream::Error) -> bool {
+    let code = error.error_code();
+    [ErrorCode::JETSTREAM_NOT_ENABLED, ErrorCode::JETSTREAM_NOT_ENABLED_FOR_ACCOUNT].contains(&code)
+}

@@ -1,0 +1,258 @@
+//! The queue on a nats-server of its own, with workers that play nothing.
+
+use std::{
+    path::Path,
+    sync::atomic::{AtomicU64, Ordering},
+    time::Duration,
+};
+
+use rig_hub::live::NatsServer;
+use tempfile::TempDir;
+
+use super::{
+    chunk::{Chunk, Kind, Player, cut},
+    error::QueueError,
+    server::{Filled, Queue, Redelivery},
+    work::{Next, Taken},
+};
+use crate::{
+    campaign::Counts,
+    ledger::{Ledger, LedgerError, Piece},
+};
+
+/// Time after which a chunk of a worker that is gone goes to another one.
+const SILENT: Duration = Duration::from_millis(300);
+/// Longer than all that is waited for.
+const WITHIN: Duration = Duration::from_secs(30);
+const REDELIVERY: Redelivery = Redelivery { after: SILENT, deliveries: 2 };
+
+/// The menu, whose digest takes long.
+const MENU: &str = "menu";
+
+/// A server that can be killed and started again.
+struct Site {
+    directory: TempDir,
+    port: u16,
+    server: Option<NatsServer>,
+}
+
+impl Site {
+    fn new() -> Self {
+        let (directory, port) = (tempfile::tempdir().unwrap(), NatsServer::free_port().unwrap());
+        let mut site = Self { directory, port, server: None };
+        site.start(true);
+        site
+    }
+
+    fn start(&mut self, has_jetstream: bool) {
+        let Self { directory, port, .. } = self;
+        let store = directory.path().join("jetstream");
+        let jetstream = format!("jetstream {{ store_dir: {store:?} }}\n");
+        let jetstream = if has_jetstream { &jetstream } else { "" };
+        let text = format!("listen: \"127.0.0.1:{port}\"\n{jetstream}");
+        self.server = Some(NatsServer::with(directory.path(), &text).unwrap());
+    }
+
+    fn kill(&mut self) {
+        self.server = None;
+    }
+
+    fn connect(&self, program: &str) -> Result<Queue, QueueError> {
+        let server = format!("nats://127.0.0.1:{}", self.port).parse().unwrap();
+        let player = Player { menu: MENU.to_owned(), program: program.to_owned() };
+        Queue::connect(&server, None, player)
+    }
+
+    fn queue(&self) -> Queue {
+        self.connect("a").unwrap()
+    }
+}
+
+/// Chunks of 25 seeds.
+fn chunks(count: u64) -> Vec<Chunk> {
+    cut(1..1 + 25 * count, 25).collect()
+}
+
+/// What a worker would have played, with a digest of all runs.
+fn piece(chunk: Chunk, digest: u64) -> Piece {
+    let Chunk { first_seed, seeds } = chunk;
+    let counts = Counts { runs: seeds, digest, ..Counts::default() };
+    let (software, program) = ("rigd".to_owned(), "a".to_owned());
+    Piece { first_seed, seeds, jobs: 1, seconds: 1.0, software, program, counts }
+}
+
+#[track_caller]
+fn take(queue: &Queue) -> Taken {
+    match queue.take(WITHIN).unwrap() {
+        Next::Taken(taken) => taken,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Plays all that is left, and returns the number of chunks.
+fn play_all(queue: &Queue) -> u64 {
+    let count = AtomicU64::new(0);
+    super::work(queue, WITHIN, |chunk| {
+        count.fetch_add(1, Ordering::Relaxed);
+        piece(chunk, chunk.first_seed)
+    })
+    .unwrap();
+    count.into_inner()
+}
+
+#[track_caller]
+fn merged(pieces: &[Piece]) -> Ledger {
+    let mut ledger = Ledger::new(MENU.to_owned());
+    let other = Ledger { menu: MENU.to_owned(), pieces: pieces.to_vec() };
+    ledger.merge(Path::new("page.md"), other).unwrap();
+    ledger
+}
+
+#[test]
+#[ignore = "starts a nats-server"]
+fn a_queue_that_is_filled_twice_has_each_chunk_once_until_it_is_played() {
+    let site = Site::new();
+    let (one, two) = (site.queue(), site.queue());
+    let filled = |queue: &Queue, count| {
+        let Filled { added, queued, played } = queue.fill(&chunks(count), REDELIVERY).unwrap();
+        (added, queued, played)
+    };
+    assert_eq!(filled(&one, 3), (3, 0, 0));
+    assert_eq!(filled(&two, 4), (1, 3, 0));
+    let taken = take(&one);
+    assert_eq!(filled(&two, 4), (0, 4, 0));
+    one.finish(&taken, &piece(taken.chunk, taken.chunk.first_seed)).unwrap();
+    assert_eq!(filled(&one, 4), (0, 3, 1));
+    assert_eq!(play_all(&two), 3);
+    assert_eq!(filled(&one, 5), (1, 0, 4));
+    let ledger = merged(&one.gather(&(1..101), WITHIN).unwrap());
+    assert_eq!((ledger.pieces.len(), ledger.counts().runs), (4, 100));
+
+    let other = Chunk { first_seed: 90, seeds: 25 };
+    assert!(matches!(one.fill(&[other], REDELIVERY), Err(QueueError::Overlap { .. })));
+    let late = two.gather(&(1..126), Duration::ZERO).unwrap_err();
+    assert!(matches!(&late, QueueError::Late { seeds, .. } if seeds[..] == [101..126]), "{late}");
+    play_all(&one);
+    let lost = two.gather(&(1..151), WITHIN).unwrap_err();
+    assert!(matches!(&lost, QueueError::Lost { seeds } if seeds[..] == [126..151]), "{lost}");
+}
+
+#[test]
+#[ignore = "starts a nats-server"]
+fn a_chunk_whose_workers_are_gone_goes_to_others_and_is_given_up_by_name() {
+    let site = Site::new();
+    let queue = site.queue();
+    queue.fill(&chunks(2), REDELIVERY).unwrap();
+    // The first chunk alone is left.
+    let (first, second) = (take(&queue), take(&queue));
+    queue.finish(&second, &piece(second.chunk, 0)).unwrap();
+    assert_eq!((first.chunk.first_seed, first.delivery), (1, 1));
+    drop(first);
+    let again = take(&queue);
+    assert_eq!((again.chunk.first_seed, again.delivery, again.deliveries), (1, 2, 2));
+    drop(again);
+    assert!(matches!(queue.take(WITHIN).unwrap(), Next::Empty));
+    let given_up = queue.gather(&(1..51), WITHIN).unwrap_err();
+    assert!(
+        matches!(&given_up, QueueError::GivenUp { seeds, deliveries: 2 } if seeds[..] == [1..26]),
+        "{given_up}"
+    );
+    let filled = queue.fill(&chunks(2), REDELIVERY).unwrap();
+    assert_eq!(filled, Filled { added: 1, queued: 0, played: 1 });
+    assert_eq!(play_all(&queue), 1);
+    assert_eq!(queue.gather(&(1..51), WITHIN).unwrap().len(), 2);
+}
+
+#[test]
+#[ignore = "starts a nats-server"]
+fn a_chunk_that_takes_long_stays_with_its_worker() {
+    let site = Site::new();
+    let (one, two) = (site.queue(), site.queue());
+    one.fill(&chunks(1), REDELIVERY).unwrap();
+    let taken = take(&one);
+    assert!(matches!(two.take(4 * SILENT).unwrap(), Next::WithOthers(1)));
+    one.finish(&taken, &piece(taken.chunk, 0)).unwrap();
+    assert!(matches!(two.take(WITHIN).unwrap(), Next::Empty));
+}
+
+#[test]
+#[ignore = "starts a nats-server"]
+fn a_worker_with_another_program_takes_nothing() {
+    let site = Site::new();
+    let (queue, other) = (site.queue(), site.connect("b").unwrap());
+    assert!(matches!(other.take(WITHIN), Err(QueueError::NotFilled { .. })));
+    queue.fill(&chunks(1), REDELIVERY).unwrap();
+    for refused in [other.take(WITHIN).unwrap_err(), other.gather(&(1..26), WITHIN).unwrap_err()] {
+        let QueueError::NotFilled { others, .. } = &refused else { panic!("{refused}") };
+        assert_eq!(others[..], ["menu-a"]);
+    }
+    // Also when there are chunks for both.
+    assert_eq!(other.fill(&chunks(2), REDELIVERY).unwrap().added, 2);
+    assert_eq!((play_all(&queue), play_all(&other)), (1, 2));
+    // Its pieces say that they are of the program `a`.
+    assert!(matches!(other.gather(&(1..51), WITHIN), Err(QueueError::Foreign { .. })));
+}
+
+#[test]
+#[ignore = "starts a nats-server"]
+fn a_server_that_is_killed_while_a_chunk_is_played_is_waited_for() {
+    let mut site = Site::new();
+    let queue = site.queue();
+    queue.fill(&chunks(2), Redelivery { after: WITHIN, deliveries: 2 }).unwrap();
+    let taken = take(&queue);
+    site.kill();
+    site.start(true);
+    queue.finish(&taken, &piece(taken.chunk, 0)).unwrap();
+    assert_eq!(play_all(&queue), 1);
+    assert_eq!(queue.gather(&(1..51), WITHIN).unwrap().len(), 2);
+}
+
+#[test]
+#[ignore = "starts a nats-server"]
+fn a_server_that_stays_away_is_an_error() {
+    let mut site = Site::new();
+    let mut queue = site.queue();
+    queue.fill(&chunks(1), REDELIVERY).unwrap();
+    let taken = take(&queue);
+    site.kill();
+    queue.patience = Duration::from_millis(200);
+    queue.context.set_timeout(Duration::from_millis(100));
+    let refused = queue.finish(&taken, &piece(taken.chunk, 0)).unwrap_err();
+    assert!(matches!(refused, QueueError::Server { .. }), "{refused}");
+    assert!(matches!(queue.take(WITHIN), Err(QueueError::Server { .. })));
+    assert!(matches!(site.connect("a"), Err(QueueError::Connect { .. })));
+    site.start(false);
+    assert!(matches!(site.connect("a"), Err(QueueError::NoJetStream { .. })));
+}
+
+#[test]
+#[ignore = "starts a nats-server"]
+fn a_chunk_that_is_played_twice_counts_once_unless_its_runs_differ() {
+    let site = Site::new();
+    let queue = site.queue();
+    queue.fill(&chunks(1), REDELIVERY).unwrap();
+    let taken = take(&queue);
+    queue.finish(&taken, &piece(taken.chunk, 7)).unwrap();
+    queue.finish(&taken, &piece(taken.chunk, 7)).unwrap();
+    let pieces = queue.gather(&(1..26), WITHIN).unwrap();
+    assert_eq!((pieces.len(), merged(&pieces).counts().runs), (2, 25));
+    queue.finish(&taken, &piece(taken.chunk, 8)).unwrap();
+    let pieces = queue.gather(&(1..26), WITHIN).unwrap();
+    let merged = Ledger::new(MENU.to_owned())
+        .merge(Path::new("page.md"), Ledger { menu: MENU.to_owned(), pieces });
+    assert!(matches!(merged, Err(LedgerError::Digests { .. })), "{merged:?}");
+}
+
+#[test]
+#[ignore = "starts a nats-server"]
+fn what_is_not_a_piece_is_named() {
+    let site = Site::new();
+    let queue = site.queue();
+    queue.fill(&chunks(1), REDELIVERY).unwrap();
+    let subject = queue.player.subject(Kind::Piece, chunks(1)[0]);
+    queue.runtime.block_on(async {
+        queue.context.publish(subject, "{}".into()).await.unwrap().await.unwrap();
+    });
+    let refused = queue.gather(&(1..26), WITHIN).unwrap_err();
+    assert!(matches!(&refused, QueueError::Piece { seeds, .. } if *seeds == (1..26)), "{refused}");
+}
