@@ -1,4 +1,4 @@
-//! A campaign from a work queue of NATS JetStream, for workers on many computers.
+//! A campaign from a work queue of NATS `JetStream`, for workers on many computers.
 
 mod chunk;
 mod error;
@@ -138,7 +138,7 @@ fn work(queue: &Queue, within: Duration, play: impl Fn(Chunk) -> Piece) -> Resul
                 return Ok(());
             }
         };
-        let Taken { chunk, delivery, deliveries, .. } = taken;
+        let Taken { chunk, delivery, deliveries, .. } = *taken;
         let seeds = chunk.range();
         println!(
             "seeds {} to {}, worker {delivery} of at most {deliveries}",

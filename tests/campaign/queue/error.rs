@@ -47,7 +47,8 @@ pub(crate) enum QueueError {
     #[error("seeds {} are not in the queue, and have no piece: --fill it again", list(seeds))]
     Lost { seeds: Vec<Range<u64>> },
     #[error(
-        "seeds {} have no piece after {} s; {waiting} chunks wait for a worker, {with_workers} are with one", list(seeds), within.as_secs()
+        "seeds {} have no piece after {} s; {waiting} chunks wait for a worker, and {with_workers} were taken by one: \
+         start workers, or wait longer with --within-s", list(seeds), within.as_secs()
     )]
     Late { seeds: Vec<Range<u64>>, within: Duration, waiting: u64, with_workers: usize },
 }

@@ -1,4 +1,4 @@
-//! The queue of a campaign on a NATS server with JetStream.
+//! The queue of a campaign on a NATS server with `JetStream`.
 //!
 //! ```text
 //!   fill ─▶ chunks (work queue) ─▶ worker: take, play ─▶ pieces ─▶ gather ─▶ ledger
@@ -9,7 +9,7 @@
 //! A chunk leaves the queue when its piece is stored, and not before. What is done twice is stored twice, and merged once.
 
 use std::{
-    collections::BTreeSet,
+    collections::{BTreeMap, BTreeSet},
     path::Path,
     time::{Duration, Instant},
 };
@@ -95,6 +95,9 @@ impl Queue {
             .name("rigd campaign")
             .connection_timeout(CONNECT_TIME)
             .ping_interval(PING_EVERY);
+        if let (Some(user), Some(password)) = (server.username(), server.password()) {
+            options = options.user_and_password(user.to_owned(), password.to_owned());
+        }
         if let Some(files) = files {
             options = options.require_tls(true).add_root_certificates(files.join("ca.pem"));
             let [certificate, key] = ["worker.pem", "worker.key"].map(|name| files.join(name));
@@ -115,7 +118,7 @@ impl Queue {
         Ok(queue)
     }
 
-    /// Asks whether the account has JetStream.
+    /// Asks whether the account has `JetStream`.
     async fn check(&self) -> Result<(), QueueError> {
         // The library cannot read the other parts of what an older server answers.
         #[derive(Deserialize)]
@@ -148,22 +151,19 @@ impl Queue {
             let consumer = queued.create_consumer(self.consumer(redelivery)).await;
             let consumer = consumer.map_err(self.at("the workers cannot be provided for"))?;
             let info = consumer.get_info().await.map_err(self.at("the workers"))?;
-            let messages = self.messages(&queued, Kind::Chunk, &mut 0).await?;
-            let waiting = messages.iter().map(|(chunk, message)| (*chunk, message.sequence));
-            let waiting: Vec<_> = waiting.collect();
+            // With the numbers of their messages.
+            let waiting: BTreeMap<_, _> = self
+                .messages(&queued, Kind::Chunk, &mut 0)
+                .await?
+                .into_iter()
+                .map(|(chunk, message)| (chunk, message.sequence))
+                .collect();
             let played = self.messages(&pieces, Kind::Piece, &mut 0).await?;
             let played: BTreeSet<_> = played.into_iter().map(|(chunk, _)| chunk).collect();
-            let known = || waiting.iter().map(|(chunk, _)| *chunk).chain(played.iter().copied());
-            for chunk in chunks {
-                if let Some(known) = known().find(|known| known.is_partly(*chunk)) {
-                    let (asked, known) = (chunk.range(), known.range());
-                    return Err(QueueError::Overlap { asked, known });
-                }
-            }
+            check_apart(chunks, &waiting.keys().chain(&played).copied().collect())?;
             let mut filled = Filled::default();
             for chunk in chunks {
-                let number = waiting.iter().find(|(known, _)| known == chunk);
-                let number = number.map(|(_, number)| *number);
+                let number = waiting.get(chunk).copied();
                 if played.contains(chunk) {
                     filled.played += 1;
                     continue;
@@ -325,6 +325,20 @@ impl Queue {
     }
 }
 
+/// Refuses a chunk that is in part a known one.
+fn check_apart(chunks: &[Chunk], known: &BTreeSet<Chunk>) -> Result<(), QueueError> {
+    for chunk in chunks {
+        // The known ones are apart from each other.
+        let neighbours = [known.range(..chunk).next_back(), known.range(chunk..).next()];
+        if let Some(known) = neighbours.into_iter().flatten().find(|known| known.is_partly(*chunk))
+        {
+            let (asked, known) = (chunk.range(), known.range());
+            return Err(QueueError::Overlap { asked, known });
+        }
+    }
+    Ok(())
+}
+
 /// Whether no chunk waits and none is with a worker. Those that are in the stream then were given up.
 pub(super) const fn is_empty(info: &Info) -> bool {
     info.num_pending == 0 && info.num_ack_pending == 0
@@ -336,7 +350,7 @@ fn is_unknown(error: &GetStreamErrorKind) -> bool {
     error.error_code() == ErrorCode::STREAM_NOT_FOUND
 }
 
-/// Whether the server or the account has no JetStream.
+/// Whether the server or the account has no `JetStream`.
 fn is_without(error: &jetstream::Error) -> bool {
     let code = error.error_code();
     [ErrorCode::JETSTREAM_NOT_ENABLED, ErrorCode::JETSTREAM_NOT_ENABLED_FOR_ACCOUNT].contains(&code)

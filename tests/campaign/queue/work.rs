@@ -26,7 +26,7 @@ const HOLD_MAX: Duration = Duration::from_secs(24 * 3600);
 /// What a worker gets.
 #[derive(Debug)]
 pub(crate) enum Next {
-    Taken(Taken),
+    Taken(Box<Taken>),
     /// No chunk is left, and none is with another worker.
     Empty,
     /// Other workers still have this number of chunks, and the time is over.
@@ -91,7 +91,13 @@ impl Queue {
                 _ = sign.ack_with(AckKind::Progress).await;
             }
         });
-        Ok(Next::Taken(Taken { chunk, delivery, deliveries: config.max_deliver, message, signs }))
+        Ok(Next::Taken(Box::new(Taken {
+            chunk,
+            delivery,
+            deliveries: config.max_deliver,
+            message,
+            signs,
+        })))
     }
 
     /// Stores the piece of a chunk, and then acknowledges the chunk.
