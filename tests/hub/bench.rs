@@ -30,7 +30,7 @@ pub(crate) const FAKETIME: &str = "/usr/lib/x86_64-linux-gnu/faketime/libfaketim
 /// Seconds of a year, by which the clock of a computer is wrong.
 const YEAR: &str = "31557600";
 /// A run of four touches has about this many events.
-const EVENTS: u32 = 150;
+pub(crate) const EVENTS: u32 = 150;
 
 /// A bench.
 pub(crate) struct Bench {
@@ -177,12 +177,16 @@ impl Bench {
         copy
     }
 
+    /// Waits until PostgreSQL does nothing for this bench: it may still commit what a killed program had sent.
+    pub(crate) async fn is_quiet(&self, hub: &Hub) {
+        let at_work = format!("pg_stat_activity WHERE usename = '{}'", self.role);
+        while hub.count(&at_work).await > 0 {}
+    }
+
     /// Goes on with the backup. What was shipped of other runs stays in the hub, as it was.
     pub(crate) async fn restore(&mut self, hub: &Hub) -> bool {
         let Some(backup) = self.backup.take() else { return false };
-        // PostgreSQL may still commit what a killed program had sent.
-        let at_work = format!("pg_stat_activity WHERE usename = '{}'", self.role);
-        while hub.count(&at_work).await > 0 {}
+        self.is_quiet(hub).await;
         let (before, kept) = (contents_of(self.data.path()), contents_of(backup.path()));
         for (run, lines) in hub.contents_of(&self.role).await {
             if kept.contains_key(&run) || self.lost.contains_key(&run) {
@@ -201,6 +205,11 @@ impl Bench {
     /// Has a worker ship to a hub at this address.
     pub(crate) fn ship_to(&self, command: &mut Command, address: SocketAddr) {
         command.args(["--hub", &address.to_string(), "--database", &self.database]);
+        self.identify(command);
+    }
+
+    /// Gives a worker the name and the files of this bench.
+    pub(crate) fn identify(&self, command: &mut Command) {
         command.args(["--role", &self.role]);
         for file in &self.files {
             command.arg("--file").arg(file);
@@ -239,7 +248,7 @@ const fn name_of(unended: Unended) -> &'static str {
 }
 
 /// The last digest of the only run of a journal.
-fn head_of_run(data: &Path) -> Digest {
+pub(crate) fn head_of_run(data: &Path) -> Digest {
     let reader = Reader::open(data).unwrap();
     let runs = reader.runs().unwrap();
     let run = runs.iter().find(|run| run.kind == RunKind::Run).unwrap();

@@ -6,14 +6,16 @@
 //! or two computers go on with one; clocks are a year off, and runs have a newer format. At the end the hub and the
 //! objects must have each sealed run byte for byte, and a prefix of every other one, nothing was put aside, and the results
 //! that the hub makes of its records are those of the reports. The first
-//! run of a seed is also measured without a hub, and must be the same to the microsecond of the rig's clock.
+//! run of a seed is also measured without a hub, and must be the same to the microsecond of the rig's clock. Rigs tell viewers what
+//! they do by a nats-server that is dead, silent or killed: no cursor of the hub moves by it, and the run is the same.
 //!
 //! `hub-campaign figures` prints how fast the hub takes records, and how long answers take, on the computer at hand.
 //!
 //! `hub-campaign full-disk` lets the disks of PostgreSQL and of an object store be full.
 //!
 //! It prints each seed that fails. Its last line says how often each thing happened. The exit code is 0 only if no seed
-//! fails, and each thing has happened. It needs the Debian packages `postgresql` and `faketime`.
+//! fails, and each thing has happened. It needs the Debian packages `postgresql`, `nats-server`
+//! and `faketime`.
 
 #![expect(clippy::unwrap_used, reason = "a campaign may stop where it stands")]
 #![expect(clippy::print_stdout, reason = "what it prints is what it is for")]
@@ -33,6 +35,7 @@ mod shipping;
 #[expect(dead_code, reason = "the tests of the hub use more of it")]
 #[path = "../../crates/hub/tests/hub/support.rs"]
 mod support;
+mod telling;
 mod worker;
 
 use std::{
@@ -48,6 +51,7 @@ use deed::DEEDS;
 use figures::FiguresArgs;
 use full_disk::FullDiskArgs;
 use support::Hub;
+use telling::{MESSAGES, Nats};
 use tokio::runtime::Runtime;
 use worker::Worker;
 
@@ -101,10 +105,11 @@ fn main() -> ExitCode {
     }
     let runtime = runtime();
     let mut hub = runtime.block_on(Hub::new());
+    let nats = runtime.block_on(Nats::new(&hub));
     let (mut counts, mut failed, began) = (Counts::new(), 0, Instant::now());
     for seed in first_seed..first_seed + seeds {
         let played = catch_unwind(AssertUnwindSafe(|| {
-            runtime.block_on(seed::play(seed, &mut hub, &mut counts));
+            runtime.block_on(seed::play(seed, &mut hub, &nats, &mut counts));
         }));
         if played.is_err() {
             println!("seed {seed} failed; again with --first-seed {seed} --seeds 1");
@@ -126,5 +131,9 @@ fn main() -> ExitCode {
     if is_missing {
         println!("never happened: {missing:?}");
     }
-    if failed > 0 || is_missing { ExitCode::FAILURE } else { ExitCode::SUCCESS }
+    let is_silent = seeds >= SEEDS_FOR_ALL && counts.get(MESSAGES).is_none_or(|count| *count == 0);
+    if is_silent {
+        println!("viewers were told nothing");
+    }
+    if failed > 0 || is_missing || is_silent { ExitCode::FAILURE } else { ExitCode::SUCCESS }
 }

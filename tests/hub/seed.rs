@@ -10,6 +10,7 @@ use crate::{
     deed::{DEEDS, Deed},
     objects, results, shipping,
     support::{Hub, assert_same, contents_of},
+    telling::Nats,
     worker,
 };
 
@@ -22,7 +23,7 @@ const CLONES: u32 = 4;
 ///
 /// # Panics
 /// When a byte of the hub or of the object store is not that of the journal.
-pub(crate) async fn play(seed: u64, hub: &mut Hub, counts: &mut Counts) {
+pub(crate) async fn play(seed: u64, hub: &mut Hub, nats: &Nats, counts: &mut Counts) {
     let mut bench = Bench::new(seed, hub).await;
     let clashes = hub.count("hub.clash").await;
     bench.measure_beside(seed, counts);
@@ -36,6 +37,7 @@ pub(crate) async fn play(seed: u64, hub: &mut Hub, counts: &mut Counts) {
     if bench.below(CLONES) == 0 {
         clone(&mut bench, hub, counts).await;
     }
+    nats.tell(&mut bench, hub, counts).await;
     judge(&bench, hub, counts).await;
     assert_eq!(hub.count("hub.clash").await, clashes, "records were put aside");
 }

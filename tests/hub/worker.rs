@@ -12,7 +12,11 @@ use std::{
 
 use clap::{Args, Subcommand, ValueEnum};
 use rig_engine::{Command, RigState};
-use rig_hub::{Destination, Standing, ship};
+use rig_hub::{
+    Destination, Standing,
+    live::{Broker, LiveStanding, publish},
+    ship,
+};
 use rig_ship::{Address, Label, ObjectStore, Outcome, ShipError, Shipper};
 use rig_store::{Reader, RunId, RunKind, StoreError};
 use rig_tests::{changed, shipped, text};
@@ -25,6 +29,8 @@ use tokio::sync::watch;
 
 /// What a worker says when it has come to the event at which it is to be killed.
 pub(crate) const AT_EVENT: &str = "at the event";
+/// What a worker says before the number of messages that it has sent to viewers.
+pub(crate) const TOLD: &str = "messages:";
 /// The laboratory in the names of objects.
 const LAB: &str = "lab";
 /// The version that the hub is told.
@@ -68,6 +74,9 @@ pub(crate) struct MeasureArgs {
     /// Say so once this many events are written behind the beginning of the run, and go on.
     #[arg(long)]
     tell_after: Option<u64>,
+    /// Port of a nats-server for messages to viewers.
+    #[arg(long)]
+    live: Option<u16>,
     #[command(flatten)]
     hub: HubArgs,
 }
@@ -136,12 +145,35 @@ fn ship_on_thread<T: Send + Sync + 'static>(
     Some(ended)
 }
 
+/// Tells viewers what a rig does, on a thread with a runtime of its own, as rigd does. The channel closes when it has ended.
+fn tell_on_thread(
+    port: u16,
+    hub: &HubArgs,
+    data: &Path,
+    status: watch::Receiver<Status>,
+) -> (mpsc::Receiver<()>, watch::Receiver<LiveStanding>) {
+    let files = <[PathBuf; 3]>::try_from(hub.files.clone()).unwrap();
+    let (to, bench) = (Broker::new(("localhost", port), files), hub.role.parse().unwrap());
+    let data = data.to_owned();
+    let (sender, ended) = mpsc::channel();
+    let (told, standing) = watch::channel(LiveStanding::default());
+    thread::spawn(move || {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+        let state = |status: &Status| format!("{{\"event\":{}}}", status.last_event);
+        runtime.block_on(publish(&to, &bench, &data, status, state, &told));
+        drop(sender);
+    });
+    (ended, standing)
+}
+
 impl MeasureArgs {
     fn measure(&self) {
         let rig = LoadedRig::load(&shipped("config/rigs/simulated.toml")).unwrap();
         let protocol = protocol(&rig, self.seed);
         let (handle, thread) = rig::open(rig, self.data.clone()).unwrap();
         let shipping = ship_on_thread(&self.hub, &self.data, handle.status());
+        let tell = |port| tell_on_thread(port, &self.hub, &self.data, handle.status());
+        let telling = self.live.map(tell);
         let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap();
         runtime.block_on(async {
             ready(&handle).await;
@@ -167,6 +199,10 @@ impl MeasureArgs {
         drop(handle);
         if let Some(shipping) = shipping {
             _ = shipping.recv_timeout(LAST_TIME);
+        }
+        if let Some((ended, standing)) = telling {
+            _ = ended.recv_timeout(LAST_TIME);
+            println!("{TOLD} {}", standing.borrow().messages);
         }
     }
 
