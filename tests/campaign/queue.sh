@@ -10,7 +10,8 @@ campaign=$(realpath "$1")
 chunks=8 seeds=${2:-10}
 work=$(mktemp -d)
 cleanup() {
-  kill $(jobs -p) 2> /dev/null || true
+  # One that stands still too.
+  kill -KILL $(jobs -p) 2> /dev/null || true
   wait || true
   rm -rf "$work"
 }
@@ -43,20 +44,27 @@ printf x >> "$work/other"
 campaign=$work/other refuses 'it has chunks for' --worker
 
 # One is killed in the middle of a chunk.
+touch "$work/killed.log"
 "$campaign" --queue "$url" --worker > "$work/killed.log" &
 killed=$!
 for _ in {1..300}; do
-  grep -q '^seeds' "$work/killed.log" && break
+  # While it stands still: what it says after a chunk is another line.
+  kill -STOP $killed
+  [[ $(tail -1 "$work/killed.log") == seeds* ]] && break
+  kill -CONT $killed
   sleep 0.1
 done
 kill -KILL $killed
 wait $killed || true
-lost=$(grep '^seeds' "$work/killed.log" | tail -1)
+lost=$(tail -1 "$work/killed.log")
+[[ $lost == seeds* ]] || { echo "no worker was killed in the middle of a chunk: $lost"; exit 1; }
+workers=()
 for worker in 1 2; do
   "$campaign" --queue "$url" --worker > "$work/$worker.log" &
+  workers+=($!)
 done
 queue --gather --seeds $total --page "$work/merged.md"
-wait $(jobs -p | tail -2)
+wait "${workers[@]}"
 cat "$work"/[12].log | grep '^seeds'
 # Another worker has played it.
 again=${lost/worker 1/worker 2}
