@@ -53,13 +53,13 @@ pub(crate) struct QueueArguments {
     #[arg(long, value_name = "DIR", requires = "queue")]
     queue_files: Option<PathBuf>,
     /// Seeds of a chunk. A worker that ends in the middle has played them for nothing.
-    #[arg(long, value_name = "N", requires = "fill", default_value_t = 5000, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", requires = "fill", conflicts_with_all = ["worker", "gather"], default_value_t = 5000, value_parser = clap::value_parser!(u64).range(1..))]
     chunk: u64,
     /// A chunk goes to another worker if its own has said nothing for this time.
-    #[arg(long, value_name = "S", requires = "fill", default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "S", requires = "fill", conflicts_with_all = ["worker", "gather"], default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..))]
     silent_s: u64,
     /// Workers that get a chunk, one after the other, before it is given up.
-    #[arg(long, value_name = "N", requires = "fill", default_value_t = 3, value_parser = clap::value_parser!(i64).range(1..))]
+    #[arg(long, value_name = "N", requires = "fill", conflicts_with_all = ["worker", "gather"], default_value_t = 3, value_parser = clap::value_parser!(i64).range(1..))]
     deliveries: i64,
     /// Longest time that a worker waits while others have the last chunks, and that pieces are waited for.
     #[arg(

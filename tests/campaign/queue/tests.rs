@@ -6,6 +6,7 @@ use std::{
     time::Duration,
 };
 
+use clap::Parser;
 use rig_hub::{Authority, live::NatsServer};
 use tempfile::TempDir;
 
@@ -16,6 +17,7 @@ use super::{
     work::{Next, Taken},
 };
 use crate::{
+    Arguments,
     campaign::Counts,
     ledger::{Ledger, LedgerError, Piece},
 };
@@ -108,6 +110,36 @@ fn merged(pieces: &[Piece]) -> Ledger {
     let other = Ledger { menu: MENU.to_owned(), pieces: pieces.to_vec() };
     ledger.merge(Path::new("page.md"), other).unwrap();
     ledger
+}
+
+#[test]
+fn an_option_of_another_form_is_refused() {
+    let accepts = |words: &str| {
+        let words = format!("campaign --queue nats://host {words}");
+        Arguments::try_parse_from(words.split_whitespace()).is_ok()
+    };
+    for words in [
+        "--fill --seeds 5 --chunk 2 --silent-s 5 --deliveries 2",
+        "--worker --jobs 2 --within-s 5 --queue-files directory",
+        "--gather --seeds 5 --page page.md --within-s 0",
+    ] {
+        assert!(accepts(words), "{words}");
+    }
+    for words in [
+        "",
+        "--fill --worker",
+        "--fill --chunk 0",
+        "--fill --within-s 5",
+        "--worker --seeds 5",
+        "--worker --deliveries 2",
+        "--worker --page page.md",
+        "--gather",
+        "--gather --page page.md --chunk 5",
+        "--worker --engine",
+        "--fill --merge ledger.json --page page.md",
+    ] {
+        assert!(!accepts(words), "{words}");
+    }
 }
 
 #[test]
