@@ -289,7 +289,8 @@ impl Stays {
                 // Each stands for the shapes around it.
                 let neighbour = |n: usize| all.get(n).unwrap_or(one).shape.steepness;
                 let width = neighbour(n + 1) - neighbour(n.saturating_sub(1));
-                let weight = width * (0.5 * (one.gain - highest.gain)).exp();
+                // A single one stands for all.
+                let weight = width.max(f64::MIN_POSITIVE) * (0.5 * (one.gain - highest.gain)).exp();
                 sum += weight;
                 spread += weight * (one.at(at_s) - likeliest.at(at_s)).powi(2);
             }

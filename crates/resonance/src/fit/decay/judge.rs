@@ -198,7 +198,8 @@ fn judge(
     let by_phase_hz = stays.shift_by_phase_hz(best, expected);
     let by_drift_hz = best.at.resonance_hz * stays.sigma_by_drift();
     let sigma_hz = (outliers::widening(stays) * sigma_hz).hypot(by_phase_hz).hypot(by_drift_hz);
-    let Some(found) = resonance(stays, best, noise, sigma_hz) else {
+    let found = resonance(stays, best, noise, sigma_hz).filter(|_| sigma_hz.is_finite());
+    let Some(found) = found else {
         return refused(Reason::NotConverged, None);
     };
     // Outside of the window a place is stated if it is known.

@@ -142,14 +142,17 @@ fn flanks_hz() -> Vec<f64> {
 /// The stays with the drift that they require, and the resonance at the effective time with its standard deviation, Hz;
 /// `None` if they require none.
 fn followed(stays: &Stays) -> Option<(Stays, Hypothesis)> {
+    followed_from(stays, &stays.minimum(AT, &CircuitPrior::any(30.0)))
+}
+
+fn followed_from(stays: &Stays, constant: &Hypothesis) -> Option<(Stays, Hypothesis)> {
     let expected = CircuitPrior::any(30.0);
-    let constant = stays.minimum(AT, &expected);
     let noise = crate::noise::PooledVariance::known(&crate::NoisePrior {
         at_ten_cycles: stays.known.variance.sqrt(),
         degrees_of_freedom: 1000.0,
     });
     let window = rig_model::Window { min_hz: 125.0, max_hz: 160.0 };
-    stays.following(&constant, &expected, (noise, window))
+    stays.following(constant, &expected, (noise, window))
 }
 
 #[test]
@@ -193,6 +196,20 @@ fn a_resonance_that_drifts_has_the_value_of_the_fit_at_the_effective_time() {
     // The other half is that of a resonance that rests.
     let by_drift_hz = 0.5 * (error_hz(0.1) - error_hz(-0.1));
     assert!(by_drift_hz.abs() < 1e-4, "{by_drift_hz}");
+}
+
+#[test]
+fn a_sweep_that_is_short_against_the_decay_can_drift_only_steadily() {
+    let at = ModelEstimate { q: 200.0, ..AT };
+    let stays = moving(&at, &flanks_hz()[..5], |s| 2.0 * s);
+    let expected = CircuitPrior::any(30.0);
+    let constant = stays.minimum(at, &expected);
+    assert!(stays.gain_by_drift(&constant, &expected) > 9.0);
+    let (found, _) =
+        followed_from(&stays, &constant).expect("it moves by many standard deviations");
+    // No other shape is possible, and at the effective time the change adds nothing.
+    assert_eq!(found.sigma_by_drift(), 0.0);
+    assert!(matches!(found.drift.unwrap().extra(), crate::Extra::Drift { .. }));
 }
 
 #[test]
