@@ -153,6 +153,10 @@ fn touches(journal: &Journal) -> Result<(RunStarted, Vec<TouchResult>), &'static
             Record::TouchResult(found) => {
                 touches.insert(found.touch.step.clone(), *found);
             }
+            // What was measured next may contradict a result.
+            Record::TouchRefused(found) => {
+                touches.remove(&found.touch.step);
+            }
             _ => {}
         }
     }
