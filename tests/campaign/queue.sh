@@ -48,9 +48,10 @@ touch "$work/killed.log"
 "$campaign" --queue "$url" --worker > "$work/killed.log" &
 killed=$!
 for _ in {1..300}; do
-  # While it stands still: what it says after a chunk is another line.
+  # While it stands still: what it says after a chunk is another line, and that comes after the acknowledgement.
   kill -STOP $killed
-  [[ $(tail -1 "$work/killed.log") == seeds* ]] && break
+  queue --gather --seeds $total --within-s 0 --page "$work/merged.md" > "$work/taken" || true
+  [[ $(tail -1 "$work/killed.log") == seeds* ]] && grep -qF 'and 1 were taken' "$work/taken" && break
   kill -CONT $killed
   sleep 0.1
 done
@@ -64,7 +65,7 @@ for worker in 1 2; do
   workers+=($!)
 done
 queue --gather --seeds $total --page "$work/merged.md"
-wait "${workers[@]}"
+for worker in "${workers[@]}"; do wait "$worker"; done
 cat "$work"/[12].log | grep '^seeds'
 # Another worker has played it.
 again=${lost/worker 1/worker 2}

@@ -322,7 +322,8 @@ impl Trace {
     /// A resonance that is followed may be stated for any time of the sweep.
     pub(super) fn effective_s(&self, at: &Unknowns, weights: &Weights) -> Option<f64> {
         if let Some(Course { stated_s, span_s, .. }) = self.course() {
-            return Some(stated_s.clamp(0.0, span_s));
+            // The span of a forged sweep may be negative.
+            return Some(stated_s.max(0.0).min(span_s));
         }
         let branch = Branch::new(&at.circuit);
         let mut normal = Normal::default();
