@@ -233,17 +233,9 @@ impl Model {
         state: &State,
         modes: &[Branch; PLACES],
     ) -> Normal<WITH_MODES> {
-        let mut sums = Sums::<WITH_ALL>::new(state.amplitude, state.prior, state.square);
-        let mut last = None;
-        for (sample, &late_s) in stay.samples.iter().zip(&state.late_s) {
-            let start_s = sample.start_s + late_s;
-            let decayed = self.decayed(start_s, sample.integration_s, &mut last);
-            let mean = |mode: &Branch| Column::Admittance(mode.mean(start_s, sample.integration_s));
-            sums.wait_until(late_s, known);
-            let columns = modes.iter().map(mean);
-            sums.add(self, sample, state.amplitude, &decayed, known, columns);
-        }
-        eliminated(&sums.without_time())
+        self.normal_beside::<WITH_ALL, _, _>(stay, known, state, |start_s, integration_s| {
+            modes.iter().map(move |mode| Column::Admittance(mode.mean(start_s, integration_s)))
+        })
     }
 
     /// The normal equations with the rate at which the resonance moves as the unknown after the circuit.
@@ -253,16 +245,8 @@ impl Model {
         known: &Known,
         state: &State,
     ) -> Normal<UNKNOWNS> {
-        let mut sums = Sums::<WITH_ONE>::new(state.amplitude, state.prior, state.square);
-        let mut last = None;
-        for (sample, &late_s) in stay.samples.iter().zip(&state.late_s) {
-            let start_s = sample.start_s + late_s;
-            let decayed = self.decayed(start_s, sample.integration_s, &mut last);
-            sums.wait_until(late_s, known);
-            let rate = std::iter::once(Column::Rate);
-            sums.add(self, sample, state.amplitude, &decayed, known, rate);
-        }
-        eliminated(&sums.without_time())
+        let rate = |_, _| std::iter::once(Column::Rate);
+        self.normal_beside::<WITH_ONE, _, _>(stay, known, state, rate)
     }
 
     /// The normal equations with further unknowns after the circuit: a second mode, the phase error of
@@ -275,14 +259,33 @@ impl Model {
         state: &State,
         (mode, drift): (&Branch, f64),
     ) -> Normal<WITH_BENCH> {
-        let mut sums = Sums::<ALONE_WITH_BENCH>::new(state.amplitude, state.prior, state.square);
+        self.normal_beside::<ALONE_WITH_BENCH, _, _>(
+            stay,
+            known,
+            state,
+            |start_s, integration_s| {
+                let mean = Column::Admittance(mode.mean(start_s, integration_s));
+                [mean, Column::Phase, Column::FirstGap, Column::Drift(drift)].into_iter()
+            },
+        )
+    }
+
+    /// The normal equations with further unknowns after the circuit. `columns` gives those of a reading that starts at
+    /// this time and takes this long, s.
+    fn normal_beside<const N: usize, const K: usize, I: Iterator<Item = Column>>(
+        &self,
+        stay: &Stay,
+        known: &Known,
+        state: &State,
+        columns: impl Fn(f64, f64) -> I,
+    ) -> Normal<K> {
+        let mut sums = Sums::<N>::new(state.amplitude, state.prior, state.square);
         let mut last = None;
         for (sample, &late_s) in stay.samples.iter().zip(&state.late_s) {
-            let start_s = sample.start_s + late_s;
-            let decayed = self.decayed(start_s, sample.integration_s, &mut last);
-            let mean = Column::Admittance(mode.mean(start_s, sample.integration_s));
+            let (start_s, integration_s) = (sample.start_s + late_s, sample.integration_s);
+            let decayed = self.decayed(start_s, integration_s, &mut last);
             sums.wait_until(late_s, known);
-            let columns = [mean, Column::Phase, Column::FirstGap, Column::Drift(drift)].into_iter();
+            let columns = columns(start_s, integration_s);
             sums.add(self, sample, state.amplitude, &decayed, known, columns);
         }
         eliminated(&sums.without_time())

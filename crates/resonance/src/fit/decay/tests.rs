@@ -286,8 +286,8 @@ fn drifting(stays: &Stays, best: &Hypothesis, per_s: f64) -> Vec<Complex64> {
 }
 
 /// Two stays on one side of the resonance, read every 0.49 s and every 0.19 s. A slope of their readings looks like the
-/// end of a free decay, so that the time is extrapolated, by seven durations of the sweep for the first. Readings
-/// that are made to drift move the fit by as much.
+/// end of a free decay, so that the time of the first is extrapolated far beyond its sweep of 3 s, to 28 s. Its readings move
+/// the fit by 20 s times the rate if they are made to drift.
 #[test]
 fn two_stays_beside_the_resonance_hold_for_the_time_at_which_a_drift_has_the_value_of_the_fit() {
     let window = rig_model::Window { min_hz: 136.0, max_hz: 166.0 };
