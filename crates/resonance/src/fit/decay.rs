@@ -23,6 +23,7 @@ mod rounding;
 pub(crate) mod search;
 pub(crate) mod start;
 pub(crate) mod stay;
+mod sums;
 
 use std::{cell::Cell, f64::consts::TAU};
 
@@ -40,6 +41,7 @@ use crate::{
 use drift::Drift;
 use model::{Amplitude, Model, Moving, Ring};
 use stay::State;
+use sums::Column;
 
 /// Assumed gap between two readings before any is measured, s.
 const GAP_S: f64 = 1e-3;
@@ -276,7 +278,7 @@ impl Stays {
     /// Residual degrees of freedom after fitting a circuit.
     pub(crate) fn degrees(&self) -> f64 {
         let later = self.all.len().saturating_sub(1) as f64;
-        let unknowns = CIRCUIT + 2 + usize::from(self.drift.is_some());
+        let unknowns = CIRCUIT + 2 + self.drift.map_or(0, |drift| drift.unknowns());
         (2 * self.count()) as f64 - unknowns as f64 - 2.0 * stay::AMPLITUDE_FREE * later
     }
 
@@ -287,7 +289,7 @@ impl Stays {
         self.all.iter().zip(self.middles_s()).map(move |(stay, middle_s)| {
             let square = amplitude.change(stay.frequency_hz, stay.since_s);
             let at = self.moved(&at, middle_s);
-            let moving = Moving { per_s: self.ln_rate(middle_s), middle_s: stay.middle_s() };
+            let moving = self.moving(middle_s, stay.middle_s());
             let model = Model::new(&at, stay.frequency_hz).moving(moving);
             Modelled { stay, at, model, square }
         })
@@ -341,9 +343,11 @@ impl Stays {
         {
             let Modelled { stay, model, square, .. } = of;
             model.normal(&best.at, stay, model.prior(square), &self.known, state);
-            let normal = model.normal_with_rate(stay, &self.known, state);
+            let moving = Moving { per_s: 1.0, ..model.moving };
+            let even = Column::Drift { size: middle_s, moving };
+            let normal = model.normal_with_drift(stay, &self.known, state, even);
             for (sum, row) in sum.iter_mut().zip(&normal.matrix).take(CIRCUIT) {
-                *sum += row[0] * middle_s + row[CIRCUIT];
+                *sum += row[CIRCUIT];
             }
             all.sum(&normal);
         }

@@ -146,7 +146,7 @@ pub enum Reason {
         near_hz: f64,
     },
     /// The resonance moved while it was measured.
-    #[error("the resonance drifted during the readings")]
+    #[error("the resonance changed during the readings")]
     Drift,
     /// The transient of one point still disturbs the next.
     #[error("the readings had not settled")]

@@ -9,7 +9,11 @@ use num_complex::Complex64;
 use rig_model::{Reading, Window};
 
 use super::{
-    Hypothesis, Known, Modelled, Stays, judge, model::Branch, search::allowed, stay::WITH_BENCH,
+    Hypothesis, Known, Modelled, Stays, judge,
+    model::{Branch, Moving},
+    search::allowed,
+    stay::WITH_BENCH,
+    sums::Column,
 };
 use crate::{
     Bench, FitOptions, Reason,
@@ -195,7 +199,11 @@ fn normal(
         let turn = if turn.is_normal() { turn / turn.norm() } else { Complex64::ZERO };
         let motion = before.map_or(Complex64::ZERO, |(_, end)| end) * turn;
         let mode = Branch::new(mode_hz, at.q, stay.frequency_hz, motion);
-        let drift = 2.0 * begin_s / span_s - 1.0;
+        let middle_s = stay.middle_s();
+        let drift = Column::Drift {
+            size: 2.0 * (begin_s + middle_s) / span_s - 1.0,
+            moving: Moving { per_s: 2.0 / span_s, middle_s, ..Moving::STILL },
+        };
         let of_stay = model.normal_for_bench(stay, &stays.known, state, (&mode, drift));
         sum.sum(&of_stay);
         before = Some((model.motion(&at, state.amplitude(), end_s), mode.motion(end_s)));

@@ -35,11 +35,26 @@ impl Amplitude {
 
 /// How the resonance moves during a stay.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[expect(clippy::struct_field_names, reason = "all have seconds in their unit")]
 pub(super) struct Moving {
-    /// Change of its logarithm per second.
+    /// Change of its logarithm per second, in the middle.
     pub(super) per_s: f64,
     /// The time at which it is that of the circuit, s after the start of the stay.
     pub(super) middle_s: f64,
+    /// 1/τ of a relaxation, 1/s; 0 for a steady drift.
+    pub(super) relaxation_per_s: f64,
+}
+
+impl Moving {
+    /// Not at all.
+    pub(super) const STILL: Self = Self { per_s: 0.0, middle_s: 0.0, relaxation_per_s: 0.0 };
+
+    /// Whether a rate differs from this one by more than this part.
+    pub(super) fn has_changed(&self, from: &Self, part: f64) -> bool {
+        let has_changed = |now: f64, before: f64| (now - before).abs() > part * before.abs();
+        has_changed(self.per_s, from.per_s)
+            || has_changed(self.relaxation_per_s, from.relaxation_per_s)
+    }
 }
 
 /// The model of readings at one frequency.
@@ -83,7 +98,7 @@ impl Model {
                 Complex64::from(omega),
             ],
             unit: at.c1.abs().max(1e-6) * omega_s,
-            moving: Moving { per_s: 0.0, middle_s: 0.0 },
+            moving: Moving::STILL,
         }
     }
 
@@ -92,15 +107,41 @@ impl Model {
         Self { moving, ..self }
     }
 
-    /// The slope of the mean admittance of a reading by [`Moving::per_s`], with this free decay in it.
+    /// Change of the mean admittance of a reading with this free decay in it, whose amplitude is `amplitude`, by a
+    /// resonance that moves.
     ///
-    /// With λ = s − jω and T the time since the middle of the stay, the motion q' = (λ + ψ·s·T)·q + drive is, to first
-    /// order in ψ, the forced motion of a resonance at T + 1/λ, which is earlier by up to the time constant of the
-    /// decay, and a free decay times 1 + ψ·s·T²/2.
-    pub(super) fn by_motion(&self, start_s: f64, integration_s: f64, free: Complex64) -> Complex64 {
-        let from_middle_s = start_s + 0.5 * integration_s - self.moving.middle_s;
-        let mean_square = from_middle_s * from_middle_s + integration_s * integration_s / 12.0;
-        self.by[0] * (from_middle_s + 1.0 / self.rate) + 0.5 * mean_square * free * self.rate_by[0]
+    /// With λ = s − jω, the motion q' = (λ + s·L(t))·q + drive is, to first order in the change L of ln f, a forced
+    /// motion that follows the resonance with a delay of up to the time constant of the decay, and a free decay times
+    /// 1 + s·∫L from the start of the stay. With T the time since its middle m,
+    ///
+    /// ```text
+    ///   L = ψT                    forced as at T + 1/λ                        free × 1 + ψ·s·(t²/2 − mt)
+    ///   L = ψτ(1 − e^{−T/τ})      forced as at L = ψ(λτ(1 − e^{−T/τ}) + 1)/(λ + 1/τ)
+    ///                             free × 1 + ψ·s·τ(t − τe^{m/τ}(1 − e^{−t/τ}))
+    /// ```
+    pub(super) fn by_motion(
+        &self,
+        moving: &Moving,
+        amplitude: Complex64,
+        decayed: &Decayed,
+    ) -> Complex64 {
+        let Moving { per_s, middle_s, relaxation_per_s: slows } = *moving;
+        let Decayed { start_s, integration_s, .. } = *decayed;
+        let from_middle_s = start_s + 0.5 * integration_s - middle_s;
+        let (forced_s, free) = if slows > 0.0 {
+            let over = 0.5 * slows * integration_s;
+            let mean_past = (-slows * from_middle_s).exp() * over.sinh() / over;
+            let forced_s = (self.rate * ((1.0 - mean_past) / slows) + 1.0) / (self.rate + slows);
+            let slowed = self.rate - slows;
+            let x = slowed * integration_s;
+            let slowed = (slowed * start_s).exp() * (x.exp() - 1.0) / x;
+            let slowing = (slows * middle_s).exp() * (decayed.value - slowed) / slows;
+            (forced_s, (decayed.by_rate - slowing) / slows)
+        } else {
+            let free = 0.5 * decayed.by_rate_twice - middle_s * decayed.by_rate;
+            (from_middle_s + 1.0 / self.rate, free)
+        };
+        per_s * (self.by[0] * forced_s + amplitude * self.rate_by[0] * free)
     }
 
     /// The factors common to readings of this integration time, s.
@@ -108,10 +149,12 @@ impl Model {
         let x = self.rate * integration_s;
         let over = x.exp();
         let mean = (over - 1.0) / x;
+        let slope = (over - mean) / self.rate;
         Integration {
             seconds: integration_s,
             mean,
-            slope: (over - mean) / self.rate,
+            slope,
+            curve: (over * integration_s - 2.0 * slope) / self.rate,
             mirrored: (over - 1.0).norm_sqr() / (self.mirrored * integration_s * integration_s),
         }
     }
@@ -182,15 +225,20 @@ pub(crate) struct Integration {
     seconds: f64,
     mean: Complex64,
     slope: Complex64,
+    curve: Complex64,
     mirrored: f64,
 }
 
 /// The free decay in a reading.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Decayed {
-    /// E and dE/ds.
+    /// The begin of the reading, s after that of the stay, and its integration time, s.
+    start_s: f64,
+    integration_s: f64,
+    /// E, dE/ds and d²E/ds².
     pub(super) value: Complex64,
     pub(super) by_rate: Complex64,
+    pub(super) by_rate_twice: Complex64,
     /// |E(s*)|².
     pub(super) mirrored: f64,
 }
@@ -198,9 +246,13 @@ pub(crate) struct Decayed {
 impl Integration {
     /// The decay in a reading that starts at this time, s, with the decay until then.
     fn after(&self, start_s: f64, begin: Complex64) -> Decayed {
+        let by_rate = self.mean * start_s + self.slope;
         Decayed {
+            start_s,
+            integration_s: self.seconds,
             value: begin * self.mean,
-            by_rate: begin * (self.mean * start_s + self.slope),
+            by_rate: begin * by_rate,
+            by_rate_twice: begin * ((by_rate + self.slope) * start_s + self.curve),
             mirrored: begin.norm_sqr() * self.mirrored,
         }
     }

@@ -5,19 +5,17 @@ use num_complex::Complex64;
 
 use super::{
     Known, Modelled, Sample, Stay,
+    drift::shapes::WITH_SHAPES,
     mode::{PLACES, WITH_MODES},
-    model::{Branch, Decayed, Model, Ring},
+    model::{Branch, Decayed, Model, Moving, Ring},
+    sums::{ALONE, Column, Row, Sums, amplitude_step, determinant, eliminated},
 };
 use crate::{
     circuit::trace::{CIRCUIT, ModelEstimate, UNKNOWNS},
     numeric::descent::Normal,
 };
 
-/// Indices of the unknowns of a stay: the circuit, the amplitude, the timing error, second modes.
-const A: usize = CIRCUIT;
-const TIME: usize = CIRCUIT + 2;
-/// Numbers of unknowns without a second mode, with one, and with one at each place.
-const ALONE: usize = CIRCUIT + 3;
+/// Numbers of unknowns with one further unknown, and with a second mode at each place.
 const WITH_ONE: usize = ALONE + 1;
 const WITH_ALL: usize = ALONE + PLACES;
 /// Number of the unknowns that a survey adds to the circuit: a second mode, a phase error, an error of
@@ -25,6 +23,7 @@ const WITH_ALL: usize = ALONE + PLACES;
 pub(super) const WITH_BENCH: usize = CIRCUIT + 4;
 /// Number of unknowns with them.
 const ALONE_WITH_BENCH: usize = ALONE + WITH_BENCH - CIRCUIT;
+const ALONE_WITH_SHAPES: usize = ALONE + WITH_SHAPES - CIRCUIT;
 /// Variance of each part of the amplitude relative to its mean square: half for a random phase,
 /// increased by half for the uncertainty of the circuit.
 pub(super) const AMPLITUDE_SHARE: f64 = 0.75;
@@ -43,7 +42,7 @@ const LINEAR: f64 = 0.02;
 /// Relative changes of the prior amplitude and of the noise above which a stay is recomputed.
 const PRIOR_CHANGED: f64 = 0.1;
 const VARIANCE_CHANGED: f64 = 0.02;
-/// The same of the rate at which the resonance moves.
+/// The same of the rates at which the resonance moves.
 const RATE_CHANGED: f64 = 0.02;
 
 /// The state of a stay during the search for a circuit.
@@ -67,19 +66,9 @@ struct Computed {
     readings: usize,
     /// The noise variance of their weights.
     variance: f64,
-    /// [`Moving::per_s`](super::model::Moving::per_s) of the model.
-    per_s: f64,
+    moving: Moving,
     /// Twice the logarithm of the ratio of the prior volume of amplitudes to the posterior volume.
     freedom: f64,
-}
-
-/// The dependence of a reading on the amplitude and on its time.
-#[derive(Debug, Clone, Copy)]
-struct Row {
-    residual: Complex64,
-    by_amplitude: Complex64,
-    in_time: Complex64,
-    weight: f64,
 }
 
 impl State {
@@ -90,10 +79,10 @@ impl State {
         known: &Known,
     ) -> Option<Normal<UNKNOWNS>> {
         let Modelled { stay, at, model, .. } = of;
-        let Computed { at: last, normal, readings, variance, per_s, .. } = self.last.as_ref()?;
+        let Computed { at: last, normal, readings, variance, moving, .. } = self.last.as_ref()?;
         let has_changed = |ratio: f64, part: f64| (ratio - 1.0).abs() > part;
         if *readings != stay.samples.len()
-            || (model.moving.per_s - per_s).abs() > RATE_CHANGED * per_s.abs()
+            || model.moving.has_changed(moving, RATE_CHANGED)
             || has_changed(prior / self.prior, PRIOR_CHANGED)
             || has_changed(known.variance / variance, VARIANCE_CHANGED)
         {
@@ -217,8 +206,9 @@ impl Model {
                 let freedom = (determinant(&normal) * state.prior * state.prior).ln();
                 let normal = eliminated(&normal);
                 let (readings, variance) = (stay.samples.len(), known.variance);
-                let per_s = self.moving.per_s;
-                state.last = Some(Computed { at: *at, normal, readings, variance, per_s, freedom });
+                let moving = self.moving;
+                state.last =
+                    Some(Computed { at: *at, normal, readings, variance, moving, freedom });
                 return (normal, round);
             }
             round += 1;
@@ -238,26 +228,38 @@ impl Model {
         })
     }
 
-    /// The normal equations with the rate at which the resonance moves as the unknown after the circuit.
-    pub(super) fn normal_with_rate(
+    /// The normal equations with the size of a drift as the unknown after the circuit.
+    pub(super) fn normal_with_drift(
         &self,
         stay: &Stay,
         known: &Known,
         state: &State,
+        drift: Column,
     ) -> Normal<UNKNOWNS> {
-        let rate = |_, _| std::iter::once(Column::Rate);
-        self.normal_beside::<WITH_ONE, _, _>(stay, known, state, rate)
+        let columns = |_, _| std::iter::once(drift);
+        self.normal_beside::<WITH_ONE, _, _>(stay, known, state, columns)
+    }
+
+    /// The same with the sizes of several drifts.
+    pub(super) fn normal_with_drifts(
+        &self,
+        stay: &Stay,
+        known: &Known,
+        state: &State,
+        drifts: &[Column],
+    ) -> Normal<WITH_SHAPES> {
+        let columns = |_, _| drifts.iter().copied();
+        self.normal_beside::<ALONE_WITH_SHAPES, _, _>(stay, known, state, columns)
     }
 
     /// The normal equations with further unknowns after the circuit: a second mode, the phase error of
-    /// the analyzer, the error of the first gap, and a drift of the logarithm of the resonance that has
-    /// this size in this stay.
+    /// the analyzer, the error of the first gap, and a drift.
     pub(super) fn normal_for_bench(
         &self,
         stay: &Stay,
         known: &Known,
         state: &State,
-        (mode, drift): (&Branch, f64),
+        (mode, drift): (&Branch, Column),
     ) -> Normal<WITH_BENCH> {
         self.normal_beside::<ALONE_WITH_BENCH, _, _>(
             stay,
@@ -265,7 +267,7 @@ impl Model {
             state,
             |start_s, integration_s| {
                 let mean = Column::Admittance(mode.mean(start_s, integration_s));
-                [mean, Column::Phase, Column::FirstGap, Column::Drift(drift)].into_iter()
+                [mean, Column::Phase, Column::FirstGap, drift].into_iter()
             },
         )
     }
@@ -385,152 +387,6 @@ impl<'a> Forecast<'a> {
     }
 }
 
-/// The derivative of the admittance of a reading with respect to a disturbance.
-#[derive(Debug, Clone, Copy)]
-enum Column {
-    Admittance(Complex64),
-    /// A phase error of the analyzer turns the whole admittance.
-    Phase,
-    /// An error of the first gap delays all readings of a stay but the first.
-    FirstGap,
-    /// This multiple of a change of the logarithm of the resonance.
-    Drift(f64),
-    /// Change of the logarithm of the resonance per second during the stay.
-    Rate,
-}
-
-/// Accumulated sums of the readings of a stay.
-#[derive(Debug, Clone, Copy)]
-struct Sums<const N: usize> {
-    normal: Normal<N>,
-    /// |a|².
-    square: f64,
-    /// Known delay of the last reading after its recorded time, s; `None` before the first reading.
-    late_s: Option<f64>,
-}
-
-impl<const N: usize> Sums<N> {
-    fn new(amplitude: Complex64, prior: f64, square: f64) -> Self {
-        let mut normal = Normal::default();
-        let precision = 1.0 / prior.max(f64::MIN_POSITIVE);
-        for (k, part) in [amplitude.re, amplitude.im].into_iter().enumerate() {
-            normal.matrix[A + k][A + k] = precision;
-            normal.gradient[A + k] = precision * part;
-            normal.cost += precision * part * part;
-        }
-        Self { normal, square, late_s: None }
-    }
-
-    /// Advances to a reading that started this much after its recorded time.
-    fn wait_until(&mut self, late_s: f64, known: &Known) {
-        // The time axis starts with the first reading.
-        if let Some(before_s) = self.late_s.replace(late_s) {
-            self.wait(late_s - before_s, known);
-        }
-    }
-
-    /// Adds a reading with this free decay and these disturbances; without an impedance it is assumed to
-    /// agree with the model.
-    fn add(
-        &mut self,
-        model: &Model,
-        sample: &Sample,
-        amplitude: Complex64,
-        decayed: &Decayed,
-        known: &Known,
-        disturbances: impl Iterator<Item = Column>,
-    ) -> Row {
-        let Decayed { value: e, by_rate: e_by, mirrored } = *decayed;
-        let free = amplitude * e;
-        let by_motion = || model.by_motion(sample.start_s, sample.integration_s, free);
-        let mut admittance = model.steady + free;
-        if model.moving.per_s != 0.0 {
-            admittance += model.moving.per_s * by_motion();
-        }
-        let x = sample.impedance.map_or(Complex64::ONE, |impedance| impedance * admittance);
-        let more = 1.0 / (x + 1.0);
-        let slope = 4.0 * x * more * more / admittance;
-        let mut columns = [Complex64::ZERO; N];
-        columns[..CIRCUIT].copy_from_slice(&model.by);
-        for (column, by_rate) in columns.iter_mut().zip(&model.rate_by) {
-            *column += amplitude * e_by * by_rate;
-        }
-        columns[A] = e;
-        columns[A + 1] = Complex64::I * e;
-        let has_waited = self.normal.matrix[TIME][TIME] > 0.0;
-        if has_waited {
-            columns[TIME] = amplitude * model.rate * e;
-        }
-        let (by_resonance, in_time) = (columns[0], columns[TIME]);
-        for (column, disturbance) in columns.iter_mut().skip(ALONE).zip(disturbances) {
-            *column = match disturbance {
-                Column::Admittance(of_mode) => of_mode,
-                Column::Phase => -Complex64::I * admittance,
-                Column::FirstGap => in_time,
-                Column::Drift(part) => part * by_resonance,
-                Column::Rate => by_motion(),
-            };
-        }
-        let counter = 0.5 * self.square * mirrored / admittance.norm_sqr();
-        let weight = 1.0 / (known.variance / sample.length + counter);
-        let residual = 2.0 * (x - 1.0) * more;
-        let columns = columns.map(|by| by * slope);
-        self.normal.add(residual, &columns, weight);
-        Row { residual, by_amplitude: columns[A], in_time: columns[TIME], weight }
-    }
-
-    /// Adds a gap of uncertain length: the timing error takes another random step, of which `taken_s`
-    /// is already included.
-    fn wait(&mut self, taken_s: f64, times: &Known) {
-        let Normal { matrix, gradient, cost } = &mut self.normal;
-        let known = matrix[TIME][TIME];
-        if known == 0.0 {
-            let square = times.first_gap_sigma_s * times.first_gap_sigma_s;
-            matrix[TIME][TIME] = 1.0 / square;
-            gradient[TIME] = taken_s / square;
-            *cost += taken_s * taken_s / square;
-            return;
-        }
-        let square = times.gap_sigma_s * times.gap_sigma_s;
-        *cost += taken_s * (2.0 * gradient[TIME] + known * taken_s);
-        for (element, by_time) in gradient.iter_mut().zip(&matrix[TIME]) {
-            *element += by_time * taken_s;
-        }
-        let kept = 1.0 / (1.0 + known * square);
-        let (column, right) = (matrix[TIME], gradient[TIME]);
-        for i in (0..N).filter(|i| *i != TIME) {
-            let factor = column[i] * square * kept;
-            for (element, other) in matrix[i].iter_mut().zip(&column) {
-                *element -= factor * other;
-            }
-            gradient[i] -= factor * right;
-            matrix[i][TIME] = column[i] * kept;
-            matrix[TIME][i] = column[i] * kept;
-        }
-        *cost -= right * right * square * kept;
-        matrix[TIME][TIME] = known * kept;
-        gradient[TIME] = right * kept;
-    }
-
-    /// The equations with the timing error eliminated.
-    fn without_time(&self) -> Normal<N> {
-        let mut normal = self.normal;
-        let known = normal.matrix[TIME][TIME];
-        if known > 0.0 {
-            let (column, right) = (normal.matrix[TIME], normal.gradient[TIME]);
-            for (i, row) in normal.matrix.iter_mut().enumerate() {
-                let factor = column[i] / known;
-                for (element, other) in row.iter_mut().zip(&column) {
-                    *element -= factor * other;
-                }
-                normal.gradient[i] -= factor * right;
-            }
-            normal.cost -= right * right / known;
-        }
-        normal
-    }
-}
-
 /// Moves the times of the readings to their most likely values for these amplitudes. The steps between
 /// them are independent, which gives a tridiagonal system. Returns the largest shift, s.
 fn shift(late_s: &mut [f64], rows: &[Row], times: &Known) -> f64 {
@@ -555,52 +411,4 @@ fn shift(late_s: &mut [f64], rows: &[Row], times: &Known) -> f64 {
         late_s[i] = next;
     }
     moved_s
-}
-
-/// Step of the amplitude to its best value for this circuit, and the cost that it saves.
-fn amplitude_step<const N: usize>(normal: &Normal<N>) -> (Complex64, f64) {
-    let Some(inverse) = inverse(normal) else { return (Complex64::ZERO, 0.0) };
-    let right = [normal.gradient[A], normal.gradient[A + 1]];
-    let step = times(&inverse, &right);
-    (Complex64::new(step[0], step[1]), step[0] * right[0] + step[1] * right[1])
-}
-
-/// The block of the amplitude.
-fn amplitude<const N: usize>(normal: &Normal<N>) -> [[f64; 2]; 2] {
-    std::array::from_fn(|i| std::array::from_fn(|k| normal.matrix[A + i][A + k]))
-}
-
-fn determinant<const N: usize>(normal: &Normal<N>) -> f64 {
-    let [[a, b], [c, d]] = amplitude(normal);
-    a * d - b * c
-}
-
-/// The inverse of the block of the amplitude.
-fn inverse<const N: usize>(normal: &Normal<N>) -> Option<[[f64; 2]; 2]> {
-    let [[a, b], [c, d]] = amplitude(normal);
-    let determinant = determinant(normal);
-    (determinant > 0.0).then(|| [[d, -b], [-c, a]].map(|row| row.map(|x| x / determinant)))
-}
-
-fn times(matrix: &[[f64; 2]; 2], [x, y]: &[f64; 2]) -> [f64; 2] {
-    matrix.map(|[a, b]| a * x + b * y)
-}
-
-/// The equations of the circuit and the second modes after it, with the amplitude eliminated.
-fn eliminated<const N: usize, const K: usize>(normal: &Normal<N>) -> Normal<K> {
-    let mut rest = Normal::<K>::default();
-    let Some(inverse) = inverse(normal) else { return rest };
-    let right = [normal.gradient[A], normal.gradient[A + 1]];
-    let kept = || (0..CIRCUIT).chain(ALONE..N).enumerate();
-    for (i, from) in kept() {
-        let solved = times(&inverse, &[normal.matrix[from][A], normal.matrix[from][A + 1]]);
-        for (k, to) in kept() {
-            let less = solved[0] * normal.matrix[to][A] + solved[1] * normal.matrix[to][A + 1];
-            rest.matrix[i][k] = normal.matrix[from][to] - less;
-        }
-        rest.gradient[i] = normal.gradient[from] - solved[0] * right[0] - solved[1] * right[1];
-    }
-    let solved = times(&inverse, &right);
-    rest.cost = normal.cost - solved[0] * right[0] - solved[1] * right[1];
-    rest
 }
