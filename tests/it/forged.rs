@@ -12,7 +12,7 @@ use std::collections::BTreeSet;
 use rig_engine::RunStatus;
 use rig_tests::{TestRig, changed, forge::Forgery, text};
 use rig_verify::{Check, Verdict};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 /// A forgery: its name, what must find it, and what it changes.
 type Case = (&'static str, Check, fn(&mut Forgery));
@@ -91,6 +91,23 @@ async fn a_forgery_without_new_digests_is_found_by_them() {
         tried += 1;
     }
     assert!(tried > 30, "{tried}");
+    rig.close().await;
+}
+
+#[tokio::test]
+async fn a_relaxation_that_readings_cannot_tell_from_the_free_decay_is_found() {
+    let (rig, run) = sound().await;
+    // Nothing of 0 changes what is fitted. A free decay takes 0.07 s, and the limit is twice as much.
+    for (time_s, is_told) in [(-3.0, false), (0.0, false), (0.1, false), (3.0, true)] {
+        let mut forged = Forgery::of(rig.data(), &run);
+        let place = forged.nth("sweep", 3, |payload| payload["purpose"] == "touch");
+        let extra = json!({ "kind": "relaxation", "change": 0.0, "time_s": time_s });
+        forged.records[place].payload["outcome"]["extra"] = extra;
+        forged.write(true);
+        let findings = forged.verdict().findings;
+        let found = findings.iter().any(|finding| finding.to_string().contains("relaxation"));
+        assert_eq!(found, !is_told, "{time_s} s: {findings:#?}");
+    }
     rig.close().await;
 }
 

@@ -1,12 +1,12 @@
 //! What follows from the readings: every accepted resonance is fitted again.
 
-use std::{num::NonZero, thread};
+use std::{f64::consts::PI, num::NonZero, thread};
 
 use crate::{
     finding::{Check, Findings},
     fit::{self, Fitted, Motion, Stated},
     labels::READINGS_PER_OUTLIER,
-    record::{Circuit, FitNoise, FitSettings, Outcome, Reading, Sweep},
+    record::{Circuit, Extra, FitNoise, FitSettings, Outcome, Reading, Sweep},
     survey::{self, Doubt, turned},
 };
 
@@ -37,6 +37,10 @@ const TIME_SPANS_BY_DEGREES: f64 = 500.0;
 const TIME_REL: f64 = 0.3;
 /// The stated quality factor and ratio of capacitances over those of this checker.
 const Q_RATIO: [f64; 2] = [0.5, 2.0];
+/// Shortest time constant of a relaxation that readings with a free decay tell from it, in time constants of that
+/// decay, and in durations of the sweep. The rest is for a quality factor that was fitted again.
+const RELAXATION_DECAYS: f64 = 0.9 * 2.0;
+const RELAXATION_SPANS: f64 = 0.9 / 10.0;
 /// Largest number of readings of which each is tried as a wrong one.
 const SUSPECTS: usize = 60;
 /// The stated static capacitance over that of this checker.
@@ -202,6 +206,15 @@ fn check_readings(accepted: &Accepted, readings: &[Reading]) -> (Findings, f64) 
         return (findings, f64::NAN);
     };
     check_outcome(&sweep.outcome, &fitted, readings, settings, &mut add);
+    if let Some(Extra::Relaxation { time_s, .. }) = extra {
+        let decay_s = circuit.quality_factor / (PI * resonance_hz);
+        let span_s = span_s(readings);
+        let least_s = f64::max(RELAXATION_DECAYS * decay_s, RELAXATION_SPANS * span_s);
+        if !(least_s..f64::INFINITY).contains(time_s) {
+            let what = "the time constant of the relaxation, s";
+            add(Check::Resonance, what, format!("at least {least_s}"), *time_s, None);
+        }
+    }
     let Fitted { scatter, degrees, mode_sigma, .. } = fitted;
     let most = most_scatter(noise, degrees, SCATTER_SIGMAS);
     if scatter > most {
@@ -277,11 +290,16 @@ fn check_outcome(
     }
 }
 
+/// Duration of these readings, s.
+fn span_s(readings: &[Reading]) -> f64 {
+    let (Some(first), Some(last)) = (readings.first(), readings.last()) else { return 0.0 };
+    last.end_s() - first.begin_s()
+}
+
 /// Largest difference between two statements of the time for which a resonance holds, s.
 fn time_limit_s(readings: &[Reading], degrees: f64, fit_s: f64) -> f64 {
-    let (Some(first), Some(last)) = (readings.first(), readings.last()) else { return 0.0 };
-    let span_s = last.end_s() - first.begin_s();
-    let middle_s = first.begin_s() + 0.5 * span_s;
+    let span_s = span_s(readings);
+    let middle_s = readings.first().map_or(0.0, Reading::begin_s) + 0.5 * span_s;
     let spans = TIME_SPANS + TIME_SPANS_BY_DEGREES * degrees.powi(-2);
     spans * span_s + TIME_REL * (fit_s - middle_s).abs()
 }

@@ -214,6 +214,16 @@ fn decay(lambda: Complex64, t: f64, span: f64) -> (Complex64, Complex64) {
     (before * mean, before * (mean * t + (growth - mean) / x * span))
 }
 
+/// The mean of a free decay over a reading of `span` with its middle at `after`, and its slopes by the mean λ until
+/// there and by λ in the reading.
+fn turned(until: Complex64, after: f64, now: Complex64, span: f64) -> (Complex64, [Complex64; 2]) {
+    let x = now * span;
+    let (before, growth) = ((until * after - 0.5 * x).exp(), x.exp());
+    let mean = (growth - 1.0) / x;
+    let slope = ((growth - mean) / x - 0.5 * mean) * span;
+    (before * mean, [before * mean * after, before * slope])
+}
+
 impl Trace {
     fn steady(circuit: &[f64; CIRCUIT], branch: &Branch, omega: f64) -> Complex64 {
         let [_, _, c0, c1, g] = *circuit;
@@ -422,17 +432,21 @@ impl Trace {
         for (i, (sample, t)) in stay.samples.iter().zip(self.times(at, k)).enumerate() {
             let after_s = t + 0.5 * sample.integration_s;
             let rate = |part: f64| branch.s * (change * part).exp() - drive;
-            let moved = Moved::new(&course, (begin_s, after_s), rate);
+            let moved = Moved::new(&course, (begin_s, after_s, sample.integration_s), rate);
             let settled = self.beside.map_or(0.0, |kind| kind.ln_shift(&at.beside, sample.when));
             let (response, by_f, by_q) =
                 branch.response_if_moved(stay.omega, settled + change * moved.forced);
             let moving = -drive * c1 * response * response;
-            let s = branch.s * (change * moved.free).exp();
-            let lambda = s - drive;
-            let (mean, by_lambda) = decay(lambda, t, sample.integration_s);
-            let (free_by_f, forced_by_f) = (amplitude * by_lambda * s, moving * by_f);
-            let by_f = free_by_f + forced_by_f;
-            let by_change = free_by_f * moved.free + forced_by_f * moved.forced;
+            let factors = [moved.until, moved.now].map(|part| (change * part).exp());
+            let [until, now] = factors.map(|factor| branch.s * factor);
+            let lambda = now - drive;
+            let (mean, slopes) = turned(until - drive, after_s, lambda, sample.integration_s);
+            let by_s = amplitude * (slopes[0] * factors[0] + slopes[1] * factors[1]);
+            let forced_by_f = moving * by_f;
+            let by_f = by_s * branch.s + forced_by_f;
+            let by_change = amplitude
+                * (slopes[0] * until * moved.until + slopes[1] * now * moved.now)
+                + forced_by_f * moved.forced;
             let (omega, resonance) = (stay.omega, branch.omega);
             let place = Place { omega, when: sample.when, z: sample.z, resonance, by_f, by_change };
             let beside = beside::seen(self.beside, &at.beside, &place);
@@ -446,7 +460,7 @@ impl Trace {
             let mut global = [Complex64::ZERO; GLOBAL];
             global[..CIRCUIT].copy_from_slice(&[
                 slope * (by_f + beside.by_f),
-                slope * (amplitude * by_lambda * branch.by_q + moving * by_q),
+                slope * (by_s * branch.by_q + moving * by_q),
                 slope * drive,
                 slope * drive * response,
                 slope * stay.omega,
