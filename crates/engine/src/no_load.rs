@@ -6,6 +6,7 @@ use rig_resonance::{Bench, FitOutcome, Prior, Reason, Refusal, Resonance};
 
 use crate::{
     Fault, FinishedSweep, SweepPurpose,
+    contact_sense::response::says_nothing,
     level::{LevelCheck, Levels},
     machine::{MachineContext, MachineEvent, MachineStep},
     sweep::{DRIFT, Sweep, SweepStep},
@@ -18,9 +19,13 @@ const NO_LOAD_ATTEMPTS: u32 = 2;
 const CAPACITANCE_RATIO_MAX: f64 = 2.0;
 
 /// Whether a sweep knows too little of the circuit for the checks of the contact sense, which compare impedances with it.
-fn is_vague(last: Option<&Resonance>, now: &Resonance) -> bool {
+///
+/// Another frequency of the self-test would not do instead: where the sweep measured, the change is known better, but it is a
+/// smaller one, and waits, thresholds and the surface of a descent rest on the same circuit.
+pub(crate) fn is_vague(last: Option<&Resonance>, now: &Resonance) -> bool {
     let ratio = last.map_or(1.0, |last| now.c0_farad / last.c0_farad);
-    !(1.0 / CAPACITANCE_RATIO_MAX..=CAPACITANCE_RATIO_MAX).contains(&ratio)
+    let is_other = !(1.0 / CAPACITANCE_RATIO_MAX..=CAPACITANCE_RATIO_MAX).contains(&ratio);
+    is_other || says_nothing(now)
 }
 
 /// Whether this sweep is a survey after which the resonance is measured at half the level.
