@@ -33,6 +33,16 @@ fn is_to_be_checked(sweep: &FinishedSweep, context: &MachineContext<'_>) -> bool
     context.plan.level_check && context.bench.is_none() && sweep.fit.bench.is_some()
 }
 
+/// All resonances of the free sensor in the order in which they were measured: the vague ones tell of its drift too.
+pub(crate) fn in_order(
+    vague: &[(RigTime, Resonance)],
+    mut found: Vec<(RigTime, Resonance)>,
+) -> Vec<(RigTime, Resonance)> {
+    found.extend_from_slice(vague);
+    found.sort_by_key(|(at, _)| *at);
+    found
+}
+
 /// Rotates to the pose and measures the free sensor there.
 #[derive(Debug)]
 pub(crate) struct NoLoad {
@@ -44,8 +54,8 @@ pub(crate) struct NoLoad {
     attempt: u32,
     /// The check of the level after a survey.
     level: Option<LevelCheck>,
-    /// A resonance whose sweep was too vague to be the reference.
-    vague: Option<(RigTime, Resonance)>,
+    /// Resonances whose sweeps were too vague to be the reference.
+    vague: Vec<(RigTime, Resonance)>,
 }
 
 /// What the free sensor was measured for.
@@ -59,7 +69,7 @@ pub(crate) struct Reference {
 
 impl NoLoad {
     pub(crate) const fn new(pose: Pose) -> Self {
-        Self { pose, sweep: None, begun: RigTime::ZERO, attempt: 0, level: None, vague: None }
+        Self { pose, sweep: None, begun: RigTime::ZERO, attempt: 0, level: None, vague: Vec::new() }
     }
 
     /// Whether the sweep has begun.
@@ -130,7 +140,7 @@ impl NoLoad {
                         if is_vague(last, &resonance) && self.attempt < NO_LOAD_ATTEMPTS =>
                     {
                         let middle = self.begun + context.now.since(self.begun) / 2;
-                        self.vague = Some((middle, resonance));
+                        self.vague.push((middle, resonance));
                         step = self.begin(None, context);
                         continue;
                     }
@@ -175,13 +185,12 @@ impl NoLoad {
                 self.level = Some(LevelCheck::new(bench, found));
                 return Err(Levels::Open);
             }
-            let found = self.vague.take().into_iter().chain([*found]).collect();
-            return Ok(Reference { found, bench });
+            return Ok(Reference { found: in_order(&self.vague, vec![*found]), bench });
         };
         match level.take(found, context.drift) {
             Levels::Same => {
                 let found = self.level.take().map_or_else(Vec::new, LevelCheck::into_found);
-                Ok(Reference { found, bench })
+                Ok(Reference { found: in_order(&self.vague, found), bench })
             }
             levels => Err(levels),
         }

@@ -1,11 +1,17 @@
 use std::time::Duration;
 
 use num_complex::Complex64;
-use rig_model::{RigTime, Window};
+use rig_model::{DriveLevel, RigTime, SweepMethod, SweepRequest, Window};
+use rig_protocol::{NoLoadPolicy, Plan, RefusalPolicy, TouchSettings};
 use rig_resonance::{Bench, FitOptions, ModelOrder, NoisePrior, Timing, fit};
 
 use super::*;
-use crate::{interlock::bench::limits, no_load::is_vague};
+use crate::{
+    Operation,
+    interlock::bench::limits,
+    listening::Listening,
+    no_load::{in_order, is_vague},
+};
 
 /// What a sweep of fourteen readings found, in a run on a simulated bench with seed 3: its static capacitance is
 /// 3.3 of its standard deviations too large, and the motional one and the loss go along. `part` is the part of
@@ -293,4 +299,69 @@ fn a_reference_says_nothing_when_its_expected_change_is_uncertain_by_a_sixth() {
     // One that was measured again, and says nothing, makes no allowance.
     assert_eq!((limits[0], limits[2]), (0.5, 0.5));
     assert!((limits[1] - 0.747).abs() < 0.01, "{limits:?}");
+}
+
+/// It counts for the drift, as the checker counts every accepted sweep of the free sensor.
+#[test]
+fn a_reference_that_was_measured_again_keeps_its_place_among_the_others() {
+    let (found, at) = (loose_sweep(), |seconds| RigTime::ZERO + Duration::from_secs(seconds));
+    let all = in_order(&[(at(2), found)], vec![(at(1), found), (at(3), found)]);
+    assert_eq!(all.iter().map(|(at, _)| *at).collect::<Vec<_>>(), [at(1), at(2), at(3)]);
+}
+
+/// A plan without steps.
+fn plan() -> Plan {
+    let sweep = SweepRequest {
+        window: Window { min_hz: 125.0, max_hz: 160.0 },
+        method: SweepMethod::Adaptive,
+        target_sigma_hz: 0.04,
+        time_limit_s: 30.0,
+        cycles: 20,
+        settle_s: 0.0,
+        level: DriveLevel { volt: 5.0 },
+    };
+    let approach = Approach {
+        start_above_mm: 0.4,
+        give_up_below_mm: 0.6,
+        coarse_step_mm: 0.1,
+        fine_step_mm: 0.005,
+        contact_threshold: 0.1,
+        settle_s: 0.005,
+        cycles: 2,
+        slip_mm: 0.025,
+        descent_mm_per_s: None,
+        slow_descent_mm_per_s: None,
+    };
+    Plan {
+        no_load: NoLoadPolicy::ByDrift,
+        name: "self-test".to_owned(),
+        samples: Vec::new(),
+        steps: Vec::new(),
+        touch: TouchSettings {
+            indentation_mm: 0.5,
+            halfway_mm: None,
+            dwell_s: 0.5,
+            approach,
+            on_refusal: RefusalPolicy::Record,
+        },
+        no_load_sweep: sweep,
+        survey_s: None,
+        level_check: false,
+        contact_sweep: sweep,
+        classes: None,
+        seed: 0,
+        aim: None,
+    }
+}
+
+#[test]
+fn the_reading_of_the_self_test_waits_for_the_ring_that_is_possible() {
+    let (no_load, plan, sensor) = (loose_sweep(), plan(), of_scene());
+    let listening = Listening { now: RigTime::ZERO, no_load: &no_load, plan: &plan, driven: None };
+    let time_constant_s = sensor.q / (std::f64::consts::PI * sensor.resonance_hz);
+    for operation in [listening.test(), listening.both()] {
+        let Operation::Measure { points, .. } = operation else { panic!("{operation:?}") };
+        let waits = points[0].settle_s / time_constant_s;
+        assert!((2.7..3.5).contains(&waits), "{waits} time constants");
+    }
 }
