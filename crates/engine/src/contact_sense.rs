@@ -4,6 +4,7 @@
 //! A stuck sense feels a contact that is not there, a blind one feels none, and a stage that has lost
 //! steps is not where its drive says. A touch that cannot be distinguished from these is refused.
 
+pub(crate) mod response;
 #[cfg(test)]
 mod tests;
 
@@ -40,10 +41,6 @@ const CAPACITANCE_SIGMAS: i32 = 4;
 /// The second frequency of the self-test lies this many linewidths below the no-load resonance, where the
 /// impedance of the free sensor differs from that at the resonance by a multiple.
 pub(crate) const TEST_LINEWIDTHS: f64 = 3.0;
-
-/// The change of the impedance from one frequency of the self-test to the other may deviate from the
-/// expected change by this part of it. A reading that does not follow the frequency deviates by all of it.
-const RESPONSE_TOLERANCE: f64 = 0.5;
 
 /// A change is expected if it exceeds the noise of ten cycles by this factor.
 const RESPONSE_NOISES: f64 = 10.0;
@@ -228,6 +225,18 @@ pub(crate) fn check_free(
     no_load: &Resonance,
     readings: &[Reading],
 ) -> Result<Option<Impedance>, ContactSenseFault> {
+    check_free_within(no_load, readings, |from_hz, to_hz| {
+        response::tolerance(no_load, from_hz, to_hz)
+    })
+}
+
+/// The same, with the part of the expected change of the impedance from one frequency to another by which it may
+/// deviate.
+fn check_free_within(
+    no_load: &Resonance,
+    readings: &[Reading],
+    response_tolerance: impl Fn(f64, f64) -> f64,
+) -> Result<Option<Impedance>, ContactSenseFault> {
     let valid = |reading: &Reading| match reading.measured {
         PointResult::Value(impedance) => Some((reading.frequency_hz, impedance)),
         _ => None,
@@ -268,9 +277,11 @@ pub(crate) fn check_free(
     }
     let fitting = compared.iter().filter(|((worst, _), _)| *worst <= tolerance);
     let least = fitting.map(|(_, response)| *response).fold(f64::INFINITY, f64::min);
-    if let Some((from_hz, _)) = other.filter(|_| RESPONSE_TOLERANCE < least) {
-        let (percent, limit_percent) = (100.0 * least, 100.0 * RESPONSE_TOLERANCE);
-        let to_hz = baseline.0;
+    let Some((from_hz, _)) = other else { return Ok(Some(baseline.1)) };
+    let to_hz = baseline.0;
+    let response_tolerance = response_tolerance(from_hz, to_hz);
+    if response_tolerance < least {
+        let (percent, limit_percent) = (100.0 * least, 100.0 * response_tolerance);
         return Err(ContactSenseFault::NoResponse { from_hz, to_hz, percent, limit_percent });
     }
     Ok(Some(baseline.1))

@@ -6,6 +6,7 @@ use rig_resonance::{Bench, FitOutcome, Prior, Reason, Refusal, Resonance};
 
 use crate::{
     Fault, FinishedSweep, SweepPurpose,
+    contact_sense::response::says_nothing,
     level::{LevelCheck, Levels},
     machine::{MachineContext, MachineEvent, MachineStep},
     sweep::{DRIFT, Sweep, SweepStep},
@@ -18,14 +19,28 @@ const NO_LOAD_ATTEMPTS: u32 = 2;
 const CAPACITANCE_RATIO_MAX: f64 = 2.0;
 
 /// Whether a sweep knows too little of the circuit for the checks of the contact sense, which compare impedances with it.
-fn is_vague(last: Option<&Resonance>, now: &Resonance) -> bool {
+///
+/// Another frequency of the self-test would not do instead: where the sweep measured, the change is known better, but it is a
+/// smaller one, and waits, thresholds and the surface of a descent rest on the same circuit.
+pub(crate) fn is_vague(last: Option<&Resonance>, now: &Resonance) -> bool {
     let ratio = last.map_or(1.0, |last| now.c0_farad / last.c0_farad);
-    !(1.0 / CAPACITANCE_RATIO_MAX..=CAPACITANCE_RATIO_MAX).contains(&ratio)
+    let is_other = !(1.0 / CAPACITANCE_RATIO_MAX..=CAPACITANCE_RATIO_MAX).contains(&ratio);
+    is_other || says_nothing(now)
 }
 
 /// Whether this sweep is a survey after which the resonance is measured at half the level.
 fn is_to_be_checked(sweep: &FinishedSweep, context: &MachineContext<'_>) -> bool {
     context.plan.level_check && context.bench.is_none() && sweep.fit.bench.is_some()
+}
+
+/// All resonances of the free sensor in the order in which they were measured: the vague ones tell of its drift too.
+pub(crate) fn in_order(
+    vague: &[(RigTime, Resonance)],
+    mut found: Vec<(RigTime, Resonance)>,
+) -> Vec<(RigTime, Resonance)> {
+    found.extend_from_slice(vague);
+    found.sort_by_key(|(at, _)| *at);
+    found
 }
 
 /// Rotates to the pose and measures the free sensor there.
@@ -39,8 +54,8 @@ pub(crate) struct NoLoad {
     attempt: u32,
     /// The check of the level after a survey.
     level: Option<LevelCheck>,
-    /// A resonance whose sweep was too vague to be the reference.
-    vague: Option<(RigTime, Resonance)>,
+    /// Resonances whose sweeps were too vague to be the reference.
+    vague: Vec<(RigTime, Resonance)>,
 }
 
 /// What the free sensor was measured for.
@@ -54,7 +69,7 @@ pub(crate) struct Reference {
 
 impl NoLoad {
     pub(crate) const fn new(pose: Pose) -> Self {
-        Self { pose, sweep: None, begun: RigTime::ZERO, attempt: 0, level: None, vague: None }
+        Self { pose, sweep: None, begun: RigTime::ZERO, attempt: 0, level: None, vague: Vec::new() }
     }
 
     /// Whether the sweep has begun.
@@ -125,7 +140,7 @@ impl NoLoad {
                         if is_vague(last, &resonance) && self.attempt < NO_LOAD_ATTEMPTS =>
                     {
                         let middle = self.begun + context.now.since(self.begun) / 2;
-                        self.vague = Some((middle, resonance));
+                        self.vague.push((middle, resonance));
                         step = self.begin(None, context);
                         continue;
                     }
@@ -170,13 +185,12 @@ impl NoLoad {
                 self.level = Some(LevelCheck::new(bench, found));
                 return Err(Levels::Open);
             }
-            let found = self.vague.take().into_iter().chain([*found]).collect();
-            return Ok(Reference { found, bench });
+            return Ok(Reference { found: in_order(&self.vague, vec![*found]), bench });
         };
         match level.take(found, context.drift) {
             Levels::Same => {
                 let found = self.level.take().map_or_else(Vec::new, LevelCheck::into_found);
-                Ok(Reference { found, bench })
+                Ok(Reference { found: in_order(&self.vague, found), bench })
             }
             levels => Err(levels),
         }

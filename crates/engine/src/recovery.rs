@@ -328,4 +328,32 @@ mod tests {
             assert!(!recovery.is_worth_trying());
         }
     }
+
+    /// Long before the patience is over, and the attempts of a latched rig do not follow.
+    #[test]
+    fn a_stage_that_is_blocked_is_retracted_three_times_and_then_left() {
+        let up = limits().linear.rest_target();
+        let (mut now, patience) = (RigTime::ZERO, Duration::from_secs(3600));
+        let (mut recovery, mut step) = Recovery::begin(now, patience, RecoveryReport::Done);
+        let (mut retracts, mut steps) = (0, 0);
+        while !matches!(step, RecoveryStep::Finished(_)) {
+            let report = match step {
+                RecoveryStep::Wait(pause) => {
+                    now = now + pause;
+                    step = recovery.waited();
+                    continue;
+                }
+                RecoveryStep::Retract(_) => {
+                    retracts += 1;
+                    RecoveryReport::Blocked
+                }
+                _ => RecoveryReport::Done,
+            };
+            step = recovery.ended(now, report, Clearance::Unknown, up);
+            steps += 1;
+            assert!(steps < 50, "no end");
+        }
+        assert_eq!((step, retracts), (RecoveryStep::Finished(Clearance::Unknown), 3));
+        assert!(!recovery.is_worth_trying());
+    }
 }

@@ -1,5 +1,6 @@
 //! The state in which a killed program left a run or session, as text and as JSON.
 
+use rig_engine::Fault;
 use rig_model::with_causes;
 use rig_store::{Interruption, ProbeWord, Reader, Run, RunKind, RunStatus, StoreError, intact};
 use schemars::JsonSchema;
@@ -20,6 +21,8 @@ pub(crate) struct InterruptionView {
     step: Option<String>,
     /// `clear`, `may be in contact` or `unknown`, at that moment.
     probe: &'static str,
+    #[serde(skip)]
+    is_clear: bool,
     /// Position of the linear axis at its last read-back before, mm.
     #[serde(skip_serializing_if = "Option::is_none")]
     at_mm: Option<f64>,
@@ -43,22 +46,21 @@ impl InterruptionView {
 
     /// Whether the probe may still be in the sample, as far as the journal tells.
     pub(crate) fn is_open(&self) -> bool {
-        self.probe != CLEAR && !self.is_cleared_since
+        !self.is_clear && !self.is_cleared_since
     }
 }
-
-const CLEAR: &str = "clear";
 
 impl From<Interruption> for InterruptionView {
     fn from(left: Interruption) -> Self {
         let message = sentence(&left);
         let Interruption { at, step, probe, is_cleared_since } = left;
+        let is_clear = probe == ProbeWord::Clear;
         let (probe, at_mm, down_to_mm) = match probe {
-            ProbeWord::Clear => (CLEAR, None, None),
+            ProbeWord::Clear => ("clear", None, None),
             ProbeWord::MayTouch { at_mm, down_to_mm } => ("may be in contact", at_mm, down_to_mm),
             ProbeWord::Silent => ("unknown", None, None),
         };
-        Self { at, step, probe, at_mm, down_to_mm, is_cleared_since, message }
+        Self { at, step, probe, is_clear, at_mm, down_to_mm, is_cleared_since, message }
     }
 }
 
@@ -68,14 +70,18 @@ fn latch(cause: &str) -> String {
     // What was missing then may have been shown since.
     const CLOSED: &str = "the rig was not commissioned when it was closed, and its steps may have left the probe anywhere";
     let cause = cause.trim_start_matches(LEFT);
-    if cause.starts_with(NOT_COMMISSIONED) || cause == CLOSED {
+    if is_of_commissioning(cause) || cause == CLOSED {
         return CLOSED.to_owned();
     }
     format!("{LEFT}{cause}")
 }
 
-/// How the cause of a latch begins that [`Fault::NotCommissioned`](rig_engine::Fault::NotCommissioned) made.
-const NOT_COMMISSIONED: &str = "the rig is not commissioned";
+/// Whether a cause in the journal, which has the sentence of a fault and not its type, is that of
+/// [`Fault::NotCommissioned`].
+fn is_of_commissioning(cause: &str) -> bool {
+    let fault = Fault::NotCommissioned { missing: String::new() };
+    cause.starts_with(&fault.to_string())
+}
 
 /// The state of the probe of a rig that no program has open.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -226,8 +232,6 @@ fn whereabouts(probe: ProbeWord) -> String {
 
 #[cfg(test)]
 mod tests {
-    use rig_engine::Fault;
-
     use super::*;
 
     #[test]

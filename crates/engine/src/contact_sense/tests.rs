@@ -1,8 +1,17 @@
-use rig_model::RigTime;
-use rig_resonance::ModelOrder;
+use std::time::Duration;
+
+use num_complex::Complex64;
+use rig_model::{DriveLevel, RigTime, SweepMethod, SweepRequest, Window};
+use rig_protocol::{NoLoadPolicy, Plan, RefusalPolicy, TouchSettings};
+use rig_resonance::{Bench, FitOptions, ModelOrder, NoisePrior, Timing, fit};
 
 use super::*;
-use crate::interlock::bench::limits;
+use crate::{
+    Operation,
+    interlock::bench::limits,
+    listening::Listening,
+    no_load::{in_order, is_vague},
+};
 
 /// What a sweep of fourteen readings found, in a run on a simulated bench with seed 3: its static capacitance is
 /// 3.3 of its standard deviations too large, and the motional one and the loss go along. `part` is the part of
@@ -134,4 +143,225 @@ fn a_surface_whose_touch_would_end_below_the_floor_is_refused_with_where_it_was(
         "the surface was found at 9.400 mm, and the geometry of the rig file expects it at 10.000 mm: a touch of \
          0.500 mm needs it at 9.410 mm or above"
     );
+}
+
+/// A no-load sweep with a standard deviation of 0.04 Hz as its target, on the shipped scene with a walk of 1 Hz in an
+/// hour: frequency in Hz, resistance and reactance in ohm, begin, settling and integration in s.
+const LOOSE_SWEEP: [(f64, f64, f64, f64, f64, f64); 9] = [
+    (141.37, 6968.17, -1756.37, 0.189968, 0.0, 0.014147273),
+    (141.37, 6986.26, -1328.65, 0.189968, 0.005886, 0.014147273),
+    (141.37, 7233.03, -773.793, 0.189968, 0.020886, 0.014147273),
+    (141.37, 7243.1, -454.2, 0.189968, 0.035886, 0.014147273),
+    (141.37, 7543.61, -205.217, 0.189968, 0.050886, 0.014147273),
+    (138.38, 8072.4, 1850.31, 0.263927, 0.0, 0.043358867),
+    (138.38, 6452.21, -3085.75, 0.263927, 0.035927, 0.043358867),
+    (138.38, 5159.58, -4609.7, 0.263927, 0.083312, 0.014452956),
+    (138.38, 4384.69, -5183.64, 0.263927, 0.094927, 0.014452956),
+];
+
+/// The fit of that sweep. It states a quality factor of 51 and no loss; in truth they are 66 and 0.018.
+fn loose_sweep() -> Resonance {
+    let reading = |&(frequency_hz, r, x, started_s, settle_s, integration_s): &_| Reading {
+        started: RigTime::ZERO + Duration::from_secs_f64(started_s),
+        settle_s,
+        integration_s,
+        ..reading(frequency_hz, r, x)
+    };
+    let options = FitOptions {
+        window: Some(Window { min_hz: 125.0, max_hz: 160.0 }),
+        noise: Some(NoisePrior { at_ten_cycles: 0.005_022, degrees_of_freedom: 451.7 }),
+        timing: Timing::AnyPhase,
+        always_loss: true,
+        near: Some(Circuit {
+            resonance_hz: 140.687,
+            q: 51.42,
+            c0_farad: 29.96e-9,
+            c1_farad: 3.078e-9,
+            loss_tangent: -0.1296,
+        }),
+        bench: Some(Bench {
+            phase_rad: -0.000_54,
+            phase_sigma_rad: 0.001_71,
+            first_gap_s: -0.000_43,
+            mode_sigma: 0.013_66,
+            surveyed: Window { min_hz: 127.1, max_hz: 157.9 },
+        }),
+    };
+    let readings = LOOSE_SWEEP.each_ref().map(reading);
+    *fit(&readings, &options).accepted().expect("the sweep is accepted")
+}
+
+/// The sensor of that scene.
+fn of_scene() -> Circuit {
+    Circuit {
+        resonance_hz: 140.67,
+        q: 66.5,
+        c0_farad: 28.3e-9,
+        c1_farad: 2.302e-9,
+        loss_tangent: 0.0178,
+    }
+}
+
+fn read_of(circuit: &Circuit, frequency_hz: f64) -> Reading {
+    let z = circuit.impedance_ohm(frequency_hz);
+    reading(frequency_hz, z.re, z.im)
+}
+
+/// The readings of a self-test three stated time constants, or what `time_constant_s` says, after the frequency was
+/// changed from that of the baseline: what is left of the vibration adds to the current, at any `phase`.
+fn self_test(no_load: &Resonance, time_constant_s: f64, phase: f64) -> [Reading; 2] {
+    use std::f64::consts::{PI, TAU};
+    let (sensor, to_hz) = (of_scene(), no_load.resonance_hz);
+    let from_hz = to_hz * (1.0 - TEST_LINEWIDTHS / no_load.q);
+    let still = Circuit { c0_farad: 1e-30, ..sensor };
+    // The motional branch alone, and the whole sensor.
+    let branch = |hz: f64| still.impedance_ohm(hz).inv();
+    let left = (-3.0 * time_constant_s * PI * sensor.resonance_hz / sensor.q).exp();
+    let vibration = branch(to_hz) * left * Complex64::from_polar(1.0, phase * TAU);
+    let z = (sensor.impedance_ohm(from_hz).inv() + vibration - branch(from_hz) * left).inv();
+    [reading(from_hz, z.re, z.im), read_of(&sensor, to_hz)]
+}
+
+/// On the shipped scene with a walk of 1 Hz in an hour and references by drift, the run was latched with 58 %.
+#[test]
+fn a_loose_reference_latches_no_sound_analyzer() {
+    let no_load = loose_sweep();
+    assert!((no_load.q - 51.0).abs() < 1.0 && of_scene().q > 66.0, "{}", no_load.q);
+    let stated_s = no_load.q / (std::f64::consts::PI * no_load.resonance_hz);
+    let (mut refused, mut latched) = (0, 0);
+    for phase in (0..64).map(|part| f64::from(part) / 64.0) {
+        let check = |time_constant_s| {
+            let readings = self_test(&no_load, time_constant_s, phase);
+            let strict = check_free_within(&no_load, &readings, |_, _| response::TOLERANCE);
+            (strict, check_free(&no_load, &readings))
+        };
+        let (strict, _) = check(stated_s);
+        refused += u32::from(matches!(strict, Err(ContactSenseFault::NoResponse { .. })));
+        let (_, now) = check(response::ring_time_constant_s(&no_load));
+        latched += u32::from(now.is_err());
+    }
+    // As it was before, so that the test is about the case.
+    assert!(refused > 0);
+    assert_eq!(latched, 0);
+}
+
+/// Two readings of an analyzer that gives the same impedance at both frequencies, but for some noise.
+fn deaf(no_load: &Resonance, z: Complex64, noise: f64) -> [Reading; 2] {
+    let (to_hz, more) = (no_load.resonance_hz, 1.0 + noise);
+    let from_hz = to_hz * (1.0 - TEST_LINEWIDTHS / no_load.q);
+    [reading(from_hz, z.re, z.im), reading(to_hz, z.re * more, z.im * more)]
+}
+
+/// An analyzer that stays at a frequency, or reads one impedance always, is noticed in each case in which half of the
+/// expected change was the limit, however uncertain the reference is.
+#[test]
+fn an_analyzer_that_does_not_follow_the_frequency_is_noticed_by_any_reference() {
+    let (mut cases, mut widened) = (0, 0);
+    for no_load in [loose_sweep(), short_sweep(1.0)] {
+        for scale in [0.0, 1.0, 3.5, 25.0, 1e4] {
+            let covariance = no_load.covariance.map(|row| row.map(|cell| scale * cell));
+            let no_load = Resonance { covariance, ..no_load };
+            let stuck = (0..12).map(|step| of_scene().impedance_ohm(125.0 + 3.0 * f64::from(step)));
+            let dead = [1e2, 1e3, 1e4, 1e5].map(|ohm| Complex64::new(ohm, -ohm));
+            for z in stuck.chain(dead) {
+                for noise in [0.0, -0.02, 0.02] {
+                    let readings = deaf(&no_load, z, noise);
+                    let strict = check_free_within(&no_load, &readings, |_, _| response::TOLERANCE);
+                    let now = check_free(&no_load, &readings);
+                    assert_eq!(strict.is_err(), now.is_err(), "{scale} {z} {noise}: {now:?}");
+                    cases += u32::from(now.is_err());
+                }
+            }
+            let of_test = deaf(&no_load, Complex64::new(1.0, 0.0), 0.0).map(|one| one.frequency_hz);
+            let limit = response::tolerance(&no_load, of_test[0], of_test[1]);
+            widened += u32::from(response::TOLERANCE < limit);
+        }
+    }
+    // All are noticed, and the references that say something make an allowance.
+    assert_eq!((cases, widened), (2 * 5 * 16 * 3, 4));
+}
+
+#[test]
+fn a_reference_says_nothing_when_its_expected_change_is_uncertain_by_a_sixth() {
+    let no_load = loose_sweep();
+    assert!(!response::says_nothing(&no_load));
+    let scaled = |scale: f64| {
+        let covariance = no_load.covariance.map(|row| row.map(|cell| scale * scale * cell));
+        Resonance { covariance, ..no_load }
+    };
+    // The loose sweep knows the change to 8 %.
+    assert!(!response::says_nothing(&scaled(1.7)));
+    assert!(response::says_nothing(&scaled(2.5)));
+    // The free sensor is then measured once more.
+    assert!(is_vague(None, &scaled(2.5)) && !is_vague(None, &no_load));
+    let [from_hz, to_hz] = [132.39, 140.69];
+    let limits = [0.0, 1.0, 10.0].map(|scale| response::tolerance(&scaled(scale), from_hz, to_hz));
+    // One that was measured again, and says nothing, makes no allowance.
+    assert_eq!((limits[0], limits[2]), (0.5, 0.5));
+    assert!((limits[1] - 0.747).abs() < 0.01, "{limits:?}");
+}
+
+/// It counts for the drift, as the checker counts every accepted sweep of the free sensor.
+#[test]
+fn a_reference_that_was_measured_again_keeps_its_place_among_the_others() {
+    let (found, at) = (loose_sweep(), |seconds| RigTime::ZERO + Duration::from_secs(seconds));
+    let all = in_order(&[(at(2), found)], vec![(at(1), found), (at(3), found)]);
+    assert_eq!(all.iter().map(|(at, _)| *at).collect::<Vec<_>>(), [at(1), at(2), at(3)]);
+}
+
+/// A plan without steps.
+fn plan() -> Plan {
+    let sweep = SweepRequest {
+        window: Window { min_hz: 125.0, max_hz: 160.0 },
+        method: SweepMethod::Adaptive,
+        target_sigma_hz: 0.04,
+        time_limit_s: 30.0,
+        cycles: 20,
+        settle_s: 0.0,
+        level: DriveLevel { volt: 5.0 },
+    };
+    let approach = Approach {
+        start_above_mm: 0.4,
+        give_up_below_mm: 0.6,
+        coarse_step_mm: 0.1,
+        fine_step_mm: 0.005,
+        contact_threshold: 0.1,
+        settle_s: 0.005,
+        cycles: 2,
+        slip_mm: 0.025,
+        descent_mm_per_s: None,
+        slow_descent_mm_per_s: None,
+    };
+    Plan {
+        no_load: NoLoadPolicy::ByDrift,
+        name: "self-test".to_owned(),
+        samples: Vec::new(),
+        steps: Vec::new(),
+        touch: TouchSettings {
+            indentation_mm: 0.5,
+            halfway_mm: None,
+            dwell_s: 0.5,
+            approach,
+            on_refusal: RefusalPolicy::Record,
+        },
+        no_load_sweep: sweep,
+        survey_s: None,
+        level_check: false,
+        contact_sweep: sweep,
+        classes: None,
+        seed: 0,
+        aim: None,
+    }
+}
+
+#[test]
+fn the_reading_of_the_self_test_waits_for_the_ring_that_is_possible() {
+    let (no_load, plan, sensor) = (loose_sweep(), plan(), of_scene());
+    let listening = Listening { now: RigTime::ZERO, no_load: &no_load, plan: &plan, driven: None };
+    let time_constant_s = sensor.q / (std::f64::consts::PI * sensor.resonance_hz);
+    for operation in [listening.test(), listening.both()] {
+        let Operation::Measure { points, .. } = operation else { panic!("{operation:?}") };
+        let waits = points[0].settle_s / time_constant_s;
+        assert!((2.7..3.5).contains(&waits), "{waits} time constants");
+    }
 }

@@ -6,7 +6,7 @@ use rig_model::{Clearance, Position};
 
 use crate::{
     drive::DriveTrouble,
-    world::{REST_MM, Trouble, World},
+    world::{REST_MM, STEPS_MAX, Trouble, World},
 };
 
 /// The end of a run with a trouble at each of its operations.
@@ -78,6 +78,18 @@ fn a_probe_that_a_failed_move_left_above_its_clear_position_is_found_there() {
     }
     assert_eq!(world.engine.snapshot().clearance, Clearance::Clear);
     assert_eq!(world.linear_mm, 43.0);
+}
+
+/// What waits for a state that does not come, as the two tests above and others do, is ended by [`STEPS_MAX`].
+#[test]
+#[should_panic(expected = "the history did not end")]
+fn a_history_without_an_end_is_given_up() {
+    let mut world = World::new(Some((30, Trouble::Drive(DriveTrouble::Silent { seconds: 60 }))));
+    world.command(Command::Prepare);
+    world.steps = STEPS_MAX - 2;
+    while world.engine.snapshot().state != RigState::Latched {
+        world.step();
+    }
 }
 
 #[test]

@@ -31,6 +31,8 @@ pub(crate) const SURFACE_MM: f64 = 10.07;
 pub(crate) const NONSENSE: PointResult =
     PointResult::Value(Impedance { resistance_ohm: 1.0, reactance_ohm: -1.0 });
 pub(crate) const FREE_HZ: f64 = 140.0;
+/// Most steps of a history: the attempts of a day take some tens of thousands.
+pub(crate) const STEPS_MAX: usize = 200_000;
 pub(crate) const LOADED_HZ: f64 = 158.0;
 
 pub(crate) fn plan() -> Plan {
@@ -114,6 +116,8 @@ pub(crate) struct World {
     pub(crate) linear_mm: f64,
     pub(crate) rotary_deg: f64,
     pub(crate) operations: usize,
+    /// Steps of the history so far.
+    pub(crate) steps: usize,
     /// Number of homings of the linear stage in any direction.
     pub(crate) homings: usize,
     pub(crate) events: Vec<Event>,
@@ -171,6 +175,7 @@ impl World {
             linear_mm: 7.0,
             rotary_deg: 12.0,
             operations: 0,
+            steps: 0,
             homings: 0,
             events: Vec::new(),
             trouble,
@@ -307,7 +312,12 @@ impl World {
     }
 
     /// Ends the operation in flight, after the trouble that is due, if any.
+    ///
+    /// # Panics
+    /// A history with more than [`STEPS_MAX`] of them, so that whatever waits for a state has an end.
     pub(crate) fn step(&mut self) {
+        self.steps += 1;
+        assert!(self.steps <= STEPS_MAX, "the history did not end");
         if let Some(id) = self.abandoned.take() {
             // Its report comes too late to be used.
             self.fail(id, FailureKind::Line);

@@ -41,10 +41,7 @@ pub(super) const fn on_port(error: &rig_link::OpenError) -> &'static str {
             "install another release of Linux: some of the year 2025 do not give it"
         }
         OpenError::Busy { .. } => "end that program",
-        OpenError::Permission { .. } => {
-            "add this user to the group of the device (often dialout), and log in again; if that group is root, \
-             install the udev rules (`rigd doctor --udev-rules`) first"
-        }
+        OpenError::Permission { .. } => on_permission(cfg!(target_os = "linux")),
         OpenError::TimedOut { .. } => {
             "check the address in the rig file, the network, and that the device is switched on"
         }
@@ -52,6 +49,16 @@ pub(super) const fn on_port(error: &rig_link::OpenError) -> &'static str {
             "check address and port number in the rig file, and that the device is switched on"
         }
         OpenError::Io { .. } => "check the adapter and its cable, and its settings in the rig file",
+    }
+}
+
+/// Advice for a port that this user may not open. Neither macOS nor Windows has the group of Linux, or its udev.
+pub(super) const fn on_permission(is_linux: bool) -> &'static str {
+    if is_linux {
+        "add this user to the group of the device (often dialout), and log in again; if that group is root, \
+         install the udev rules (`rigd doctor --udev-rules`) first"
+    } else {
+        "give this user the right to read and to write the device, or run rigd as a user who has it"
     }
 }
 

@@ -74,7 +74,10 @@ fn a_port_that_does_not_open_is_explained() {
     let rows = [
         (LinkError::Absent { port: name.clone() }, "rigd ports"),
         (LinkError::Busy { port: name.clone(), holders: Vec::new() }, "end that program"),
-        (LinkError::Permission { port: name.clone() }, "dialout"),
+        (
+            LinkError::Permission { port: name.clone() },
+            advice::on_permission(cfg!(target_os = "linux")),
+        ),
         (LinkError::NoStatusByte { port: name.clone() }, "another release of Linux"),
         (
             LinkError::NotAPort { port: name, what: "a file", wanted: "a serial port" },
@@ -83,6 +86,14 @@ fn a_port_that_does_not_open_is_explained() {
     ];
     for (source, expected) in rows {
         check(&port(Err(source)), &[("open", Problem, expected)]);
+    }
+}
+
+#[test]
+fn only_linux_has_the_group_dialout_and_udev() {
+    for word in ["dialout", "udev"] {
+        assert!(advice::on_permission(true).contains(word), "{word}");
+        assert!(!advice::on_permission(false).contains(word), "{word}");
     }
 }
 

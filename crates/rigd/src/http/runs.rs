@@ -81,7 +81,7 @@ pub(super) struct BegunView {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ListOptions {
-    /// Number of runs at most; without it, all.
+    /// Number of runs at most. A page has no more than 1000, which is also the number without it.
     #[schemars(range(min = 1))]
     limit: Option<NonZeroUsize>,
     /// Only runs that were begun before this one: its id.
@@ -114,6 +114,9 @@ pub(super) struct AnswerOptions {
     refused: Option<String>,
 }
 
+/// Most runs of a page: some 600 kB. A bench has a few thousand in a year.
+const PAGE_MAX: usize = 1000;
+
 /// The runs, the latest first. The header `Link` leads to the next page.
 pub(super) async fn list(
     State(shared): State<Shared>,
@@ -124,24 +127,30 @@ pub(super) async fn list(
         Some(before) => Some(shared.run(&before).await?),
         None => None,
     };
+    let limit = page_size(limit);
     let page = shared.read(move |reader| {
         // One more than asked for, which tells whether there is a next page.
-        let mut runs = reader.latest_runs(limit.map(|limit| limit.get() + 1), before)?;
-        let has_more = limit.is_some_and(|limit| runs.len() > limit.get());
-        runs.truncate(limit.map_or(usize::MAX, NonZeroUsize::get));
+        let mut runs = reader.latest_runs(Some(limit + 1), before)?;
+        let has_more = runs.len() > limit;
+        runs.truncate(limit);
         let next = runs.last().filter(|_| has_more).map(|last| last.id);
         let views: Vec<_> = runs.into_iter().map(|run| RunView::new(reader, run)).collect();
         Ok((views, next))
     });
     let (views, next) = page.await?;
     let mut answer = Json(views).into_response();
-    if let (Some(limit), Some(next)) = (limit, next) {
+    if let Some(next) = next {
         let link = format!("</api/v1/runs?limit={limit}&before={next}>; rel=\"next\"");
         let link =
             HeaderValue::try_from(link).map_err(|error| Problem::internal(&error.to_string()))?;
         answer.headers_mut().insert(header::LINK, link);
     }
     Ok(answer)
+}
+
+/// Number of runs in a page.
+fn page_size(asked: Option<NonZeroUsize>) -> usize {
+    asked.map_or(PAGE_MAX, |asked| asked.get().min(PAGE_MAX))
 }
 
 pub(super) async fn show(
@@ -347,6 +356,18 @@ impl RunView {
             started_at: run.started_at,
             finished_at: run.finished_at,
             records: run.records,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_of_runs_has_a_size_whatever_is_asked_for() {
+        for (asked, size) in [(None, 1000), (Some(2), 2), (Some(1000), 1000), (Some(5000), 1000)] {
+            assert_eq!(page_size(asked.and_then(NonZeroUsize::new)), size, "{asked:?}");
         }
     }
 }

@@ -2,7 +2,12 @@
 
 use std::{future::poll_fn, net::IpAddr, pin::Pin, sync::Arc, time::Duration};
 
-use axum::{Router, body::Body, http::Request};
+use axum::{
+    Router,
+    body::Body,
+    http::{HeaderValue, Request, header},
+};
+use futures_util::TryFutureExt;
 use hyper::{body::Incoming, server::conn::http1, service::service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use tokio::{
@@ -147,7 +152,13 @@ async fn converse(
     let service = service_fn(move |request: Request<Incoming>| {
         let mut request = request.map(Body::new);
         request.extensions_mut().insert(connection);
-        router.clone().oneshot(request)
+        let is_last = has_transfer_encoding(&request);
+        router.clone().oneshot(request).map_ok(move |mut answer| {
+            if is_last {
+                answer.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
+            }
+            answer
+        })
     });
     let mut conversation = http1::Builder::new()
         .timer(TokioTimer::new())
@@ -176,6 +187,15 @@ async fn converse(
     let left = conversation.into_parts();
     let is_head_late = ended.is_err_and(|error| error.is_timeout()) && !left.read_buf.is_empty();
     take_leave(left.io.into_inner(), is_head_late).await;
+}
+
+/// Whether the connection ends with the answer to this request.
+///
+/// A proxy that goes by `Content-Length` where rigd goes by `Transfer-Encoding` takes the rest of a body for the next
+/// request. After a request with both, RFC 9112 (6.1) has the server close the connection. The library takes
+/// `Content-Length` out of such a request, so that any with `Transfer-Encoding` may have been one.
+fn has_transfer_encoding(request: &Request<Body>) -> bool {
+    request.headers().contains_key(header::TRANSFER_ENCODING)
 }
 
 /// Closes a connection so that the client can read the last answer, even if it is still sending:
@@ -298,6 +318,26 @@ mod tests {
         assert!(began.elapsed() < HEAD_TIME + 2 * LEAVE_TIME, "{:?}", began.elapsed());
         drop(reading);
         drip.await.unwrap();
+    }
+
+    /// RFC 9112, 6.1: the chunks count, and what follows them on the connection is not read as a request. Both orders
+    /// of the headers, and without the length, whose absence the library does not show.
+    #[tokio::test(start_paused = true)]
+    async fn nothing_is_answered_after_a_request_with_a_transfer_encoding() {
+        let (length, chunked) = ("content-length: 40\r\n", "transfer-encoding: chunked\r\n");
+        for framing in
+            [format!("{length}{chunked}"), format!("{chunked}{length}"), chunked.to_owned()]
+        {
+            let (mut client, _closing, conversation) = begin(false);
+            let smuggled = std::str::from_utf8(REQUEST).unwrap();
+            let sent =
+                format!("GET / HTTP/1.1\r\nhost: localhost\r\n{framing}\r\n0\r\n\r\n{smuggled}");
+            client.write_all(sent.as_bytes()).await.unwrap();
+            let text = rest(client).await;
+            conversation.await.unwrap();
+            assert_eq!(text.matches("HTTP/1.1 ").count(), 1, "{framing}: {text}");
+            assert!(text.contains("connection: close\r\n"), "{framing}: {text}");
+        }
     }
 
     #[tokio::test(start_paused = true)]
