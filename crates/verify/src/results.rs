@@ -198,6 +198,16 @@ fn check_readings(accepted: &Accepted, readings: &[Reading]) -> (Findings, f64) 
         let stated = Stated { resonance_hz, circuit, extra: extra.as_ref(), effective_time_s };
         fit::fit(&turned, motion, noise, stated)
     };
+    if let (Some(circuit), Some(Extra::Relaxation { time_s, .. })) = (stated, extra) {
+        let decay_s = circuit.quality_factor / (PI * resonance_hz);
+        let span_s = span_s(readings);
+        let least_s = f64::max(RELAXATION_DECAYS * decay_s, RELAXATION_SPANS * span_s);
+        if !(least_s..f64::INFINITY).contains(time_s) {
+            let what = "the time constant of the relaxation, s";
+            add(Check::Resonance, what, format!("at least {least_s}"), *time_s, None);
+            return (findings, f64::NAN);
+        }
+    }
     let phase_rad = bench.map_or(0.0, |bench| bench.phase_rad);
     let fitted = stated.and_then(|circuit| Some((fit_at(phase_rad, motion, circuit)?, circuit)));
     let Some((fitted, circuit)) = fitted else {
@@ -206,15 +216,6 @@ fn check_readings(accepted: &Accepted, readings: &[Reading]) -> (Findings, f64) 
         return (findings, f64::NAN);
     };
     check_outcome(&sweep.outcome, &fitted, readings, settings, &mut add);
-    if let Some(Extra::Relaxation { time_s, .. }) = extra {
-        let decay_s = circuit.quality_factor / (PI * resonance_hz);
-        let span_s = span_s(readings);
-        let least_s = f64::max(RELAXATION_DECAYS * decay_s, RELAXATION_SPANS * span_s);
-        if !(least_s..f64::INFINITY).contains(time_s) {
-            let what = "the time constant of the relaxation, s";
-            add(Check::Resonance, what, format!("at least {least_s}"), *time_s, None);
-        }
-    }
     let Fitted { scatter, degrees, mode_sigma, .. } = fitted;
     let most = most_scatter(noise, degrees, SCATTER_SIGMAS);
     if scatter > most {
