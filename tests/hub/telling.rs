@@ -10,7 +10,7 @@ use std::{
 
 use rig_hub::{
     Authority,
-    live::{self, LiveServer, NatsServer},
+    live::{self, Broker, HUB_NAME, LiveServer, NatsServer},
 };
 use tempfile::TempDir;
 
@@ -55,7 +55,19 @@ impl Nats {
         Self(to)
     }
 
-    async fn start(&self, hub: &Hub) -> NatsServer {
+    pub(crate) const fn port(&self) -> u16 {
+        self.0.port
+    }
+
+    /// How the hub itself reaches the server, which sees all laboratories.
+    pub(crate) fn viewer(&self) -> Broker {
+        let authority = Authority::open(&self.0.certificates).unwrap();
+        authority.sign_client(HUB_NAME, &self.0.certificates, "live").unwrap();
+        self.0.broker()
+    }
+
+    /// Starts it with the benches that the hub has now.
+    pub(crate) async fn start(&self, hub: &Hub) -> NatsServer {
         let setup = live::setup(&hub.admin).await.unwrap().unwrap();
         NatsServer::start(&self.0.certificates, &setup).unwrap()
     }
