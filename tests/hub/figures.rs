@@ -15,6 +15,7 @@ use crate::{
     copies::{Copier, Template},
     latency,
     support::{Hub, server},
+    telling::Nats,
     worker,
 };
 
@@ -39,6 +40,8 @@ const TOGETHER: Duration = Duration::from_millis(200);
 /// Benches of the year.
 const YEAR_BENCHES: u64 = 20;
 const YEAR_S: u64 = 365 * 86_400;
+/// Numbers of runs from here on are those of rigs at real pace, and below it those of the backlog and the year.
+const RIGS: u64 = 1 << 44;
 /// How often each question is asked.
 const ASKED: usize = 100;
 /// Time of a rig of which it is measured when others see its records.
@@ -73,8 +76,9 @@ impl FiguresArgs {
         questions(&hub, &title).await;
         let times_us = template.times_us();
         println!("a record of one rig at real pace is seen, after it is in the journal:");
-        latency::print(&hub, "alone", &times_us, SEEN_FOR).await;
-        self.real_pace(&hub, &template).await;
+        let nats = Nats::new(&hub).await;
+        latency::print(&hub, &nats, "alone", &times_us, SEEN_FOR).await;
+        self.real_pace(&hub, &nats, &template).await;
     }
 
     /// Ships whole runs over one connection, and then over four.
@@ -121,7 +125,7 @@ impl FiguresArgs {
     }
 
     /// Lets many rigs record at the pace of the run, each at another place of it, under TLS.
-    async fn real_pace(&self, hub: &Hub, template: &Template) {
+    async fn real_pace(&self, hub: &Hub, nats: &Nats, template: &Template) {
         let mut rigs = JoinSet::new();
         let duration = Duration::from_secs(u64::from(self.duration_s));
         for rig in 0..u64::from(self.rigs) {
@@ -136,7 +140,7 @@ impl FiguresArgs {
         let began = Instant::now();
         println!("the same while {} rigs record:", self.rigs);
         let times_us = template.times_us();
-        let seen = latency::print(hub, "beside", &times_us, SEEN_FOR.min(duration));
+        let seen = latency::print(hub, nats, "beside", &times_us, SEEN_FOR.min(duration));
         let (recorded, ()) = tokio::join!(rigs.join_all(), seen);
         let seconds = began.elapsed().as_secs_f64();
         let sent: u64 = recorded.iter().map(|(_, sent)| sent).sum();
@@ -218,8 +222,12 @@ async fn record(
     let mut offset_us = lasts_us * rig / u64::from(rigs);
     let (mut latencies, mut number) = (Vec::new(), 0);
     while began.elapsed() < duration {
-        let copy =
-            template.copy((rig << 20) + number, &copier.journal, number * 1600, copier.event);
+        let copy = template.copy(
+            RIGS + (rig << 20) + number,
+            &copier.journal,
+            number * 1600,
+            copier.event,
+        );
         number += 1;
         let run_began = Instant::now();
         let mut sent = times_us.partition_point(|time| *time < offset_us);

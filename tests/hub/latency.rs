@@ -30,10 +30,15 @@ const LAST_WITHIN: Duration = Duration::from_secs(60);
 type Times = BTreeMap<u64, Instant>;
 
 /// Lets a rig record at these times, µs, and prints when its records are seen. It ships and tells as rigd does.
-pub(crate) async fn print(hub: &Hub, name: &str, times_us: &[u64], duration: Duration) {
+pub(crate) async fn print(
+    hub: &Hub,
+    nats: &Nats,
+    name: &str,
+    times_us: &[u64],
+    duration: Duration,
+) {
     let role = hub.bench(name).await;
     let files = server().certify(&role).unwrap();
-    let nats = Nats::new(hub).await;
     let _server = nats.start(hub).await;
     let data = TempDir::new().unwrap();
     let address = ([127, 0, 0, 1], server().port()).into();

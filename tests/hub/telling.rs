@@ -49,6 +49,7 @@ impl Nats {
         let certificates = server().certificates();
         let authority = Authority::open(&certificates).unwrap();
         authority.sign_server(vec![HOST.to_owned()], "nats").unwrap();
+        authority.sign_client(HUB_NAME, &certificates, "live").unwrap();
         let port = NatsServer::free_port().unwrap();
         let to = LiveServer { host: HOST.to_owned(), port, certificates };
         live::set_up(&hub.admin, &to).await.unwrap();
@@ -61,8 +62,6 @@ impl Nats {
 
     /// How the hub itself reaches the server, which sees all laboratories.
     pub(crate) fn viewer(&self) -> Broker {
-        let authority = Authority::open(&self.0.certificates).unwrap();
-        authority.sign_client(HUB_NAME, &self.0.certificates, "live").unwrap();
         self.0.broker()
     }
 
