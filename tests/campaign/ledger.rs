@@ -6,8 +6,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use rigd::program::{ProgramError, head_of};
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
 use crate::{
     bench::Bench,
@@ -51,6 +51,8 @@ impl Piece {
 pub(crate) enum LedgerError {
     #[error("{}", path.display())]
     File { path: PathBuf, source: io::Error },
+    #[error(transparent)]
+    Program(#[from] ProgramError),
     #[error("{} is not a ledger of this campaign", path.display())]
     Format { path: PathBuf, source: serde_json::Error },
     #[error(
@@ -79,27 +81,6 @@ pub(crate) enum LedgerError {
 /// The file of the ledger beside its page.
 fn beside(page: &Path) -> PathBuf {
     page.with_extension("json")
-}
-
-/// The first digits of the digest of this program's file.
-///
-/// # Errors
-/// Those of the system.
-pub(crate) fn program() -> Result<String, LedgerError> {
-    let error = |path: &Path| {
-        let path = path.to_owned();
-        |source| LedgerError::File { path, source }
-    };
-    let path = std::env::current_exe().map_err(error(Path::new("this program")))?;
-    let bytes = fs::read(&path).map_err(error(&path))?;
-    Ok(head_of(bytes))
-}
-
-/// The first digits of a SHA-256.
-pub(crate) fn head_of(bytes: impl AsRef<[u8]>) -> String {
-    let digest = Sha256::digest(bytes);
-    let head = digest.iter().take(8).fold(0, |head, byte| head << 8 | u64::from(*byte));
-    format!("{head:016x}")
 }
 
 /// Seeds and benches that stand for all others in the digest of a menu.

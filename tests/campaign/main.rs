@@ -58,6 +58,7 @@ use ledger::{Ledger, LedgerError, Piece};
 use mimalloc::MiMalloc;
 use page::Page;
 use queue::QueueArguments;
+use rigd::program;
 use tally::{Steps, Tally};
 
 /// The allocator of the system plays a tenth fewer runs.
@@ -247,7 +248,7 @@ fn gather(
 ) -> Result<(), LedgerError> {
     let Arguments { first_seed, seeds, jobs, .. } = *arguments;
     if seeds > 0 {
-        let (software, program) = (rigd::rig::SOFTWARE.to_owned(), ledger::program()?);
+        let (software, program) = (rigd::rig::SOFTWARE.to_owned(), program::digest()?);
         ledger.add(Piece { first_seed, seeds, jobs, seconds, software, program, counts });
         ledger.write(page)?;
     }

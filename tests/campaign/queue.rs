@@ -17,13 +17,14 @@ use async_nats::ServerAddr;
 use chunk::{CHUNKS_MAX, Chunk, Player, cut};
 use clap::Args;
 pub(crate) use error::QueueError;
+use rigd::program;
 use server::{Filled, Queue, Redelivery};
 use work::{Next, Taken};
 
 use crate::{
     Arguments,
     campaign::{Campaign, Counts},
-    ledger::{self, Ledger, Piece},
+    ledger::{self, Ledger, LedgerError, Piece},
     write_page,
 };
 
@@ -82,7 +83,8 @@ pub(crate) fn run(
     play: impl Fn(&Arguments, &Campaign) -> Counts,
 ) -> Result<(), QueueError> {
     let asked = &arguments.queue;
-    let player = Player { menu: ledger::menu(), program: ledger::program()? };
+    let player =
+        Player { menu: ledger::menu(), program: program::digest().map_err(LedgerError::from)? };
     let queue = Queue::connect(server, asked.queue_files.as_deref(), player.clone())?;
     let within = Duration::from_secs(asked.within_s);
     if asked.fill {

@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
-# Plays a campaign as a Slurm array on a cluster of this computer alone, begun for it in a temporary directory, and compares
-# the merged page with that of one process.
+# Plays a campaign, and computes studies, as Slurm arrays on a cluster of this computer alone, begun for it in a temporary directory,
+# and compares the merged pages with those of one process.
 #
-#   slurm.sh CAMPAIGN       as root, with Debian's slurmctld, slurmd, slurm-client and munge
+#   slurm.sh CAMPAIGN [RIG_STUDY]       as root, with Debian's slurmctld, slurmd, slurm-client and munge
 set -euo pipefail
 campaign=$(realpath "$1")
+study=${2:+$(realpath "$2")}
 here=$(cd "$(dirname "$0")" && pwd)
 tasks=4 seeds=25
 work=$(mktemp -d)
@@ -69,3 +70,18 @@ cmp "$work/merged.json" "$work/again.json"
 counts() { sed -n '/^## Counts/,/^## Pieces/p' "$1"; }
 cmp <(counts "$work/merged.md") <(counts "$work/alone.md")
 printf '%s tasks of %s seeds: the merged page has the counts of one process\n' "$tasks" "$seeds"
+
+[ -n "$study" ] || exit 0
+# Small ones.
+check() {
+  local name=$1 chunks=3
+  shift
+  # First: what is merged is not read from its rows.
+  "$study" "$name" "$@" --out "$work/$name-alone" > /dev/null
+  sbatch --wait --array=1-$chunks --chdir="$here/../.." "$here/study.sbatch" "$study" "$work/$name" $chunks "$name" "$@"
+  "$study" "$name" "$@" --merge "$work/$name/$name"-*-of-$chunks.json --out "$work/$name-merged" > /dev/null
+  diff -r "$work/$name-merged" "$work/$name-alone"
+  printf '%s in %s tasks: the merged page has the bytes of one process\n' "$name" $chunks
+}
+check failures --axis second-mode-20 --seeds 2 --trials 1 --planned 1
+check design --length-mm 20:50:6 --radius-mm 0.2:1:5 --rows "$work/rows/design.csv"

@@ -6,6 +6,7 @@ use std::{
     net::{Ipv4Addr, SocketAddr, TcpListener},
     path::{Path, PathBuf},
     process::{Child, Command, Stdio},
+    time::{Duration, Instant},
 };
 
 use rand_core::{Rng, SeedableRng};
@@ -29,6 +30,8 @@ pub(crate) type Counts = BTreeMap<String, u64>;
 pub(crate) const FAKETIME: &str = "/usr/lib/x86_64-linux-gnu/faketime/libfaketimeMT.so.1";
 /// Seconds of a year, by which the clock of a computer is wrong.
 const YEAR: &str = "31557600";
+/// Longest time in which PostgreSQL does what a killed program had sent.
+const QUIET_WITHIN: Duration = Duration::from_secs(120);
 /// A run of four touches has about this many events.
 pub(crate) const EVENTS: u32 = 150;
 
@@ -180,7 +183,14 @@ impl Bench {
     /// Waits until PostgreSQL does nothing for this bench: it may still commit what a killed program had sent.
     pub(crate) async fn is_quiet(&self, hub: &Hub) {
         let at_work = format!("pg_stat_activity WHERE usename = '{}'", self.role);
-        while hub.count(&at_work).await > 0 {}
+        let until = Instant::now() + QUIET_WITHIN;
+        while hub.count(&at_work).await > 0 {
+            assert!(
+                Instant::now() < until,
+                "{} is still at work after {QUIET_WITHIN:?}",
+                self.role
+            );
+        }
     }
 
     /// Goes on with the backup. What was shipped of other runs stays in the hub, as it was.

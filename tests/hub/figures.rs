@@ -1,6 +1,9 @@
 //! How fast the hub takes records and answers questions, on the computer at hand.
 
-use std::time::{Duration, Instant};
+use std::{
+    fmt,
+    time::{Duration, Instant},
+};
 
 use clap::Args;
 use rig_hub::{Catalogue, Identity, Wanted, connect};
@@ -10,7 +13,9 @@ use tokio::task::JoinSet;
 
 use crate::{
     copies::{Copier, Template},
+    latency,
     support::{Hub, server},
+    telling::Nats,
     worker,
 };
 
@@ -35,8 +40,12 @@ const TOGETHER: Duration = Duration::from_millis(200);
 /// Benches of the year.
 const YEAR_BENCHES: u64 = 20;
 const YEAR_S: u64 = 365 * 86_400;
+/// Numbers of runs from here on are those of rigs at real pace, and below it those of the backlog and the year.
+const RIGS: u64 = 1 << 44;
 /// How often each question is asked.
-const ASKED: usize = 20;
+const ASKED: usize = 100;
+/// Time of a rig of which it is measured when others see its records.
+const SEEN_FOR: Duration = Duration::from_secs(120);
 
 impl FiguresArgs {
     /// Prints all figures.
@@ -59,12 +68,17 @@ impl FiguresArgs {
         let object = object_bytes(data.path(), store.path());
         let whole_runs = self.touches.div_ceil(touches) as u64;
         self.backlog(&hub, &template, whole_runs, object).await;
+        add_results(&hub).await;
         questions(&hub, &format!("{} touches", whole_runs * touches as u64)).await;
         self.year(&hub, &template.thin()).await;
         let year_touches = (whole_runs + self.year_runs) * touches as u64;
         let title = format!("{year_touches} touches of {} runs", whole_runs + self.year_runs);
         questions(&hub, &title).await;
-        self.real_pace(&hub, &template).await;
+        let times_us = template.times_us();
+        println!("a record of one rig at real pace is seen, after it is in the journal:");
+        let nats = Nats::new(&hub).await;
+        latency::print(&hub, &nats, "alone", &times_us, SEEN_FOR).await;
+        self.real_pace(&hub, &nats, &template).await;
     }
 
     /// Ships whole runs over one connection, and then over four.
@@ -102,16 +116,7 @@ impl FiguresArgs {
             });
         }
         benches.join_all().await;
-        let results = "
-            INSERT INTO hub.result (run, model_verdict)
-            SELECT id, (ARRAY['holds', 'holds', 'holds', 'strained', 'rejected'])[1 + abs(hashtext(id::text)) % 5]
-            FROM hub.run WHERE kind = 'run' AND seal IS NOT NULL ON CONFLICT DO NOTHING;
-            INSERT INTO hub.stiffness
-            SELECT f.run, s.name, s.known_mpa * (1 + abs(hashtext(f.run::text)) % 1000 / 1e5), 0.01, s.known_mpa
-            FROM hub.result AS f JOIN hub.sample AS s ON s.run = f.run WHERE s.known_mpa IS NOT NULL
-            ON CONFLICT DO NOTHING;
-            ANALYZE";
-        hub.admin.batch_execute(results).await.unwrap();
+        add_results(hub).await;
         println!(
             "a year: {} runs of {YEAR_BENCHES} benches, made and shipped in {:.0} s",
             each * YEAR_BENCHES,
@@ -120,7 +125,7 @@ impl FiguresArgs {
     }
 
     /// Lets many rigs record at the pace of the run, each at another place of it, under TLS.
-    async fn real_pace(&self, hub: &Hub, template: &Template) {
+    async fn real_pace(&self, hub: &Hub, nats: &Nats, template: &Template) {
         let mut rigs = JoinSet::new();
         let duration = Duration::from_secs(u64::from(self.duration_s));
         for rig in 0..u64::from(self.rigs) {
@@ -133,31 +138,83 @@ impl FiguresArgs {
             rigs.spawn(record(copier, template.clone(), rig, self.rigs, duration));
         }
         let began = Instant::now();
-        let mut latencies = rigs.join_all().await.concat();
-        let rate = latencies.len() as f64 / began.elapsed().as_secs_f64();
-        latencies.sort_by(f32::total_cmp);
-        let mean = latencies.iter().map(|ms| f64::from(*ms)).sum::<f64>() / latencies.len() as f64;
-        let part = |hundredths: usize| latencies[(latencies.len() - 1) * hundredths / 100];
+        println!("the same while {} rigs record:", self.rigs);
+        let times_us = template.times_us();
+        let seen = latency::print(hub, nats, "beside", &times_us, SEEN_FOR.min(duration));
+        let (recorded, ()) = tokio::join!(rigs.join_all(), seen);
+        let seconds = began.elapsed().as_secs_f64();
+        let sent: u64 = recorded.iter().map(|(_, sent)| sent).sum();
+        let latencies: Vec<f32> =
+            recorded.into_iter().flat_map(|(latencies, _)| latencies).collect();
+        let rate = latencies.len() as f64 / seconds;
+        let of_rigs = format!(
+            "hub.record WHERE run IN (SELECT id FROM hub.run WHERE bench IN
+             (SELECT id FROM hub.bench WHERE role::text LIKE '{}/rig-%'))",
+            hub.database
+        );
+        let there = hub.count(&of_rigs).await.cast_unsigned();
         println!(
-            "{} rigs at real pace for {} s: {rate:.0} records a second; from the journal until it is committed {mean:.0} ms \
-             in the mean, {:.0} ms in 99 of 100, {:.0} ms at most; a bench collects for {} ms of these",
+            "{} rigs at real pace for {} s: {rate:.0} records a second; from the journal until it is committed {}; a bench \
+             collects for {} ms of these; {sent} records sent, {} of them not there, {} put aside",
             self.rigs,
             self.duration_s,
-            part(99),
-            part(100),
-            TOGETHER.as_millis()
+            Spread::of(latencies),
+            TOGETHER.as_millis(),
+            sent - there,
+            hub.count("hub.clash").await
         );
     }
 }
 
-/// Records a run again and again, and returns for each record how long it took until it was committed, ms.
+/// How values in ms lie.
+pub(crate) struct Spread {
+    median: f32,
+    at_99: f32,
+    longest: f32,
+}
+
+impl Spread {
+    /// Of any number of values; NaN without one.
+    pub(crate) fn of(mut ms: Vec<f32>) -> Self {
+        ms.sort_by(f32::total_cmp);
+        let part = |hundredths: usize| {
+            let place = ms.len().saturating_sub(1) * hundredths / 100;
+            ms.get(place).copied().unwrap_or(f32::NAN)
+        };
+        Self { median: part(50), at_99: part(99), longest: part(100) }
+    }
+}
+
+impl fmt::Display for Spread {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { median, at_99, longest } = self;
+        write!(f, "median {median:.1}, 99 % {at_99:.1}, longest {longest:.1} ms")
+    }
+}
+
+/// Gives each sealed run a verdict, of five runs three that hold, and a stiffness of each known sample.
+async fn add_results(hub: &Hub) {
+    let results = "
+        INSERT INTO hub.result (run, model_verdict)
+        SELECT id, (ARRAY['holds', 'holds', 'holds', 'strained', 'rejected'])[1 + abs(hashtext(id::text)) % 5]
+        FROM hub.run WHERE kind = 'run' AND seal IS NOT NULL ON CONFLICT DO NOTHING;
+        INSERT INTO hub.stiffness
+        SELECT f.run, s.name, s.known_mpa * (1 + abs(hashtext(f.run::text)) % 1000 / 1e5), 0.01, s.known_mpa
+        FROM hub.result AS f JOIN hub.sample AS s ON s.run = f.run WHERE s.known_mpa IS NOT NULL
+        ON CONFLICT DO NOTHING;
+        ANALYZE";
+    hub.admin.batch_execute(results).await.unwrap();
+}
+
+/// Records a run again and again, and returns for each record how long it took until it was committed, ms, and the
+/// number of all that were sent.
 async fn record(
     mut copier: Copier,
     template: Template,
     rig: u64,
     rigs: u32,
     duration: Duration,
-) -> Vec<f32> {
+) -> (Vec<f32>, u64) {
     let times_us = template.times_us();
     let lasts_us = times_us[times_us.len() - 1] + 1;
     let began = Instant::now();
@@ -165,8 +222,12 @@ async fn record(
     let mut offset_us = lasts_us * rig / u64::from(rigs);
     let (mut latencies, mut number) = (Vec::new(), 0);
     while began.elapsed() < duration {
-        let copy =
-            template.copy((rig << 20) + number, &copier.journal, number * 1600, copier.event);
+        let copy = template.copy(
+            RIGS + (rig << 20) + number,
+            &copier.journal,
+            number * 1600,
+            copier.event,
+        );
         number += 1;
         let run_began = Instant::now();
         let mut sent = times_us.partition_point(|time| *time < offset_us);
@@ -182,11 +243,11 @@ async fn record(
             sent = until;
         }
         if sent < times_us.len() {
-            return latencies;
+            return (latencies, copier.event);
         }
         offset_us = 0;
     }
-    latencies
+    (latencies, copier.event)
 }
 
 fn micros(time: Duration) -> u64 {
@@ -237,7 +298,7 @@ async fn questions(hub: &Hub, title: &str) {
             Wanted { from: text("2026-03"), until: text("2026-04"), ..Wanted::default() },
         ),
     ];
-    println!("answers with {title}, of {ASKED} each, mean and longest:");
+    println!("answers with {title}, of {ASKED} each:");
     let mut times = Vec::new();
     for _ in 0..ASKED {
         let began = Instant::now();
@@ -273,9 +334,10 @@ async fn questions(hub: &Hub, title: &str) {
 }
 
 fn told(name: &str, times: &[Duration]) {
-    let ms: Vec<_> = times.iter().map(|time| time.as_secs_f64() * 1e3).collect();
-    let longest = ms.iter().copied().fold(0.0, f64::max);
-    println!("  {name}: {:.1} ms, {longest:.1} ms", ms.iter().sum::<f64>() / ms.len() as f64);
+    println!(
+        "  {name}: {}",
+        Spread::of(times.iter().map(|time| time.as_secs_f32() * 1e3).collect())
+    );
 }
 
 /// Bytes of the database.

@@ -25,6 +25,7 @@ mod copies;
 mod deed;
 mod figures;
 mod full_disk;
+mod latency;
 mod line;
 mod newer;
 mod objects;

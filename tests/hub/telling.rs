@@ -10,7 +10,7 @@ use std::{
 
 use rig_hub::{
     Authority,
-    live::{self, LiveServer, NatsServer},
+    live::{self, Broker, HUB_NAME, LiveServer, NatsServer},
 };
 use tempfile::TempDir;
 
@@ -49,13 +49,24 @@ impl Nats {
         let certificates = server().certificates();
         let authority = Authority::open(&certificates).unwrap();
         authority.sign_server(vec![HOST.to_owned()], "nats").unwrap();
+        authority.sign_client(HUB_NAME, &certificates, "live").unwrap();
         let port = NatsServer::free_port().unwrap();
         let to = LiveServer { host: HOST.to_owned(), port, certificates };
         live::set_up(&hub.admin, &to).await.unwrap();
         Self(to)
     }
 
-    async fn start(&self, hub: &Hub) -> NatsServer {
+    pub(crate) const fn port(&self) -> u16 {
+        self.0.port
+    }
+
+    /// How the hub itself reaches the server, which sees all laboratories.
+    pub(crate) fn viewer(&self) -> Broker {
+        self.0.broker()
+    }
+
+    /// Starts it with the benches that the hub has now.
+    pub(crate) async fn start(&self, hub: &Hub) -> NatsServer {
         let setup = live::setup(&hub.admin).await.unwrap().unwrap();
         NatsServer::start(&self.0.certificates, &setup).unwrap()
     }

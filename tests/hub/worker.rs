@@ -125,8 +125,16 @@ impl Worker {
     }
 }
 
+impl HubArgs {
+    /// With certificate, key and authority of a bench.
+    pub(crate) fn new(hub: SocketAddr, database: &str, role: &str, files: [PathBuf; 3]) -> Self {
+        let (database, role) = (database.to_owned(), role.to_owned());
+        Self { hub: Some(hub), database, role, files: files.to_vec() }
+    }
+}
+
 /// Ships on a thread with a runtime of its own, as rigd does. The channel closes when it has ended.
-fn ship_on_thread<T: Send + Sync + 'static>(
+pub(crate) fn ship_on_thread<T: Send + Sync + 'static>(
     hub: &HubArgs,
     data: &Path,
     news: watch::Receiver<T>,
@@ -146,11 +154,12 @@ fn ship_on_thread<T: Send + Sync + 'static>(
 }
 
 /// Tells viewers what a rig does, on a thread with a runtime of its own, as rigd does. The channel closes when it has ended.
-fn tell_on_thread(
+pub(crate) fn tell_on_thread<T: Clone + Send + Sync + 'static>(
     port: u16,
     hub: &HubArgs,
     data: &Path,
-    status: watch::Receiver<Status>,
+    status: watch::Receiver<T>,
+    state: fn(&T) -> String,
 ) -> (mpsc::Receiver<()>, watch::Receiver<LiveStanding>) {
     let files = <[PathBuf; 3]>::try_from(hub.files.clone()).unwrap();
     let (to, bench) = (Broker::new(("localhost", port), files), hub.role.parse().unwrap());
@@ -159,7 +168,6 @@ fn tell_on_thread(
     let (told, standing) = watch::channel(LiveStanding::default());
     thread::spawn(move || {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
-        let state = |status: &Status| format!("{{\"event\":{}}}", status.last_event);
         runtime.block_on(publish(&to, &bench, &data, status, state, &told));
         drop(sender);
     });
@@ -172,7 +180,8 @@ impl MeasureArgs {
         let protocol = protocol(&rig, self.seed);
         let (handle, thread) = rig::open(rig, self.data.clone()).unwrap();
         let shipping = ship_on_thread(&self.hub, &self.data, handle.status());
-        let tell = |port| tell_on_thread(port, &self.hub, &self.data, handle.status());
+        let state = |status: &Status| format!("{{\"event\":{}}}", status.last_event);
+        let tell = |port| tell_on_thread(port, &self.hub, &self.data, handle.status(), state);
         let telling = self.live.map(tell);
         let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap();
         runtime.block_on(async {

@@ -29,6 +29,7 @@ mod notify;
 pub mod operator;
 mod place;
 mod predict;
+pub mod program;
 pub mod protocol_file;
 mod queue;
 mod reason;

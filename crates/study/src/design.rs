@@ -17,7 +17,13 @@ use std::{
 
 use rayon::prelude::*;
 
-use crate::{files::Folder, outcome::StudyError, paper_bench::Control, progress};
+use crate::{
+    chunk::{ChunkArgs, Whole},
+    files::Folder,
+    outcome::StudyError,
+    paper_bench::Control,
+    progress,
+};
 use grid::{Design, Grid, GridAxis};
 use merit::Merit;
 use rows::Rows;
@@ -47,7 +53,12 @@ pub(crate) struct Args {
     /// this file.
     #[arg(long, default_value = "target/study/design.csv")]
     rows: PathBuf,
+    #[command(flatten)]
+    chunks: ChunkArgs,
 }
+
+/// The name of the page and of its folder.
+const NAME: &str = "design";
 
 pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
     let control = if args.stage { Control::Stage } else { Control::Indentation };
@@ -58,15 +69,25 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
         arms_mm: args.arm_mm,
         control,
     };
+    let folder = Folder::at(&args.out)?;
+    if let Some(chunk) = args.chunks.chunk {
+        let judged = chunk.of(grid.blocks()).map(|block| rows::lines(&judge(&block))).collect();
+        let path = Whole::new(NAME, grid.to_string())?.write(&folder, chunk, judged)?;
+        return Ok(writeln!(out, "{}", path.display())?);
+    }
     let rows_folder = Folder::at(args.rows.parent().unwrap_or(Path::new("")))?;
+    if !args.chunks.merge.is_empty() {
+        let whole = Whole::new(NAME, grid.to_string())?;
+        let judged: Vec<String> = whole.merge(&args.chunks.merge, grid.blocks().len())?;
+        rows::write(&args.rows, &grid, &judged)?;
+    }
     let designs = judge_all(&grid, &args.rows)?;
     let front = front::front(&designs);
     rows_folder.write("front.csv", &rows::table(front.iter().map(|&index| &designs[index])))?;
-    let folder = Folder::at(&args.out)?;
     let usable = designs.iter().filter(|(_, merit)| merit.is_some()).count();
     let (all, on_front) = (designs.len(), front.len());
     writeln!(out, "{all} designs, {usable} within the models, {on_front} on the front")?;
-    document::page(&grid, &designs, &front).write(&folder, "design", out)
+    document::page(&grid, &designs, &front).write(&folder, NAME, out)
 }
 
 /// Judges the designs that are missing in the file, one length at a time.
@@ -76,11 +97,17 @@ fn judge_all(grid: &Grid, path: &Path) -> Result<Vec<(Design, Option<Merit>)>, S
     let bar = progress::bar(blocks.len(), "lengths");
     bar.set_position(rows.blocks_done() as u64);
     for block in blocks.iter().skip(rows.blocks_done()) {
-        let judged: Vec<(Design, Option<Merit>)> =
-            block.par_iter().map(|design| (*design, Merit::of(design))).collect();
-        rows.append(&judged)?;
+        rows.append(&judge(block))?;
         bar.inc(1);
     }
     bar.finish_and_clear();
     Ok(rows.into_designs())
 }
+
+/// Judges the designs of a block.
+fn judge(block: &[Design]) -> Vec<(Design, Option<Merit>)> {
+    block.par_iter().map(|design| (*design, Merit::of(design))).collect()
+}
+
+#[cfg(test)]
+mod tests;

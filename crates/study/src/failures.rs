@@ -21,7 +21,12 @@ mod spring;
 
 use std::{io::Write, ops::Range, path::PathBuf};
 
-use crate::{files::Folder, outcome::StudyError, progress};
+use crate::{
+    chunk::{ChunkArgs, Whole},
+    files::Folder,
+    outcome::StudyError,
+    progress,
+};
 use axis::Axis;
 use judge::{Cell, Counts};
 use path::Path;
@@ -49,8 +54,10 @@ pub(crate) struct Args {
     axis: Option<String>,
     /// Compare a part of the sweeps of the first two seeds with those of the page in the folder, and write
     /// nothing.
-    #[arg(long, conflicts_with = "axis")]
+    #[arg(long, conflicts_with_all = ["axis", "chunk", "merge"])]
     check: bool,
+    #[command(flatten)]
+    chunks: ChunkArgs,
 }
 
 /// No axis has this name.
@@ -79,7 +86,19 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
     if let (Some(name), true) = (&args.axis, axes.is_empty()) {
         return Err(StudyError::arguments(NoSuchAxis { name: name.clone() }));
     }
-    let cells = judge_all(&axes, args.trials, args.planned, args.seed..args.seed + args.seeds);
+    let jobs = jobs(&axes);
+    let judge =
+        |jobs| judge_jobs(jobs, args.trials, args.planned, args.seed..args.seed + args.seeds);
+    if let Some(chunk) = args.chunks.chunk {
+        let found = judge(chunk.of(jobs).collect());
+        let path = args.whole()?.write(&folder, chunk, found)?;
+        return Ok(writeln!(out, "{}", path.display())?);
+    }
+    let found = match &args.chunks.merge[..] {
+        [] => judge(jobs),
+        chunks => args.whole()?.merge(chunks, jobs.len())?,
+    };
+    let cells: Vec<Cell> = found.into_iter().flatten().collect();
     for path in Path::ALL {
         let Counts { wrong, .. } = counts(path, &cells);
         let sweeps = counts(path, &cells).sweeps();
@@ -91,13 +110,36 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
     document::page(args, &cells).write(&folder, NAME, out)
 }
 
-/// Judges both paths on these axes.
-fn judge_all(axes: &[Axis], trials: u32, planned: u32, seeds: Range<u64>) -> Vec<Cell> {
-    let jobs: Vec<(Axis, Path, usize)> = axes
-        .iter()
+impl Args {
+    /// What a chunk with these arguments is a part of.
+    fn whole(&self) -> Result<Whole, StudyError> {
+        let Self { seed, seeds, trials, planned, axis, .. } = self;
+        let axis = axis.as_deref().unwrap_or("all");
+        let arguments = format!(
+            "--seed {seed} --seeds {seeds} --trials {trials} --planned {planned}, axis {axis}"
+        );
+        Whole::new(NAME, arguments)
+    }
+}
+
+/// A path at a point of an axis.
+type Job = (Axis, Path, usize);
+
+/// Both paths on these axes.
+fn jobs(axes: &[Axis]) -> Vec<Job> {
+    axes.iter()
         .flat_map(|&axis| Path::ALL.map(|path| (axis, path)))
         .flat_map(|(axis, path)| (0..axis.values().len()).map(move |point| (axis, path, point)))
-        .collect();
+        .collect()
+}
+
+/// Judges both paths on these axes.
+fn judge_all(axes: &[Axis], trials: u32, planned: u32, seeds: Range<u64>) -> Vec<Cell> {
+    judge_jobs(jobs(axes), trials, planned, seeds).into_iter().flatten().collect()
+}
+
+/// What is found in each job; `None` where the axis has no effect on the path, or there is no sweep.
+fn judge_jobs(jobs: Vec<Job>, trials: u32, planned: u32, seeds: Range<u64>) -> Vec<Option<Cell>> {
     let bar = progress::bar(jobs.len(), "points");
     let judge = |(axis, path, point)| {
         let trials = match path {
@@ -108,9 +150,9 @@ fn judge_all(axes: &[Axis], trials: u32, planned: u32, seeds: Range<u64>) -> Vec
         bar.inc(1);
         found
     };
-    let cells = jobs.into_iter().filter_map(judge).collect();
+    let found = jobs.into_iter().map(judge).collect();
     bar.finish_and_clear();
-    cells
+    found
 }
 
 /// The outcomes of a path at all points at which it may never be silently wrong.

@@ -29,6 +29,14 @@ impl Folder {
         let path = self.path(name);
         fs::write(&path, text).map_err(|source| StudyError::File { path, source })
     }
+
+    /// Writes a file at once, in the place of the one that may be there: other programs see one of both.
+    pub(crate) fn replace(&self, name: &str, text: &str) -> Result<(), StudyError> {
+        let begun = format!(".{name}.{}", std::process::id());
+        self.write(&begun, text)?;
+        let path = self.path(name);
+        fs::rename(self.path(&begun), &path).map_err(|source| StudyError::File { path, source })
+    }
 }
 
 /// A table in CSV.

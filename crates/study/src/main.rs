@@ -7,6 +7,7 @@ mod analyse;
 mod analyzer;
 mod bench_run;
 mod bound;
+mod chunk;
 mod compensation;
 mod contact_args;
 mod design;

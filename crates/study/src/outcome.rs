@@ -4,6 +4,7 @@ use std::{error::Error, io, io::Write as _, path::PathBuf, process::ExitCode};
 
 use rig_chart::ChartError;
 use rig_model::with_causes;
+use rigd::program::ProgramError;
 use serde::Serialize;
 
 /// A failed study.
@@ -29,6 +30,9 @@ pub(crate) enum StudyError {
         /// The error of the operating system.
         source: io::Error,
     },
+    /// The file of this program could not be read.
+    #[error("cannot read this program")]
+    Program(#[from] ProgramError),
     /// A chart cannot be drawn.
     #[error("cannot draw a chart")]
     Chart(#[from] ChartError),
@@ -65,6 +69,7 @@ pub(crate) fn exit(result: Result<(), StudyError>) -> ExitCode {
         StudyError::Output(_)
         | StudyError::Bench(_)
         | StudyError::File { .. }
+        | StudyError::Program(_)
         | StudyError::Chart(_)
         | StudyError::Json(_) => ExitCode::FAILURE,
     }

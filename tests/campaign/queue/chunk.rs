@@ -2,8 +2,6 @@
 
 use std::ops::Range;
 
-use crate::ledger::head_of;
-
 /// Largest number of chunks of one call of `--fill`.
 pub(crate) const CHUNKS_MAX: u64 = 100_000;
 
@@ -79,13 +77,6 @@ impl Player {
         let chunk = Chunk { first_seed, seeds };
         (self.subject(kind, chunk) == subject).then_some(chunk)
     }
-
-    /// The message id of a chunk. `instead_of` is the number of the message in the stream whose place it takes: the
-    /// server drops a message whose id it has had within two minutes.
-    pub(crate) fn message_id(&self, chunk: Chunk, instead_of: Option<u64>) -> String {
-        let digest = head_of(self.subject(Kind::Chunk, chunk));
-        instead_of.map_or_else(|| digest.clone(), |number| format!("{digest}-{number}"))
-    }
 }
 
 impl Chunk {
@@ -96,9 +87,19 @@ impl Chunk {
 
     /// Whether some seeds are those of another chunk, and others are not.
     pub(crate) fn is_partly(self, other: Self) -> bool {
-        let (one, two) = (self.range(), other.range());
-        self != other && one.start < two.end && two.start < one.end
+        self != other && share(&self.range(), &other.range())
     }
+
+    /// Whether these seeds begin or end within the chunk.
+    pub(crate) const fn is_cut_by(self, seeds: &Range<u64>) -> bool {
+        let own = self.range();
+        share(&own, seeds) && !is_within(&own, seeds)
+    }
+}
+
+/// Whether both have a seed.
+const fn share(one: &Range<u64>, other: &Range<u64>) -> bool {
+    one.start < other.end && other.start < one.end
 }
 
 /// Whether all of these seeds are in others.
@@ -179,22 +180,6 @@ mod tests {
     }
 
     #[test]
-    fn message_ids_differ_by_menu_program_seeds_and_the_message_that_is_replaced() {
-        let ids = [
-            player("a", "1").message_id(chunk(1, 25), None),
-            player("b", "1").message_id(chunk(1, 25), None),
-            player("a", "2").message_id(chunk(1, 25), None),
-            player("a", "1").message_id(chunk(26, 25), None),
-            player("a", "1").message_id(chunk(1, 26), None),
-            player("a", "1").message_id(chunk(1, 25), Some(7)),
-        ];
-        for (number, id) in ids.iter().enumerate() {
-            assert!(!ids[..number].contains(id), "{ids:?}");
-        }
-        assert_eq!(ids[0], player("a", "1").message_id(chunk(1, 25), None));
-    }
-
-    #[test]
     fn missing_seeds_are_those_of_no_chunk_within_the_range() {
         let check = |played: &[Chunk], expected: &[(u64, u64)]| {
             let missing = missing(1..101, played.iter().copied());
@@ -214,5 +199,20 @@ mod tests {
         assert!(chunk(1, 25).is_partly(chunk(1, 24)));
         assert!(!chunk(1, 25).is_partly(chunk(1, 25)));
         assert!(!chunk(1, 25).is_partly(chunk(26, 25)));
+    }
+
+    #[test]
+    fn seeds_cut_a_chunk_if_they_begin_or_end_within_it() {
+        for (seeds, is_cut) in [
+            (1..51, false),
+            (26..51, false),
+            (1..26, false),
+            (51..60, false),
+            (30..31, true),
+            (1..50, true),
+            (27..100, true),
+        ] {
+            assert_eq!(chunk(26, 25).is_cut_by(&seeds), is_cut, "{seeds:?}");
+        }
     }
 }

@@ -34,6 +34,15 @@ pub(crate) enum QueueError {
          chunks of before, or with other seeds", asked.start, asked.end - 1, known.start, known.end - 1
     )]
     Overlap { asked: Range<u64>, known: Range<u64> },
+    #[error(
+        "the queue at {address} was filled by another program at the same time, {attempts} times: --fill again when that one has ended"
+    )]
+    Contended { address: String, attempts: usize },
+    #[error(
+        "seeds {} to {} begin or end within the chunk of seeds {} to {}: --gather the seeds with which the queue was filled, or others \
+         that begin and end with a chunk", asked.start, asked.end - 1, chunk.start, chunk.end - 1
+    )]
+    Cut { asked: Range<u64>, chunk: Range<u64> },
     #[error("the piece of seeds {} to {} in the queue cannot be read", seeds.start, seeds.end - 1)]
     Piece { seeds: Range<u64>, source: serde_json::Error },
     #[error("the piece of seeds {} to {} in the queue is one of others, of the program {program}", seeds.start, seeds.end - 1)]

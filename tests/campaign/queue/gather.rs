@@ -34,6 +34,8 @@ impl Queue {
         self.runtime.block_on(async {
             let consumer = self.workers().await?;
             let [chunks, stored] = [self.open(Kind::Chunk).await?, self.open(Kind::Piece).await?];
+            let waiting = self.messages(&chunks, Kind::Chunk, &mut 0).await?;
+            check_whole(seeds, waiting.iter().map(|(chunk, _)| *chunk))?;
             loop {
                 // Before the pieces: a chunk that is acknowledged by then has its piece there.
                 let info = self.patiently("the workers", async || Ok(consumer.get_info().await?));
@@ -41,6 +43,7 @@ impl Queue {
                 for (chunk, message) in self.messages(&stored, Kind::Piece, &mut seen).await? {
                     pieces.push((chunk, self.piece(chunk, &message)?));
                 }
+                check_whole(seeds, pieces.iter().map(|(chunk, _)| *chunk))?;
                 let missing = missing(seeds.clone(), pieces.iter().map(|(chunk, _)| *chunk));
                 if missing.is_empty() {
                     break;
@@ -79,4 +82,13 @@ impl Queue {
             Err(source) => Err(QueueError::Piece { seeds, source }),
         }
     }
+}
+
+/// Refuses seeds that begin or end within a chunk: a piece is merged as a whole or not at all.
+fn check_whole(
+    seeds: &Range<u64>,
+    mut chunks: impl Iterator<Item = Chunk>,
+) -> Result<(), QueueError> {
+    let cut = chunks.find(|chunk| chunk.is_cut_by(seeds));
+    cut.map_or(Ok(()), |chunk| Err(QueueError::Cut { asked: seeds.clone(), chunk: chunk.range() }))
 }

@@ -46,6 +46,9 @@ const PATIENCE: Duration = Duration::from_secs(60);
 const WAITS: [Duration; 2] = [Duration::from_millis(100), Duration::from_secs(4)];
 /// Time that the server keeps what nobody has asked for, so that a campaign that was forgotten leaves nothing.
 const KEPT: Duration = Duration::from_secs(30 * 24 * 3600);
+/// Largest number of attempts to fill a queue that others fill too.
+const FILLS_MAX: usize = 20;
+
 /// A queue, for one menu and one program.
 #[derive(Debug)]
 pub(crate) struct Queue {
@@ -74,6 +77,27 @@ pub(crate) struct Filled {
     /// In the queue already, or with a worker.
     pub(crate) queued: u64,
     pub(crate) played: u64,
+}
+
+/// What is in the queue of a player before it is filled.
+#[derive(Debug)]
+pub(super) struct Known {
+    queued: Stream,
+    /// The number of the last message that was ever added to the stream.
+    last: u64,
+    /// Chunks that no worker has finished, with the numbers of their messages.
+    waiting: BTreeMap<Chunk, u64>,
+    /// Those that were given up, if no worker has another one.
+    given_up: BTreeMap<Chunk, u64>,
+    played: BTreeSet<Chunk>,
+    /// What this call has added.
+    own: BTreeSet<Chunk>,
+}
+
+impl Known {
+    fn all(&self) -> BTreeSet<Chunk> {
+        self.waiting.keys().chain(&self.played).copied().collect()
+    }
 }
 
 impl Queue {
@@ -140,70 +164,97 @@ impl Queue {
     /// worker has another one.
     ///
     /// # Errors
-    /// [`QueueError`]. Nothing was added if a chunk is in part another one.
+    /// [`QueueError`]. A chunk that is in part another one is not added.
     pub(crate) fn fill(
         &self,
         chunks: &[Chunk],
         redelivery: Redelivery,
     ) -> Result<Filled, QueueError> {
         self.runtime.block_on(async {
-            let [queued, pieces] = [self.make(Kind::Chunk).await?, self.make(Kind::Piece).await?];
-            let consumer = queued.create_consumer(self.consumer(redelivery)).await;
-            let consumer = consumer.map_err(self.at("the workers cannot be provided for"))?;
-            let info = consumer.get_info().await.map_err(self.at("the workers"))?;
-            // With the numbers of their messages.
-            let waiting: BTreeMap<_, _> = self
-                .messages(&queued, Kind::Chunk, &mut 0)
-                .await?
-                .into_iter()
-                .map(|(chunk, message)| (chunk, message.sequence))
-                .collect();
-            let played = self.messages(&pieces, Kind::Piece, &mut 0).await?;
-            let played: BTreeSet<_> = played.into_iter().map(|(chunk, _)| chunk).collect();
-            check_apart(chunks, &waiting.keys().chain(&played).copied().collect())?;
-            let mut filled = Filled::default();
-            for chunk in chunks {
-                let number = waiting.get(chunk).copied();
-                if played.contains(chunk) {
-                    filled.played += 1;
-                    continue;
+            let mut known = self.look(redelivery).await?;
+            for _ in 0..FILLS_MAX {
+                check_apart(chunks, &known.all())?;
+                if let Some(filled) = self.add(chunks, &mut known).await? {
+                    return Ok(filled);
                 }
-                if let Some(number) = number {
-                    if !is_empty(&info) {
-                        filled.queued += 1;
-                        continue;
-                    }
-                    let deleted = queued.delete_message(number).await;
-                    deleted.map_err(self.at("a chunk that was given up cannot be removed"))?;
-                }
-                if self.publish_chunk(*chunk, number).await? {
-                    filled.added += 1;
-                } else {
-                    filled.queued += 1;
-                }
+                let Known { given_up, own, .. } = known;
+                known = Known { given_up, own, ..self.look(redelivery).await? };
             }
-            Ok(filled)
+            Err(QueueError::Contended { address: self.address.clone(), attempts: FILLS_MAX })
         })
     }
 
-    /// Adds a chunk in the place of the message with a number, and says whether it was added: another program may have
-    /// done so meanwhile.
+    /// What is in the queue, which is made if it is not there.
+    pub(super) async fn look(&self, redelivery: Redelivery) -> Result<Known, QueueError> {
+        let [mut queued, pieces] = [self.make(Kind::Chunk).await?, self.make(Kind::Piece).await?];
+        let consumer = queued.create_consumer(self.consumer(redelivery)).await;
+        let consumer = consumer.map_err(self.at("the workers cannot be provided for"))?;
+        // Before the messages: who adds one after that is noticed.
+        let info = queued.info().await.map_err(self.at("the queue"))?;
+        let last = info.state.last_sequence;
+        let waiting = self.messages(&queued, Kind::Chunk, &mut 0).await?.into_iter();
+        let waiting: BTreeMap<_, _> =
+            waiting.map(|(chunk, message)| (chunk, message.sequence)).collect();
+        // After the chunks, or one that has come since would be taken for one that was given up; and before the pieces: a chunk
+        // that is finished by then has its piece there.
+        let info = consumer.get_info().await.map_err(self.at("the workers"))?;
+        let played = self.messages(&pieces, Kind::Piece, &mut 0).await?.into_iter();
+        let given_up = if is_empty(&info) { waiting.clone() } else { BTreeMap::new() };
+        let played = played.map(|(chunk, _)| chunk).collect();
+        Ok(Known { queued, last, waiting, given_up, played, own: BTreeSet::new() })
+    }
+
+    /// Adds the chunks that are not known. `None` if another program has added something since the look: that may have a part
+    /// of the same seeds.
+    pub(super) async fn add(
+        &self,
+        chunks: &[Chunk],
+        known: &mut Known,
+    ) -> Result<Option<Filled>, QueueError> {
+        let mut filled = Filled::default();
+        for chunk in chunks {
+            let waiting = known.waiting.get(chunk).copied();
+            let given_up = known.given_up.get(chunk).copied();
+            if known.own.contains(chunk) {
+                filled.added += 1;
+            } else if known.played.contains(chunk) {
+                filled.played += 1;
+            } else if waiting.is_some() && waiting != given_up {
+                filled.queued += 1;
+            } else if self.publish_chunk(*chunk, waiting, known).await? {
+                known.own.insert(*chunk);
+                filled.added += 1;
+            } else {
+                return Ok(None);
+            }
+        }
+        Ok(Some(filled))
+    }
+
+    /// Adds a chunk in the place of the message with a number, and says whether nothing else was added since the look.
     async fn publish_chunk(
         &self,
         chunk: Chunk,
         instead_of: Option<u64>,
+        known: &mut Known,
     ) -> Result<bool, QueueError> {
-        let message = PublishMessage::build()
-            .message_id(self.player.message_id(chunk, instead_of))
-            // None of the same chunk may be there, however long ago it came.
-            .expected_last_subject_sequence(0);
+        let message = PublishMessage::build().expected_last_sequence(known.last);
         let subject = self.player.subject(Kind::Chunk, chunk);
         let sent = async { self.context.send_publish(subject, message).await?.await }.await;
-        match sent {
-            Ok(taken) => Ok(!taken.duplicate),
-            Err(error) if error.kind() == PublishErrorKind::WrongLastSequence => Ok(false),
-            Err(error) => Err(self.at("a chunk cannot be added")(error)),
+        let number = match sent {
+            Ok(taken) => taken.sequence,
+            Err(error) if error.kind() == PublishErrorKind::WrongLastSequence => return Ok(false),
+            Err(error) => return Err(self.at("a chunk cannot be added")(error)),
+        };
+        let is_next = number == known.last + 1;
+        known.last = number;
+        // An older server does not compare the number 0, which is that of a new stream: the other program was first.
+        let removed = if is_next { instead_of } else { Some(number) };
+        if let Some(removed) = removed {
+            let deleted = known.queued.delete_message(removed).await;
+            deleted.map_err(self.at("a chunk cannot be removed from the queue"))?;
         }
+        Ok(is_next)
     }
 
     /// The stream of these messages, which is made if it is not there.

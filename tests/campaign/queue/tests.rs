@@ -13,7 +13,7 @@ use tempfile::TempDir;
 use super::{
     chunk::{Chunk, Kind, Player, cut},
     error::QueueError,
-    server::{Filled, Queue, Redelivery},
+    server::{Filled, Known, Queue, Redelivery},
     work::{Next, Taken},
 };
 use crate::{
@@ -22,7 +22,7 @@ use crate::{
     ledger::{Ledger, LedgerError, Piece},
 };
 
-/// Time after which a chunk of a worker that is gone goes to another one.
+/// Time after which a chunk of a worker that is gone goes to another one. No test waits for it: each waits for what comes.
 const SILENT: Duration = Duration::from_millis(300);
 /// Longer than all that is waited for.
 const WITHIN: Duration = Duration::from_secs(30);
@@ -200,16 +200,75 @@ fn a_chunk_whose_workers_are_gone_goes_to_others_and_is_given_up_by_name() {
     assert_eq!(queue.gather(&(1..51), WITHIN).unwrap().len(), 2);
 }
 
+/// The chunk of a worker that says nothing comes back. One that was taken before it would have come back as well.
 #[test]
 #[ignore = "starts a nats-server"]
 fn a_chunk_that_takes_long_stays_with_its_worker() {
     let site = Site::new();
     let (one, two) = (site.queue(), site.queue());
-    one.fill(&chunks(1), REDELIVERY).unwrap();
-    let taken = take(&one);
-    assert!(matches!(two.take(4 * SILENT).unwrap(), Next::WithOthers(1)));
-    one.finish(&taken, &piece(taken.chunk, 0)).unwrap();
+    one.fill(&chunks(2), REDELIVERY).unwrap();
+    let (kept, left) = (take(&one), take(&one));
+    let chunk = left.chunk;
+    drop(left);
+    let again = take(&two);
+    assert_eq!((again.chunk, again.delivery), (chunk, 2));
+    two.finish(&again, &piece(chunk, 0)).unwrap();
+    assert!(matches!(two.take(Duration::ZERO).unwrap(), Next::WithOthers(1)));
+    one.finish(&kept, &piece(kept.chunk, 0)).unwrap();
     assert!(matches!(two.take(WITHIN).unwrap(), Next::Empty));
+}
+
+#[test]
+#[ignore = "starts a nats-server"]
+fn who_fills_what_another_one_fills_looks_again() {
+    let site = Site::new();
+    let (one, two) = (site.queue(), site.queue());
+    // Both have looked before one of them adds: in a new queue, and in one that has had chunks.
+    for first_seed in [1, 201] {
+        let cut = |size| cut(first_seed..first_seed + 100, size).collect::<Vec<_>>();
+        let look = |queue: &Queue| queue.runtime.block_on(queue.look(REDELIVERY)).unwrap();
+        let add = |queue: &Queue, chunks: &[Chunk], known: &mut Known| {
+            queue.runtime.block_on(queue.add(chunks, known)).unwrap()
+        };
+        let (mut known, mut late) = (look(&one), look(&two));
+        let filled = add(&one, &cut(25), &mut known).unwrap();
+        assert_eq!(filled, Filled { added: 4, queued: 0, played: 0 });
+        assert_eq!(add(&two, &cut(20), &mut late), None);
+        assert_eq!(add(&two, &cut(25), &mut look(&two)).unwrap().queued, 4);
+        let refused = two.fill(&cut(20), REDELIVERY);
+        assert!(matches!(refused, Err(QueueError::Overlap { .. })), "{refused:?}");
+    }
+    assert_eq!(play_all(&one), 8);
+}
+
+#[test]
+#[ignore = "starts a nats-server"]
+fn of_two_that_fill_at_once_each_chunk_is_added_by_one() {
+    let site = Site::new();
+    let queues = [site.queue(), site.queue()];
+    // Each is behind the other one at most once for each of its chunks.
+    let filled = std::thread::scope(|scope| {
+        let fill = |queue| scope.spawn(move || Queue::fill(queue, &chunks(10), REDELIVERY));
+        queues.each_ref().map(fill).map(|filled| filled.join().unwrap().unwrap())
+    });
+    assert_eq!(filled[0].added + filled[1].added, 10, "{filled:?}");
+    assert_eq!(play_all(&queues[0]), 10);
+}
+
+#[test]
+#[ignore = "starts a nats-server"]
+fn seeds_that_cut_a_chunk_are_not_waited_for() {
+    let site = Site::new();
+    let queue = site.queue();
+    queue.fill(&chunks(2), REDELIVERY).unwrap();
+    let refuses = |seeds: std::ops::Range<u64>, expected: &str| {
+        let refused = queue.gather(&seeds, WITHIN).unwrap_err().to_string();
+        assert!(refused.starts_with(expected) && !refused.contains("--fill"), "{refused}");
+    };
+    refuses(1..31, "seeds 1 to 30 begin or end within the chunk of seeds 26 to 50: --gather the");
+    play_all(&queue);
+    refuses(2..51, "seeds 2 to 50 begin or end within the chunk of seeds 1 to 25: --gather the");
+    assert_eq!(queue.gather(&(26..51), WITHIN).unwrap().len(), 1);
 }
 
 #[test]

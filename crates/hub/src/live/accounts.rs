@@ -11,8 +11,9 @@ use tokio_postgres::Client;
 use super::{Broker, HUB_NAME, Subjects, subject};
 use crate::{AdminError, BenchName};
 
-/// The account in which the hub hears all laboratories. No laboratory has a name with a space.
-const HUB_ACCOUNT: &str = "rigd hub";
+/// The account in which the hub hears all laboratories. No laboratory has a name with a colon. nats-server makes subjects of the
+/// names of accounts, in which a space is an error.
+const HUB_ACCOUNT: &str = HUB_NAME;
 
 /// Where the nats-server is.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -177,4 +178,15 @@ fn list(subjects: &[String]) -> String {
 /// A text as the configuration has it.
 fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_account_of_the_hub_is_a_word_of_a_subject_and_that_of_no_laboratory() {
+        assert!(!HUB_ACCOUNT.contains([' ', '.', '*', '>']));
+        assert!(format!("{HUB_ACCOUNT}/any").parse::<BenchName>().is_err());
+    }
 }

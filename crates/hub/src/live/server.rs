@@ -68,16 +68,13 @@ impl NatsServer {
         let mut said = String::new();
         if let Some(stdout) = keeper.stdout.take() {
             let mut lines = BufReader::new(stdout);
-            while !said.contains(READY) && lines.read_line(&mut said).map_err(failed(&program))? > 0
-            {
-            }
+            // The two lines come in any order.
+            let is_ready = |said: &str| said.contains(READY) && process_in(said).is_some();
+            while !is_ready(&said) && lines.read_line(&mut said).map_err(failed(&program))? > 0 {}
             // A server whose output nobody reads stands still.
             thread::spawn(move || io::copy(&mut lines, &mut io::sink()));
         }
-        let process = said
-            .lines()
-            .find_map(|line| Pid::from_raw(line.strip_prefix("process ")?.parse().ok()?));
-        match process {
+        match process_in(&said) {
             Some(process) if said.contains(READY) => Ok(Self { keeper, process }),
             _ => {
                 drop(keeper.stdin.take());
@@ -128,9 +125,27 @@ impl Drop for NatsServer {
     }
 }
 
+/// The process of the server, once the shell has said it.
+fn process_in(said: &str) -> Option<Pid> {
+    said.lines().find_map(|line| Pid::from_raw(line.strip_prefix("process ")?.parse().ok()?))
+}
+
 /// The program: the first one in PATH, or that of Debian.
 fn program() -> Option<PathBuf> {
     let path = std::env::var_os("PATH").unwrap_or_default();
     let in_path = std::env::split_paths(&path).map(|directory| directory.join("nats-server"));
     in_path.chain([PathBuf::from(DEBIAN)]).find(|program| program.exists())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_server_that_is_ready_before_its_process_is_named_is_waited_for() {
+        let mut said = format!("[7] [INF] {READY}\n");
+        assert_eq!(process_in(&said), None);
+        said += "process 7\n";
+        assert_eq!(process_in(&said), Pid::from_raw(7));
+    }
 }

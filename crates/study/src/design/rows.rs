@@ -41,7 +41,7 @@ impl Rows {
             Err(error) if error.kind() == ErrorKind::NotFound => String::new(),
             Err(error) => return Err(wrong(error)),
         };
-        let head = format!("# {grid}\n{}\n", COLUMNS.join(","));
+        let head = head(grid);
         let mut designs = Vec::new();
         let mut blocks_done = 0;
         let mut kept = head.clone();
@@ -72,9 +72,8 @@ impl Rows {
 
     /// Adds a block to the file.
     pub(super) fn append(&mut self, judged: &[(Design, Option<Merit>)]) -> Result<(), StudyError> {
-        let text: String = judged.iter().map(row).collect();
         self.file
-            .write_all(text.as_bytes())
+            .write_all(lines(judged).as_bytes())
             .map_err(|source| StudyError::File { path: self.path.clone(), source })?;
         // Rounded as in the file, so that an interrupted study ends with the same bytes.
         self.designs.extend(judged.iter().map(|(design, merit)| {
@@ -91,6 +90,22 @@ impl Rows {
     pub(super) fn into_designs(self) -> Vec<(Design, Option<Merit>)> {
         self.designs
     }
+}
+
+/// The first lines of the file.
+fn head(grid: &Grid) -> String {
+    format!("# {grid}\n{}\n", COLUMNS.join(","))
+}
+
+/// Writes the file with the lines of all blocks, in the place of the one that may be there.
+pub(super) fn write(path: &Path, grid: &Grid, blocks: &[String]) -> Result<(), StudyError> {
+    let text = head(grid) + &blocks.concat();
+    fs::write(path, text).map_err(|source| StudyError::File { path: path.to_owned(), source })
+}
+
+/// The lines of a block.
+pub(super) fn lines(judged: &[(Design, Option<Merit>)]) -> String {
+    judged.iter().map(row).collect()
 }
 
 /// A table of designs.

@@ -1,12 +1,14 @@
 //! The axes of the maps, from harmless to hopeless.
 
 use rig_resonance::{NoisePrior, Timing};
+use serde::{Deserialize, Serialize};
 
 use super::scene::{Dielectric, Scene, SecondMode};
 use crate::analyzer::WINDOW;
 
 /// A cause of failure.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub(super) enum Axis {
     Noise,
     NoiseStated,

@@ -179,7 +179,7 @@ pub(super) fn wrong(cells: &[Cell]) -> String {
     for cell in cells {
         for result in &cell.results {
             let (super::judge::Outcome::SilentlyWrong, Some(found)) =
-                (result.outcome, result.found)
+                (result.outcome, &result.found)
             else {
                 continue;
             };
@@ -196,7 +196,7 @@ pub(super) fn wrong(cells: &[Cell]) -> String {
                 format!("{:.5}", found.sigma_hz),
                 result.truth_hz.map_or_else(String::new, |hz| format!("{hz:.5}")),
                 result.sigmas().map_or_else(String::new, |sigmas| format!("{sigmas:.1}")),
-                found.model_order.name().to_owned(),
+                found.model_order.to_string(),
             ]);
         }
     }

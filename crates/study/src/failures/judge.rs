@@ -1,15 +1,17 @@
 //! Judgement of a result: right, refused, or silently wrong.
 
-use std::ops::Range;
+use std::{borrow::Cow, ops::Range};
 
 use rayon::prelude::*;
 use rig_model::{Reading, SweepMethod, Window, random::Stream};
 use rig_resonance::{
-    Estimator, FitOptions, FitOutcome, ModelOrder, NoisePrior, Planner, Prior, Reason, Refusal, fit,
+    Estimator, FitOptions, FitOutcome, NoisePrior, Planner, Prior, Reason, Refusal, fit,
 };
+use serde::{Deserialize, Serialize};
 
 use super::{
     axis::{Axis, SENSORS},
+    cause::claims_a_cause,
     path::Path,
     scene::Scene,
 };
@@ -20,7 +22,8 @@ use crate::{
 };
 
 /// The outcome of a sweep.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub(super) enum Outcome {
     /// A result within the expected error.
     Right,
@@ -43,7 +46,8 @@ pub(super) const SURVEY_S: u32 = 240;
 const MOVED_HZ: f64 = 5.0;
 
 /// The outcomes at one point of an axis.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct Counts {
     pub(super) right: u32,
     pub(super) refused: u32,
@@ -81,7 +85,8 @@ impl Counts {
 }
 
 /// The number of a sweep.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct SweepId {
     pub(super) seed: u64,
     /// Index of the sensor in [`SENSORS`].
@@ -90,11 +95,12 @@ pub(super) struct SweepId {
 }
 
 /// The result of one sweep.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct SweepResult {
     pub(super) id: SweepId,
     pub(super) outcome: Outcome,
-    pub(super) reason: Option<Reason>,
+    pub(super) reason: Option<StatedReason>,
     /// The accepted resonance with its standard deviation, Hz.
     pub(super) found: Option<Found>,
     /// The true resonance, Hz.
@@ -105,25 +111,52 @@ pub(super) struct SweepResult {
     pub(super) time_s: f64,
 }
 
+/// The reason of a refusal.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct StatedReason {
+    /// [`Reason::code`].
+    pub(super) code: Cow<'static, str>,
+    /// Whether it names the cause of the axis.
+    pub(super) is_named: bool,
+    /// [`claims_a_cause`].
+    pub(super) claims_a_cause: bool,
+}
+
+impl StatedReason {
+    fn of(reason: &Reason, axis: Axis) -> Self {
+        Self {
+            code: reason.code().into(),
+            is_named: axis.is_named_by(reason),
+            claims_a_cause: claims_a_cause(reason),
+        }
+    }
+}
+
 /// An accepted resonance.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct Found {
     pub(super) resonance_hz: f64,
     pub(super) sigma_hz: f64,
-    pub(super) model_order: ModelOrder,
+    /// The name of the model order.
+    pub(super) model_order: Cow<'static, str>,
+    /// Whether a model of this order includes the cause of the axis.
+    pub(super) is_modelled: bool,
 }
 
 impl SweepResult {
     /// The error of an accepted result in its own standard deviations; infinite without a resonance.
     pub(super) fn sigmas(&self) -> Option<f64> {
-        let found = self.found?;
+        let found = self.found.as_ref()?;
         let error_hz = self.truth_hz.map_or(f64::INFINITY, |hz| (found.resonance_hz - hz).abs());
         Some(error_hz / found.sigma_hz)
     }
 }
 
 /// All sweeps on one path at one point of an axis.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct Cell {
     pub(super) axis: Axis,
     pub(super) path: Path,
@@ -259,7 +292,7 @@ fn planned(axis: Axis, scene: Scene, id: SweepId, mut random: Stream) -> SweepRe
     }
     let (FitOutcome::Accepted(found), bench @ Some(_)) = (&survey.verdict, survey.planner.bench())
     else {
-        return result(&scene, id, &survey.verdict);
+        return result(axis, &scene, id, &survey.verdict);
     };
     let prior = if let Some((reference_hz, _)) = scene.reference {
         // A contact hardly lowers the resonance.
@@ -274,7 +307,7 @@ fn planned(axis: Axis, scene: Scene, id: SweepId, mut random: Stream) -> SweepRe
     let effective_time_s = scene.is_moving().then(|| planner.effective_time_s(&verdict)).flatten();
     let at_s = effective_time_s.map_or(0.0, |clock_s| clock_s - ANY_PHASE_STARTS_S);
     let scene = Scene { resonance_hz: scene.resonance_at(at_s), ..scene };
-    SweepResult { time_s, ..result(&scene, id, &verdict) }
+    SweepResult { time_s, ..result(axis, &scene, id, &verdict) }
 }
 
 /// A planned sweep.
@@ -311,7 +344,7 @@ fn production(axis: Axis, scene: &Scene, id: SweepId, readings: &[Reading]) -> S
         .and_then(|found| found.effective_time_s(readings, &options(axis, scene)));
     let scene =
         effective_time_s.map_or(*scene, |effective_time_s| scene.at(effective_time_s, readings));
-    SweepResult { differ, ..result(&scene, id, &verdict) }
+    SweepResult { differ, ..result(axis, &scene, id, &verdict) }
 }
 
 /// Sweeps at the full level and at half of it.
@@ -333,7 +366,7 @@ fn with_step(
         FitOutcome::Accepted(_) => of_low,
         FitOutcome::Refused(_) => of_high,
     };
-    (low, SweepResult { differ: Some(differ), ..result(scene, id, &verdict) })
+    (low, SweepResult { differ: Some(differ), ..result(axis, scene, id, &verdict) })
 }
 
 fn verdict(axis: Axis, scene: &Scene, readings: &[Reading]) -> FitOutcome {
@@ -355,7 +388,7 @@ fn differ(one: &FitOutcome, other: &FitOutcome) -> bool {
     both.is_some_and(|(one, other)| one.is_apart_from(other))
 }
 
-fn result(scene: &Scene, id: SweepId, verdict: &FitOutcome) -> SweepResult {
+fn result(axis: Axis, scene: &Scene, id: SweepId, verdict: &FitOutcome) -> SweepResult {
     let truth_hz = scene.truth_hz();
     let refused = SweepResult {
         id,
@@ -373,11 +406,14 @@ fn result(scene: &Scene, id: SweepId, verdict: &FitOutcome) -> SweepResult {
             let found = Found {
                 resonance_hz: found.resonance_hz,
                 sigma_hz: found.sigma_hz,
-                model_order: found.model_order,
+                model_order: found.model_order.name().into(),
+                is_modelled: axis.is_modelled_by(found.model_order),
             };
             SweepResult { outcome, found: Some(found), ..refused }
         }
-        FitOutcome::Refused(refusal) => SweepResult { reason: Some(refusal.reason), ..refused },
+        FitOutcome::Refused(refusal) => {
+            SweepResult { reason: Some(StatedReason::of(&refusal.reason, axis)), ..refused }
+        }
     }
 }
 

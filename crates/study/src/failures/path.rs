@@ -1,9 +1,12 @@
 //! The two ways to a resonance.
 
+use serde::{Deserialize, Serialize};
+
 use super::axis::Axis;
 
 /// A way to a resonance.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub(super) enum Path {
     /// The fit of a sweep of points chosen in advance.
     Fit,

@@ -29,20 +29,17 @@ pub(super) struct Power {
 
 impl Power {
     pub(super) fn of(cell: &Cell) -> Self {
-        let axis = cell.axis;
         let share = |is: &dyn Fn(&SweepResult) -> bool| {
             let count = cell.results.iter().filter(|result| is(result)).count();
             100.0 * count as f64 / cell.results.len().max(1) as f64
         };
         let is_named =
-            |result: &SweepResult| result.reason.is_some_and(|reason| axis.is_named_by(&reason));
+            |result: &SweepResult| result.reason.as_ref().is_some_and(|reason| reason.is_named);
         let wrong = cell.counts();
         Self {
             value: cell.value,
             named: share(&is_named),
-            modelled: share(&|result| {
-                result.found.is_some_and(|found| axis.is_modelled_by(found.model_order))
-            }),
+            modelled: share(&|result| result.found.as_ref().is_some_and(|found| found.is_modelled)),
             refused: share(&|result| result.reason.is_some() && !is_named(result)),
             differing: share(&|result| result.differ == Some(true)),
             wrong: 100.0 * wrong.share(wrong.wrong),

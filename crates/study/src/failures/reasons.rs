@@ -2,25 +2,26 @@
 
 use super::{
     axis::Axis,
-    cause::claims_a_cause,
-    judge::{Cell, SweepResult},
+    judge::{Cell, StatedReason},
     path::Path,
 };
 use crate::{files::Csv, page::Table};
 
-/// The refused sweeps of a path on an axis.
-fn refused(axis: Axis, path: Path, cells: &[Cell]) -> impl Iterator<Item = &SweepResult> {
-    cells
-        .iter()
-        .filter(move |cell| (cell.axis, cell.path) == (axis, path))
-        .flat_map(|cell| cell.results.iter().filter(|result| result.reason.is_some()))
+/// The reasons of the refused sweeps of a path on an axis.
+fn refused(axis: Axis, path: Path, cells: &[Cell]) -> impl Iterator<Item = &StatedReason> {
+    cells.iter().filter(move |cell| (cell.axis, cell.path) == (axis, path)).flat_map(reasons)
+}
+
+/// The reasons of the refused sweeps at a point.
+fn reasons(cell: &Cell) -> impl Iterator<Item = &StatedReason> {
+    cell.results.iter().filter_map(|result| result.reason.as_ref())
 }
 
 /// The codes of all reasons that a path states, the most frequent first.
-fn codes(path: Path, cells: &[Cell]) -> Vec<&'static str> {
+fn codes(path: Path, cells: &[Cell]) -> Vec<&str> {
     let mut counts: Vec<(&str, usize)> = Vec::new();
-    for result in Axis::ALL.into_iter().flat_map(|axis| refused(axis, path, cells)) {
-        let Some(code) = result.reason.map(|reason| reason.code()) else { continue };
+    for reason in Axis::ALL.into_iter().flat_map(|axis| refused(axis, path, cells)) {
+        let code = &*reason.code;
         match counts.iter_mut().find(|(one, _)| *one == code) {
             Some((_, count)) => *count += 1,
             None => counts.push((code, 1)),
@@ -43,21 +44,14 @@ pub(super) fn on_page(path: Path, cells: &[Cell]) -> Table {
         }
         let share = |count: usize| 100.0 * count as f64 / all as f64;
         let other = refused(axis, path, cells)
-            .filter_map(|result| result.reason)
-            .filter(|reason| claims_a_cause(reason) && !axis.is_named_by(reason))
+            .filter(|reason| reason.claims_a_cause && !reason.is_named)
             .count();
         let cell = |code: &&str| {
-            let mut of = refused(axis, path, cells)
-                .filter_map(|result| result.reason)
-                .filter(|reason| reason.code() == *code)
-                .peekable();
+            let mut of =
+                refused(axis, path, cells).filter(|reason| reason.code == *code).peekable();
             let Some(reason) = of.peek().copied() else { return String::new() };
             let share = share(of.count());
-            if axis.is_named_by(&reason) {
-                format!("**{share:.1}**")
-            } else {
-                format!("{share:.1}")
-            }
+            if reason.is_named { format!("**{share:.1}**") } else { format!("{share:.1}") }
         };
         let row = [format!("`{}`", axis.file()), all.to_string(), format!("{:.1} %", share(other))];
         table.row(row.into_iter().chain(codes.iter().map(cell)));
@@ -70,13 +64,8 @@ pub(super) fn table(cells: &[Cell]) -> String {
     let mut table = Csv::new(&["axis", "value", "path", "reason", "names_the_cause", "sweeps"]);
     for cell in cells {
         for code in codes(cell.path, std::slice::from_ref(cell)) {
-            let mut of = cell
-                .results
-                .iter()
-                .filter_map(|result| result.reason)
-                .filter(|reason| reason.code() == code)
-                .peekable();
-            let is_named = of.peek().is_some_and(|reason| cell.axis.is_named_by(reason));
+            let mut of = reasons(cell).filter(|reason| reason.code == code).peekable();
+            let is_named = of.peek().is_some_and(|reason| reason.is_named);
             table.row([
                 cell.axis.file().to_owned(),
                 cell.value.to_string(),

@@ -117,8 +117,77 @@ fn an_axis_that_does_not_exist_is_refused_with_those_that_do() {
         planned: 1,
         axis: Some("noises".to_owned()),
         check: false,
+        chunks: ChunkArgs::default(),
     };
     let error = run(&args, &mut Vec::new()).unwrap_err();
     let message = rig_model::with_causes(&error);
     assert!(message.contains("axis noises") && message.contains("second-mode-20"), "{message}");
+}
+
+/// Every file of a folder and its folders, with its bytes.
+fn contents(folder: &std::path::Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            files.extend(contents(&path));
+        } else {
+            files.push((path.clone(), std::fs::read(&path).unwrap()));
+        }
+    }
+    files.sort();
+    files
+}
+
+#[test]
+fn the_page_of_chunks_has_the_bytes_of_that_of_one_process() {
+    let [alone, parts, merged] = [(); 3].map(|()| tempfile::tempdir().unwrap());
+    let args = |out: &tempfile::TempDir, words: &[&str]| {
+        #[derive(clap::Parser)]
+        struct Cli {
+            #[command(flatten)]
+            args: Args,
+        }
+        let of_study = ["failures", "--seeds", "2", "--trials", "1", "--planned", "1"];
+        let axis = ["--axis", "second-mode-20", "--out", out.path().to_str().unwrap()];
+        let words = of_study.iter().chain(&axis).chain(words);
+        <Cli as clap::Parser>::try_parse_from(words).unwrap().args
+    };
+    let mut said = Vec::new();
+    run(&args(&alone, &[]), &mut said).unwrap();
+    for chunk in ["1/3", "2/3", "3/3"] {
+        run(&args(&parts, &["--chunk", chunk]), &mut Vec::new()).unwrap();
+    }
+    let paths =
+        [3, 1, 2, 1].map(|number| parts.path().join(format!("failures-{number}-of-3.json")));
+    let paths = paths.each_ref().map(|path| path.to_str().unwrap());
+    let merge = [&["--merge"], &paths[..]].concat();
+    let mut said_of_merged = Vec::new();
+    run(&args(&merged, &merge), &mut said_of_merged).unwrap();
+
+    let relative = |folder: &tempfile::TempDir| -> Vec<(PathBuf, Vec<u8>)> {
+        let of = |(path, bytes): (PathBuf, Vec<u8>)| {
+            (path.strip_prefix(folder.path()).unwrap().to_owned(), bytes)
+        };
+        contents(folder.path()).into_iter().map(of).collect()
+    };
+    let (one, other) = (relative(&alone), relative(&merged));
+    assert!(one.len() > 8, "{} files", one.len());
+    for (one, other) in one.iter().zip(&other) {
+        assert_eq!(one, other);
+    }
+    assert_eq!(one.len(), other.len());
+    let counts = |said: Vec<u8>| {
+        let said = String::from_utf8(said).unwrap();
+        said.lines()
+            .filter(|line| line.contains("silently wrong"))
+            .map(str::to_owned)
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(counts(said), counts(said_of_merged));
+
+    // The arguments are a part of what a chunk is.
+    let wrong = Args { trials: 2, ..args(&merged, &merge) };
+    let message = rig_model::with_causes(&run(&wrong, &mut Vec::new()).unwrap_err());
+    assert!(message.contains("--trials 1") && message.contains("--trials 2"), "{message}");
 }
