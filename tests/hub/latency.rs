@@ -2,7 +2,7 @@
 
 use std::{
     collections::BTreeMap,
-    path::PathBuf,
+    path::Path,
     sync::mpsc,
     thread,
     time::{Duration, Instant},
@@ -42,14 +42,14 @@ pub(crate) async fn print(
     let _server = nats.start(hub).await;
     let data = TempDir::new().unwrap();
     let address = ([127, 0, 0, 1], server().port()).into();
-    let args = HubArgs::new(address, &hub.database, &role, files);
+    let args = HubArgs::new(address, &hub.database, &role, &files);
 
     let (news, of_rig) = watch::channel(0);
     let (end, ended) = watch::channel(None);
     let (begin, may_begin) = mpsc::channel();
     let writer = {
         let (data, times_us) = (data.path().to_owned(), times_us.to_owned());
-        thread::spawn(move || write(data, &times_us, duration, &may_begin, &news, &end))
+        thread::spawn(move || write(&data, &times_us, duration, &may_begin, &news, &end))
     };
     // The rig has made its journal.
     of_rig.clone().changed().await.unwrap();
@@ -69,17 +69,17 @@ pub(crate) async fn print(
 
 /// Records at these times until the duration is over. `news` has the last event, and `end` the last of all.
 fn write(
-    data: PathBuf,
+    data: &Path,
     times_us: &[u64],
     duration: Duration,
     may_begin: &mpsc::Receiver<()>,
     news: &watch::Sender<u64>,
     end: &watch::Sender<Option<u64>>,
 ) -> Times {
-    let store = Store::open(&data).unwrap();
+    let store = Store::open(data).unwrap();
     let mut session = store.begin(RunKind::Session, "session").unwrap();
     append(&mut session, &[frames()]);
-    let reader = Reader::open(&data).unwrap();
+    let reader = Reader::open(data).unwrap();
     let mut event = reader.last_event().unwrap();
     news.send_replace(event);
     may_begin.recv().unwrap();

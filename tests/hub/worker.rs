@@ -127,7 +127,7 @@ impl Worker {
 
 impl HubArgs {
     /// With certificate, key and authority of a bench.
-    pub(crate) fn new(hub: SocketAddr, database: &str, role: &str, files: [PathBuf; 3]) -> Self {
+    pub(crate) fn new(hub: SocketAddr, database: &str, role: &str, files: &[PathBuf; 3]) -> Self {
         let (database, role) = (database.to_owned(), role.to_owned());
         Self { hub: Some(hub), database, role, files: files.to_vec() }
     }

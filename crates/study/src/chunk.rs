@@ -81,7 +81,7 @@ struct Chunk<T> {
     whole: Whole,
     /// Version and commit of the program.
     software: String,
-    chunk: ChunkNumber,
+    place: ChunkNumber,
     results: Vec<T>,
     /// The first digits of the SHA-256 of all of the above.
     digest: String,
@@ -140,7 +140,8 @@ impl Whole {
     ) -> Result<PathBuf, StudyError> {
         let name = format!("{}-{}-of-{}.json", self.study, chunk.number, chunk.of);
         let software = SOFTWARE.to_owned();
-        let mut file = Chunk { whole: self, software, chunk, results, digest: String::new() };
+        let mut file =
+            Chunk { whole: self, software, place: chunk, results, digest: String::new() };
         file.digest = file.computed_digest()?;
         folder.replace(&name, &(serde_json::to_string(&file)? + "\n"))?;
         Ok(folder.path(&name))
@@ -158,11 +159,11 @@ impl Whole {
         let mut chunks = BTreeMap::<usize, (&PathBuf, Chunk<T>)>::new();
         for path in paths {
             let chunk = self.read(path, items)?;
-            let ChunkNumber { number, of } = chunk.chunk;
+            let ChunkNumber { number, of } = chunk.place;
             if let Some((_, first)) = chunks.values().next()
-                && first.chunk.of != of
+                && first.place.of != of
             {
-                let (path, found, expected) = (path.clone(), of, first.chunk.of);
+                let (path, found, expected) = (path.clone(), of, first.place.of);
                 return Err(StudyError::refused(ChunkError::Cut { path, found, expected }));
             }
             match chunks.get(&number) {
@@ -175,7 +176,7 @@ impl Whole {
                 None => _ = chunks.insert(number, (path, chunk)),
             }
         }
-        let of = chunks.values().next().map_or(0, |(_, chunk)| chunk.chunk.of);
+        let of = chunks.values().next().map_or(0, |(_, chunk)| chunk.place.of);
         let missing: Vec<_> = (1..=of).filter(|number| !chunks.contains_key(number)).collect();
         if !missing.is_empty() {
             return Err(StudyError::refused(ChunkError::Missing { of, missing }));
@@ -221,7 +222,7 @@ impl Whole {
         if let Some((found, expected)) = differ(|whole| &whole.arguments) {
             return refused(ChunkError::Arguments { path: to, found, expected });
         }
-        let (found, expected) = (chunk.results.len(), chunk.chunk.of(0..items).count());
+        let (found, expected) = (chunk.results.len(), chunk.place.of(0..items).count());
         if found != expected {
             return refused(ChunkError::Length { path: to, found, expected });
         }
@@ -231,8 +232,8 @@ impl Whole {
 
 impl<T: Serialize> Chunk<T> {
     fn computed_digest(&self) -> Result<String, serde_json::Error> {
-        let Self { whole, software, chunk, results, digest: _ } = self;
-        Ok(head_of(serde_json::to_vec(&(whole, software, chunk, results))?))
+        let Self { whole, software, place, results, digest: _ } = self;
+        Ok(head_of(serde_json::to_vec(&(whole, software, place, results))?))
     }
 }
 
