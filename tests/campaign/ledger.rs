@@ -22,6 +22,22 @@ pub(crate) struct Ledger {
     /// What the seeds draw, as [`menu`] says it.
     pub(crate) menu: String,
     pub(crate) pieces: Vec<Piece>,
+    /// What was counted with other menus before.
+    #[serde(default)]
+    pub(crate) earlier: Vec<Earlier>,
+}
+
+/// The counts of all seeds of a menu that is not played any more.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Earlier {
+    pub(crate) menu: String,
+    pub(crate) runs: u64,
+    pub(crate) touches: u64,
+    pub(crate) faults: u64,
+    pub(crate) failed_seeds: Vec<u64>,
+    /// Version and commit of each program.
+    pub(crate) software: Vec<String>,
 }
 
 /// Seeds that one program played in a row.
@@ -56,8 +72,8 @@ pub(crate) enum LedgerError {
     #[error("{} is not a ledger of this campaign", path.display())]
     Format { path: PathBuf, source: serde_json::Error },
     #[error(
-        "{} is of the menu {known}, and this program plays the menu {present}: move it away, and its pieces \
-         are begun again", path.display()
+        "{} is of the menu {known}, and this program plays the menu {present}: with --begin-anew, its pieces make \
+         place for others, and their sums are kept", path.display()
     )]
     Menu { path: PathBuf, known: String, present: String },
     #[error(
@@ -98,7 +114,23 @@ pub(crate) fn menu() -> String {
 impl Ledger {
     /// A ledger without pieces.
     pub(crate) const fn new(menu: String) -> Self {
-        Self { menu, pieces: Vec::new() }
+        Self { menu, pieces: Vec::new(), earlier: Vec::new() }
+    }
+
+    /// The ledger of the present menu: if it is of another one, its pieces are summed up.
+    pub(crate) fn begun_anew(mut self) -> Self {
+        let present = menu();
+        if self.menu == present {
+            return self;
+        }
+        let counts = self.counts();
+        let mut software: Vec<String> =
+            self.pieces.into_iter().map(|piece| piece.software).collect();
+        software.dedup();
+        let (menu, faults) = (self.menu, counts.table.total());
+        let Counts { runs, touches, failed_seeds, .. } = counts;
+        self.earlier.push(Earlier { menu, runs, touches, faults, failed_seeds, software });
+        Self { menu: present, pieces: Vec::new(), earlier: self.earlier }
     }
 
     /// The ledger beside a page; a new one of the present menu if there is none.
@@ -229,7 +261,7 @@ mod tests {
     #[test]
     fn pieces_of_several_computers_give_one_ledger_in_any_order_and_as_often_as_you_like() {
         let page = Path::new("campaign.md");
-        let of = |pieces: &[Piece]| Ledger { menu: menu(), pieces: pieces.to_vec() };
+        let of = |pieces: &[Piece]| Ledger { pieces: pieces.to_vec(), ..Ledger::new(menu()) };
         let (one, two) = (of(&[piece(1, 100, 5), piece(201, 100, 7)]), of(&[piece(101, 100, 6)]));
         let slower = of(&[Piece { seconds: 2.0, ..piece(101, 100, 6) }]);
         let merged = |ledgers: &[&Ledger]| {
@@ -253,8 +285,22 @@ mod tests {
         let mut other = piece(1, 100, 5);
         other.counts.digest = 1;
         assert!(matches!(refused(other), LedgerError::Digests { .. }));
-        let other = Ledger { menu: "0".repeat(16), pieces: vec![piece(301, 100, 0)] };
+        let other = Ledger { pieces: vec![piece(301, 100, 0)], ..Ledger::new("0".repeat(16)) };
         assert!(matches!(all.merge(page, other), Err(LedgerError::Menu { .. })));
+    }
+
+    #[test]
+    fn a_ledger_that_is_begun_anew_keeps_the_sums_of_another_menu_and_nothing_of_its_own() {
+        let pieces = vec![piece(1, 100, 5), piece(101, 100, 7)];
+        let own = Ledger { pieces: pieces.clone(), ..Ledger::new(menu()) }.begun_anew();
+        assert_eq!((own.pieces.len(), own.earlier.len()), (2, 0));
+        let old = Ledger { pieces, ..Ledger::new("0".repeat(16)) };
+        let anew = old.begun_anew();
+        assert_eq!((&*anew.menu, anew.pieces.len()), (&*menu(), 0));
+        let kept = &anew.earlier[0];
+        assert_eq!((kept.runs, kept.touches, &kept.failed_seeds), (200, 12, &vec![1, 101]));
+        assert_eq!((&*kept.menu, &kept.software), (&*"0".repeat(16), &vec!["rigd".to_owned()]));
+        anew.admits(Path::new("campaign.md"), &(1..100)).unwrap();
     }
 
     #[test]

@@ -95,6 +95,9 @@ struct Arguments {
     /// Add the faulted runs to the ledger beside this file, and write it as the page of the ledger.
     #[arg(long, value_name = "FILE")]
     page: Option<PathBuf>,
+    /// If the ledger is of another menu, keep its sums, and begin it anew.
+    #[arg(long, requires = "page")]
+    begin_anew: bool,
     /// Play nothing, and put the pieces of these ledgers into that of the page. In any order, and each as often as you
     /// like: the page is the same.
     #[arg(long, value_name = "LEDGER", num_args = 1.., requires = "page")]
@@ -170,6 +173,7 @@ fn faulted(arguments: &Arguments) -> ExitCode {
     // A ledger that cannot take the seeds is noticed before they are played.
     let ledger = arguments.page.as_deref().map(|page| {
         let ledger = Ledger::read(page)?;
+        let ledger = if arguments.begin_anew { ledger.begun_anew() } else { ledger };
         ledger.admits(page, &arguments.range())?;
         Ok::<_, LedgerError>((page, ledger))
     });

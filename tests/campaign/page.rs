@@ -4,7 +4,7 @@ use std::fmt::{self, Display};
 
 use crate::{
     campaign::Counts,
-    ledger::{Ledger, Piece},
+    ledger::{Earlier, Ledger, Piece},
 };
 
 /// A page about the pieces of a ledger.
@@ -24,7 +24,7 @@ impl Display for Page<'_> {
              `campaign.json`, and writes the page of all pieces again; with `--seeds 0` it only writes the \
              page. No seed is in two pieces. The same seeds give the same counts and the same digest with \
              the same program. The digest of the menu says what seeds draw; seeds of another menu are others, \
-             and have a ledger of their own. `--first-seed K --seeds 1 --records` plays one of them and prints its \
+             and with `--begin-anew` only the sums of another menu are kept. `--first-seed K --seeds 1 --records` plays one of them and prints its \
              records.\n\n\
              Each seed draws a bench (five analyzers, three makes of drives, serial lines and networks, \
              one of five samples), a protocol of one touch or two, and one to four faults, each in a \
@@ -67,6 +67,7 @@ impl Display for Page<'_> {
              before 2026-11-25 marked no touch whose protocol has no check of slip.\n"
         )?;
         self.pieces(f)?;
+        self.earlier(f)?;
         writeln!(f, "## Reasons\n\n| reason | number |\n| --- | ---: |")?;
         for (reason, count) in &counts.reasons {
             writeln!(f, "| {} | {count} |", reason.replace('|', "/"))?;
@@ -83,7 +84,31 @@ impl Display for Page<'_> {
     }
 }
 
+fn listed(seeds: &[u64]) -> String {
+    let seeds: Vec<String> = seeds.iter().map(u64::to_string).collect();
+    if seeds.is_empty() { "none".to_owned() } else { seeds.join(", ") }
+}
+
 impl Page<'_> {
+    /// What was counted with other menus, if anything.
+    fn earlier(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.0.earlier.is_empty() {
+            return Ok(());
+        }
+        writeln!(
+            f,
+            "## Earlier menus\n\nWhen benches, protocols or faults change, the seeds draw others, and are counted again. The \
+             counts above are without these.\n\n\
+             | menu | runs | touches | faults | failed | software |\n| --- | ---: | ---: | ---: | --- | --- |"
+        )?;
+        for earlier in &self.0.earlier {
+            let Earlier { menu, runs, touches, faults, failed_seeds, software } = earlier;
+            let (failed, software) = (listed(failed_seeds), software.join(", "));
+            writeln!(f, "| `{menu}` | {runs} | {touches} | {faults} | {failed} | {software} |")?;
+        }
+        writeln!(f)
+    }
+
     /// Every piece with the program that played it.
     fn pieces(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
@@ -95,8 +120,7 @@ impl Page<'_> {
         )?;
         for piece in &self.0.pieces {
             let Piece { first_seed, jobs, seconds, software, program, counts, .. } = piece;
-            let failed: Vec<String> = counts.failed_seeds.iter().map(u64::to_string).collect();
-            let failed = if failed.is_empty() { "none".to_owned() } else { failed.join(", ") };
+            let failed = listed(&counts.failed_seeds);
             writeln!(
                 f,
                 "| {first_seed} to {} | {} | {} | {} | {failed} | {jobs} | {:.0} | {software} | \

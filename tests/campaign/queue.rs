@@ -166,7 +166,7 @@ fn gather(
     all.admits(page, &arguments.range())?;
     let pieces = queue.gather(&arguments.range(), within)?;
     println!("{} pieces", pieces.len());
-    all.merge(page, Ledger { menu: ledger::menu(), pieces })?;
+    all.merge(page, Ledger { pieces, ..Ledger::new(ledger::menu()) })?;
     all.write(page)?;
     println!("{}", all.counts());
     Ok(write_page(page, &all)?)

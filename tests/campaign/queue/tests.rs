@@ -107,7 +107,7 @@ fn play_all(queue: &Queue) -> u64 {
 #[track_caller]
 fn merged(pieces: &[Piece]) -> Ledger {
     let mut ledger = Ledger::new(MENU.to_owned());
-    let other = Ledger { menu: MENU.to_owned(), pieces: pieces.to_vec() };
+    let other = Ledger { pieces: pieces.to_vec(), ..Ledger::new(MENU.to_owned()) };
     ledger.merge(Path::new("page.md"), other).unwrap();
     ledger
 }
@@ -335,7 +335,7 @@ fn a_chunk_that_is_played_twice_counts_once_unless_its_runs_differ() {
     queue.finish(&taken, &piece(taken.chunk, 8)).unwrap();
     let pieces = queue.gather(&(1..26), WITHIN).unwrap();
     let merged = Ledger::new(MENU.to_owned())
-        .merge(Path::new("page.md"), Ledger { menu: MENU.to_owned(), pieces });
+        .merge(Path::new("page.md"), Ledger { pieces, ..Ledger::new(MENU.to_owned()) });
     assert!(matches!(merged, Err(LedgerError::Digests { .. })), "{merged:?}");
 }
 
