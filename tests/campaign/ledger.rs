@@ -73,7 +73,7 @@ pub(crate) enum LedgerError {
     Format { path: PathBuf, source: serde_json::Error },
     #[error(
         "{} is of the menu {known}, and this program plays the menu {present}: with --begin-anew, its pieces make \
-         place for others, and their sums are kept", path.display()
+         place for others, and their sums are kept when seeds are played", path.display()
     )]
     Menu { path: PathBuf, known: String, present: String },
     #[error(
@@ -126,6 +126,7 @@ impl Ledger {
         let counts = self.counts();
         let mut software: Vec<String> =
             self.pieces.into_iter().map(|piece| piece.software).collect();
+        software.sort();
         software.dedup();
         let (menu, faults) = (self.menu, counts.table.total());
         let Counts { runs, touches, failed_seeds, .. } = counts;
@@ -182,6 +183,11 @@ impl Ledger {
             return Err(LedgerError::Menu { path, known, present: other.menu });
         }
         self.menu = other.menu;
+        for earlier in other.earlier {
+            if !self.earlier.contains(&earlier) {
+                self.earlier.push(earlier);
+            }
+        }
         for piece in other.pieces {
             let seeds = piece.range();
             match self.pieces.iter().find(|known| known.range() == seeds) {

@@ -96,7 +96,7 @@ struct Arguments {
     #[arg(long, value_name = "FILE")]
     page: Option<PathBuf>,
     /// If the ledger is of another menu, keep its sums, and begin it anew.
-    #[arg(long, requires = "page")]
+    #[arg(long, requires = "page", conflicts_with_all = ["merge", "queue"])]
     begin_anew: bool,
     /// Play nothing, and put the pieces of these ledgers into that of the page. In any order, and each as often as you
     /// like: the page is the same.
@@ -254,6 +254,8 @@ fn gather(
     if seeds > 0 {
         let (software, program) = (rigd::rig::SOFTWARE.to_owned(), program::digest()?);
         ledger.add(Piece { first_seed, seeds, jobs, seconds, software, program, counts });
+    }
+    if seeds > 0 || arguments.begin_anew {
         ledger.write(page)?;
     }
     write_page(page, &ledger)

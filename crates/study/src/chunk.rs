@@ -222,6 +222,10 @@ impl Whole {
         if let Some((found, expected)) = differ(|whole| &whole.arguments) {
             return refused(ChunkError::Arguments { path: to, found, expected });
         }
+        let ChunkNumber { number, of } = chunk.place;
+        if !(1..=of).contains(&number) {
+            return refused(ChunkError::Cut { path: to, found: of, expected: number });
+        }
         let (found, expected) = (chunk.results.len(), chunk.place.of(0..items).count());
         if found != expected {
             return refused(ChunkError::Length { path: to, found, expected });
