@@ -72,8 +72,8 @@ pub(crate) enum LedgerError {
     #[error("{} is not a ledger of this campaign", path.display())]
     Format { path: PathBuf, source: serde_json::Error },
     #[error(
-        "{} is of the menu {known}, and this program plays the menu {present}: with --begin-anew, its pieces make \
-         place for others, and their sums are kept when seeds are played", path.display()
+        "{} is of the menu {known}, and the seeds are of the menu {present}: play some with --begin-anew, which keeps \
+         the sums of its pieces", path.display()
     )]
     Menu { path: PathBuf, known: String, present: String },
     #[error(
@@ -178,7 +178,8 @@ impl Ledger {
     /// # Errors
     /// Another menu, seeds that are in part those of another piece, and the same seeds with other runs.
     pub(crate) fn merge(&mut self, page: &Path, other: Self) -> Result<(), LedgerError> {
-        if self.menu != other.menu && !self.pieces.is_empty() {
+        let is_begun = !self.pieces.is_empty() || !self.earlier.is_empty();
+        if self.menu != other.menu && is_begun {
             let (path, known) = (beside(page), self.menu.clone());
             return Err(LedgerError::Menu { path, known, present: other.menu });
         }
@@ -291,8 +292,15 @@ mod tests {
         let mut other = piece(1, 100, 5);
         other.counts.digest = 1;
         assert!(matches!(refused(other), LedgerError::Digests { .. }));
-        let other = Ledger { pieces: vec![piece(301, 100, 0)], ..Ledger::new("0".repeat(16)) };
-        assert!(matches!(all.merge(page, other), Err(LedgerError::Menu { .. })));
+        let other = || Ledger { pieces: vec![piece(301, 100, 0)], ..Ledger::new("0".repeat(16)) };
+        assert!(matches!(all.merge(page, other()), Err(LedgerError::Menu { .. })));
+        // An old ledger is not begun again, and its sums are kept once.
+        let mut anew = other().begun_anew();
+        assert!(matches!(anew.merge(page, other()), Err(LedgerError::Menu { .. })));
+        for _ in 0..2 {
+            all.merge(page, other().begun_anew()).unwrap();
+        }
+        assert_eq!((all.earlier.len(), all.pieces.len()), (1, 2));
     }
 
     #[test]

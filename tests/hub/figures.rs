@@ -168,6 +168,7 @@ impl FiguresArgs {
 
 /// How values in ms lie.
 pub(crate) struct Spread {
+    mean: f32,
     median: f32,
     at_99: f32,
     longest: f32,
@@ -177,18 +178,21 @@ impl Spread {
     /// Of any number of values; NaN without one.
     pub(crate) fn of(mut ms: Vec<f32>) -> Self {
         ms.sort_by(f32::total_cmp);
+        let sum: f64 = ms.iter().copied().map(f64::from).sum();
+        #[expect(clippy::cast_possible_truncation, reason = "it is printed with one digit")]
+        let mean = (sum / ms.len() as f64) as f32;
         let part = |hundredths: usize| {
             let place = ms.len().saturating_sub(1) * hundredths / 100;
             ms.get(place).copied().unwrap_or(f32::NAN)
         };
-        Self { median: part(50), at_99: part(99), longest: part(100) }
+        Self { mean, median: part(50), at_99: part(99), longest: part(100) }
     }
 }
 
 impl fmt::Display for Spread {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { median, at_99, longest } = self;
-        write!(f, "median {median:.1}, 99 % {at_99:.1}, longest {longest:.1} ms")
+        let Self { mean, median, at_99, longest } = self;
+        write!(f, "mean {mean:.1}, median {median:.1}, 99 % {at_99:.1}, longest {longest:.1} ms")
     }
 }
 

@@ -47,9 +47,11 @@ pub(crate) async fn print(
     let (news, of_rig) = watch::channel(0);
     let (end, ended) = watch::channel(None);
     let (begin, may_begin) = mpsc::channel();
+    let (all_seen, may_end) = mpsc::channel();
     let writer = {
         let (data, times_us) = (data.path().to_owned(), times_us.to_owned());
-        thread::spawn(move || write(&data, &times_us, duration, &may_begin, &news, &end))
+        let may = [may_begin, may_end];
+        thread::spawn(move || write(&data, &times_us, duration, &may, &news, &end))
     };
     // The rig has made its journal.
     of_rig.clone().changed().await.unwrap();
@@ -62,17 +64,19 @@ pub(crate) async fn print(
     begin.send(()).unwrap();
     let (in_hub, by_viewer) =
         tokio::join!(look(hub, &journal, ended.clone()), listen(&mut heard, ended));
+    all_seen.send(()).unwrap();
     let written = writer.join().unwrap();
     told("in PostgreSQL, where the page reads it", &written, &in_hub);
     told("at a viewer, by NATS", &written, &by_viewer);
 }
 
-/// Records at these times until the duration is over. `news` has the last event, and `end` the last of all.
+/// Records at these times until the duration is over, once it may begin, and closes the journal when it may end. `news` has
+/// the last event, and `end` the last of all.
 fn write(
     data: &Path,
     times_us: &[u64],
     duration: Duration,
-    may_begin: &mpsc::Receiver<()>,
+    [may_begin, may_end]: &[mpsc::Receiver<()>; 2],
     news: &watch::Sender<u64>,
     end: &watch::Sender<Option<u64>>,
 ) -> Times {
@@ -96,8 +100,7 @@ fn write(
     }
     assert_eq!(reader.last_event().unwrap(), event);
     end.send_replace(Some(event));
-    // Who ships has all of it before the rig closes.
-    thread::sleep(Duration::from_secs(1));
+    may_end.recv().unwrap();
     written
 }
 
@@ -134,21 +137,26 @@ async fn listen(watch: &mut Watch, mut ended: watch::Receiver<Option<u64>>) -> T
     }
     let mut seen = Times::new();
     let mut end = None;
+    let mut until = tokio::time::Instant::now() + LAST_WITHIN;
     loop {
         if end.is_some_and(|end| seen.contains_key(&end)) {
             return seen;
         }
-        let next = tokio::time::timeout(LAST_WITHIN, watch.next());
+        let next = tokio::time::timeout_at(until, watch.next());
         let heard = tokio::select! {
             heard = next => heard.expect("a viewer hears nothing").unwrap(),
             Ok(()) = ended.changed() => {
                 end = *ended.borrow();
+                until = tokio::time::Instant::now() + LAST_WITHIN;
                 continue;
             }
         };
         if heard.kind.is_some() {
             let Document { event } = serde_json::from_str(&heard.document).unwrap();
             seen.entry(event).or_insert_with(Instant::now);
+            if end.is_none() {
+                until = tokio::time::Instant::now() + LAST_WITHIN;
+            }
         }
     }
 }

@@ -97,10 +97,13 @@ fn head(grid: &Grid) -> String {
     format!("# {grid}\n{}\n", COLUMNS.join(","))
 }
 
-/// Writes the file with the lines of all blocks, in the place of the one that may be there.
+/// Writes the file with the lines of all blocks, as a whole, in the place of the one that may be there.
 pub(super) fn write(path: &Path, grid: &Grid, blocks: &[String]) -> Result<(), StudyError> {
     let text = head(grid) + &blocks.concat();
-    fs::write(path, text).map_err(|source| StudyError::File { path: path.to_owned(), source })
+    let begun = path.with_extension(format!("{}.csv", std::process::id()));
+    fs::write(&begun, text)
+        .and_then(|()| fs::rename(&begun, path))
+        .map_err(|source| StudyError::File { path: path.to_owned(), source })
 }
 
 /// The lines of a block.
