@@ -190,6 +190,25 @@ fn a_first_reading_that_begins_late_is_no_second_mode() {
 }
 
 #[test]
+fn a_survey_of_a_resonance_that_drifts_finds_the_phase_error_and_no_second_mode() {
+    let rates_hz_per_s = [0.01, -0.003, -0.01, 0.003].into_iter().cycle();
+    let (mut squares, seeds) = (0.0, 24);
+    for ((seed, of), rate) in (1..=seeds).zip(SENSORS.into_iter().cycle()).zip(rates_hz_per_s) {
+        let truth = sensor(of, seed);
+        let mut scene = Scene::new(truth, (0.0, 0.0), 0.3, seed);
+        scene.sensor.drift_hz_per_s = rate;
+        let (verdict, bench, _) = scene.survey();
+        let Some(bench) = bench else { panic!("seed {seed}: {verdict:?}") };
+        let off = (bench.phase_rad - 0.3_f64.to_radians()) / bench.phase_sigma_rad;
+        assert!(off.abs() < 4.5, "seed {seed}: {off}");
+        squares += off * off;
+    }
+    // The sum has a standard deviation of about the root of twice their number.
+    let seeds = seeds as f64;
+    assert!(squares < seeds + 4.0 * (2.0 * seeds).sqrt(), "{squares} of {seeds} surveys");
+}
+
+#[test]
 fn a_phase_error_that_no_analyzer_has_is_refused() {
     let mut scene = Scene::new(sensor((30.0, 0.1), 3), (0.0, 0.0), 20.0, 3);
     let (verdict, bench, _) = scene.survey();

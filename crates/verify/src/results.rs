@@ -38,9 +38,9 @@ const TIME_REL: f64 = 0.3;
 /// The stated quality factor and ratio of capacitances over those of this checker.
 const Q_RATIO: [f64; 2] = [0.5, 2.0];
 /// Shortest time constant of a relaxation that readings with a free decay tell from it, in time constants of that
-/// decay, and in durations of the sweep. rigd compares none that is shorter than two such decays by a quality factor of
-/// before the last fit, which may have been half as large.
-const RELAXATION_DECAYS: f64 = 1.0;
+/// decay, and in durations of the sweep. rigd compares none that is shorter than two such decays, and follows none that is
+/// shorter than 1.8.
+const RELAXATION_DECAYS: f64 = 1.75;
 const RELAXATION_SPANS: f64 = 0.9 / 10.0;
 /// Largest number of readings of which each is tried as a wrong one.
 const SUSPECTS: usize = 60;

@@ -3,8 +3,9 @@
 //! Every sweep ends at its time limit or at one of these counts. A sweep that reaches its target needs
 //! far less than these counts, so that a sweep that exhausts one has too strict a target.
 
-/// Largest number of readings of one sweep. Sweeps that reach their target take up to 180.
-pub(crate) const READINGS_MAX: usize = 240;
+/// Largest number of readings of one sweep. Sweeps that reach their target take up to 180, and up to twice as many with
+/// a wrong reading, on the sensors with the weakest resonance.
+pub(crate) const READINGS_MAX: usize = 400;
 /// Largest number of judgements of one sweep. Sweeps that reach their target hardly ever need 30, and
 /// each judgement costs as much as a few readings.
 pub(crate) const VERDICTS_MAX: usize = 36;

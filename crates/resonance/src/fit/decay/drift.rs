@@ -156,7 +156,8 @@ impl Stays {
         }
         let trials = &Trials::none();
         let search = Search { stays: &stays, trials, expected, noise };
-        if search.is_misfit(&found) {
+        let is_slow = stays.drift.is_none_or(|drift| drift.shape.is_slow(&found.at));
+        if !is_slow || search.is_misfit(&found) {
             return self.drift.and_then(|_| constant());
         }
         if self.drift.is_none() {

@@ -1,12 +1,13 @@
 //! Tests that the gradient is that of the cost and that the fit recovers the circuit.
 
-use std::time::Duration;
+use std::{f64::consts::PI, time::Duration};
 
 use rig_model::{Impedance, PointResult, RigTime};
 
 use super::{model::Branch, *};
 use crate::{
-    Circuit, FitOptions, NoisePrior, Timing, circuit::trace::ExtraTerm, noise::PooledVariance,
+    Circuit, Extra, FitOptions, NoisePrior, Timing, circuit::trace::ExtraTerm,
+    noise::PooledVariance,
 };
 
 /// Stays of a circuit whose readings are slightly late and slightly wrong.
@@ -264,7 +265,29 @@ fn a_sweep_that_is_short_against_the_decay_can_drift_only_steadily() {
         followed_from(&stays, &constant).expect("it moves by many standard deviations");
     // No other shape is possible, and at the effective time the change adds nothing.
     assert_eq!(found.sigma_by_drift(), 0.0);
-    assert!(matches!(found.drift.unwrap().extra(), crate::Extra::Drift { .. }));
+    assert!(matches!(found.drift.unwrap().extra(), Extra::Drift { .. }));
+}
+
+/// The search begins with a decay that is too short, beside which these relaxations are slow ones.
+#[test]
+fn a_relaxation_that_is_followed_is_slow_beside_the_decay_of_the_circuit_found() {
+    let at = ModelEstimate { q: 200.0, ..AT };
+    let mut followed = 0;
+    for (time_s, change_hz) in [(0.7, 0.3), (0.7, -0.3), (0.8, 0.2), (0.8, -0.2)] {
+        let off_hz = |s: f64| change_hz * -(-s / time_s).exp_m1();
+        let stays = moving_in(&at, (&flanks_hz()[..10], 20, 0.01), off_hz);
+        let mut start = stays.minimum(at, &CircuitPrior::any(30.0));
+        start.at.q *= 0.7;
+        // One that is not followed is refused later.
+        let Some((found, best)) = followed_from(&stays, &start) else { continue };
+        let Extra::Relaxation { time_s: found_s, .. } = found.drift.unwrap().extra() else {
+            panic!("{time_s} s, {change_hz} Hz: {:?}", found.drift);
+        };
+        let decay_s = best.at.q / (PI * best.at.resonance_hz);
+        assert!(found_s > 1.8 * decay_s, "{time_s} s, {change_hz} Hz: {found_s} s, {decay_s} s");
+        followed += 1;
+    }
+    assert!(followed >= 2, "{followed} of 4");
 }
 
 #[test]

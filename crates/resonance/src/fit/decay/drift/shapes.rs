@@ -20,8 +20,13 @@ const STEEPNESS: [f64; SHAPES - 1] = [0.0, 0.5, 1.0, 2.0, 3.0, 4.5, 7.0];
 const STEEPNESS_MAX: f64 = 10.0;
 /// Number of unknowns of the circuit and a drift of each shape.
 pub(in crate::fit::decay) const WITH_SHAPES: usize = CIRCUIT + SHAPES;
-/// A relaxation is slower than the free decay by at least this factor. A faster one looks like a free decay.
+/// A relaxation is looked for if it is slower than the free decay by at least this factor. A faster one looks like a free
+/// decay.
 const SLOW: f64 = 2.0;
+/// The decay of the circuit that is found with a relaxation may be longer by the inverse of this factor.
+const SLOW_AFTER: f64 = 0.9;
+/// The next smaller shape is at most this part of the largest one: the polynomial needs shapes that differ.
+const APART: f64 = 0.95;
 /// Further shapes between the likeliest one and both of its neighbours, and how often they are added.
 const BETWEEN: u32 = 3;
 const REFINEMENTS: usize = 2;
@@ -64,6 +69,11 @@ impl Shape {
         Moving { per_s: self.per_s(s), middle_s, relaxation_per_s }
     }
 
+    /// Whether it is slow enough to differ from the free decay of this circuit.
+    pub(super) fn is_slow(&self, at: &ModelEstimate) -> bool {
+        self.is_even() || SLOW_AFTER * self.steepness <= steepest(self.span_s, at)
+    }
+
     /// The time at which it has this value, within the sweep.
     pub(super) fn time_of(&self, value: f64) -> f64 {
         let value = value.clamp(0.0, 1.0);
@@ -72,6 +82,12 @@ impl Shape {
         }
         -self.span_s / self.steepness * (value * (-self.steepness).exp_m1()).ln_1p()
     }
+}
+
+/// The steepness of the fastest relaxation that is looked for beside this circuit.
+fn steepest(span_s: f64, at: &ModelEstimate) -> f64 {
+    let decay_s = at.q / (PI * at.resonance_hz);
+    (span_s / (SLOW * decay_s)).min(STEEPNESS_MAX)
 }
 
 /// A drift of one shape, as the equations of the stays give it.
@@ -102,6 +118,8 @@ pub(super) struct Shapes {
     pub(super) span_s: f64,
     /// Their steepness, rising from 0.
     steepness: Vec<f64>,
+    /// The largest one that is possible.
+    last: f64,
     pub(super) normal: Normal<WITH_SHAPES>,
     /// The index of the shape of the present drift.
     present: usize,
@@ -114,11 +132,13 @@ pub(super) struct Shapes {
 impl Shapes {
     pub(super) fn new(stays: &Stays, best: &Hypothesis) -> Self {
         let (span_s, at) = (stays.span_s(), best.at);
-        let decay_s = at.q / (PI * at.resonance_hz);
-        let last = (span_s / (SLOW * decay_s)).min(STEEPNESS_MAX);
+        let last = steepest(span_s, &at);
         let bent = (last >= STEEPNESS[1]).then_some(last);
-        let mut steepness: Vec<f64> =
-            STEEPNESS.into_iter().filter(|steepness| *steepness < last).chain(bent).collect();
+        let mut steepness: Vec<f64> = STEEPNESS
+            .into_iter()
+            .filter(|steepness| *steepness < APART * last)
+            .chain(bent)
+            .collect();
         let (mut present, mut changes) = (0, [0.0; 2]);
         if let Some(Drift { shape, change, at_s, .. }) = stays.drift {
             if !shape.is_even() {
@@ -133,7 +153,7 @@ impl Shapes {
             }
             changes = [change, change * shape.at(at_s)];
         }
-        Self { span_s, steepness, normal: Normal::default(), present, changes, at }
+        Self { span_s, steepness, last, normal: Normal::default(), present, changes, at }
     }
 
     pub(super) fn all(&self) -> impl Iterator<Item = Shape> + use<'_> {
@@ -157,7 +177,10 @@ impl Shapes {
 
     /// The drifts of these shapes and of further ones around the likeliest, in the order of their steepness.
     pub(super) fn candidates(&self, expected: &CircuitPrior) -> Vec<Candidate> {
-        let of = |steepness: f64| self.candidate(steepness, expected);
+        // The present drift can be faster than the present circuit allows.
+        let of = |steepness: f64| {
+            (steepness <= self.last).then(|| self.candidate(steepness, expected)).flatten()
+        };
         let mut all: Vec<Candidate> = self.steepness.iter().copied().filter_map(of).collect();
         for _ in 0..REFINEMENTS {
             let gain = |n: &usize| all[*n].gain;
