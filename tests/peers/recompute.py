@@ -215,11 +215,15 @@ def main():
         rows = readings[sweep["sweep"]]
         column = lambda name: np.array([float(row[name]) for row in rows])
         frequency = column("frequency_hz")
-        # The errors of the analyzer that a survey found: of its phase, rad, and of the first gap, s.
-        phase = float(rows[0]["fit_bench_phase_rad"] or 0)
-        first_gap = float(rows[0]["fit_bench_first_gap_s"] or 0)
+        # What a survey found: the errors of the analyzer, of its phase, rad, and of the first gap, s, and the dispersion, F.
+        bench = {name.removeprefix("fit_bench_"): float(value or 0) for name, value in rows[0].items()
+                 if name.startswith("fit_bench_")}
+        phase, first_gap = bench["phase_rad"], bench["first_gap_s"]
         impedance = column("resistance_ohm") + 1j * column("reactance_ohm")
         impedance = impedance * np.exp(-1j * phase)
+        if bench["dispersion_f"] != 0:
+            farad = bench["dispersion_f"] * np.log(2 * frequency / (bench["min_hz"] + bench["max_hz"]))
+            impedance = 1 / (1 / impedance - 2j * np.pi * frequency * farad)
         times = [column(name) for name in ("started_s", "settle_s", "integration_s")]
         names = ("resonance_hz", "quality_factor", "static_capacitance_f", "capacitance_ratio")
         stated = [*np.log([float(sweep[name]) for name in names]), float(sweep["loss_tangent"])]

@@ -1,5 +1,8 @@
 //! What stays the same on a bench from sweep to sweep.
 
+use std::f64::consts::TAU;
+
+use num_complex::Complex64;
 use rig_model::Window;
 
 /// The knowledge of an analyzer and its surroundings from a survey.
@@ -13,8 +16,28 @@ pub struct Bench {
     /// than recorded, s: an analyzer may begin a reading that comes with its settings later than others. It
     /// varies by as much.
     pub first_gap_s: f64,
+    /// Change of the static capacitance for each factor e of the frequency, F, from the middle of `surveyed` on:
+    /// the dielectric disperses. Its admittance is subtracted from that of each reading.
+    pub dispersion_farad: f64,
+    /// Its standard deviation, F.
+    pub dispersion_sigma_farad: f64,
     /// Standard deviation of the capacitance of a possible second mode, relative to that of the first.
     pub mode_sigma: f64,
     /// The frequencies at which a second mode would have been noticed.
     pub surveyed: Window,
+}
+
+impl Bench {
+    /// The impedance, ohm, without the errors of the analyzer and the dispersion.
+    pub(crate) fn corrected(&self, frequency_hz: f64, ohm: Complex64) -> Complex64 {
+        let turned = ohm * Complex64::cis(-self.phase_rad);
+        let admittance = dispersion(self.surveyed, frequency_hz) * self.dispersion_farad;
+        turned / (1.0 - turned * admittance)
+    }
+}
+
+/// The admittance of a dispersion of 1 F after a survey of this window.
+pub(crate) fn dispersion(surveyed: Window, frequency_hz: f64) -> Complex64 {
+    let middle_hz = 0.5 * (surveyed.min_hz + surveyed.max_hz);
+    Complex64::new(0.0, TAU * frequency_hz * (frequency_hz / middle_hz).ln())
 }

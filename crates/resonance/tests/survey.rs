@@ -4,7 +4,10 @@
 #[expect(dead_code, reason = "each test file uses its part")]
 mod support;
 
-use std::time::Duration;
+use std::{
+    f64::consts::{FRAC_2_PI, TAU},
+    time::Duration,
+};
 
 use num_complex::Complex64;
 use rig_model::{Reading, RigTime, SweepMethod, SweepPoint, SweepRequest};
@@ -25,6 +28,8 @@ struct Scene {
     /// reading began later than recorded.
     late_s: f64,
     noise: f64,
+    /// tan δ of a dielectric of constant phase, whose capacitance falls with the frequency.
+    constant_phase: f64,
     /// Largest additional length of a gap, and largest error of its recorded length, s.
     gaps_s: (f64, f64),
     now: RigTime,
@@ -46,6 +51,7 @@ impl Scene {
             phase: Complex64::cis(phase_deg.to_radians()),
             late_s: 0.0,
             noise: NOISE,
+            constant_phase: 0.0,
             gaps_s: (0.0, 0.0),
             now: RigTime::from_micros(1_000_000),
             last_hz: 0.0,
@@ -70,6 +76,11 @@ impl Scene {
             let motional = 1.0 / impedance(&other) - fixed.admittance_siemens(point.frequency_hz);
             ohm = 1.0 / (1.0 / ohm + motional);
         }
+        // The admittance is (jf)^(1 - n), of which that without losses is in the plant.
+        let lossless = Complex64::new(0.0, TAU * point.frequency_hz * self.sensor.circuit.c0_farad);
+        let n = FRAC_2_PI * self.constant_phase.atan();
+        let other = Complex64::new(0.0, point.frequency_hz / 140.0).powf(-n) - 1.0;
+        ohm = 1.0 / (1.0 / ohm + lossless * other);
         let (longest_s, error_s) = self.gaps_s;
         let gap_s = GAP_S + self.random.between(0.0, longest_s);
         self.sensor.drive(point.frequency_hz, gap_s);
@@ -140,6 +151,31 @@ fn a_survey_finds_the_phase_error_and_later_sweeps_are_right_with_it() {
         let Some(found) = verdict.accepted() else { panic!("seed {seed}: {verdict:?}") };
         let off_hz = found.resonance_hz - truth.resonance_hz;
         assert!(is_near(off_hz, found.sigma_hz), "seed {seed}: {off_hz} {}", found.sigma_hz);
+    }
+}
+
+#[test]
+fn a_survey_finds_the_dispersion_of_a_dielectric_of_constant_phase() {
+    let tangents = [0.02, 0.05, 0.0, 0.01].into_iter().cycle().skip(1);
+    for ((seed, of), tangent) in (1..=15).zip(SENSORS.into_iter().cycle()).zip(tangents) {
+        let truth = sensor(of, seed);
+        let scene = Scene::new(truth, (0.0, 0.0), 0.3, seed);
+        let mut scene = Scene { constant_phase: tangent, ..scene };
+        let (verdict, bench, _) = scene.survey();
+        let Some(bench) = bench else { panic!("seed {seed}: {verdict:?}") };
+        let is_near = |off: f64, sigma: f64| off.abs() < 4.5 * sigma;
+        let dispersion_farad = -FRAC_2_PI * tangent.atan() * truth.c0_farad;
+        let off_farad = bench.dispersion_farad - dispersion_farad;
+        let context = format!("seed {seed}, tan δ {tangent}: {bench:?}");
+        assert!(is_near(off_farad, bench.dispersion_sigma_farad), "{context}");
+        assert!(bench.dispersion_sigma_farad < 0.01 * truth.c0_farad, "{context}");
+        assert!(
+            is_near(bench.phase_rad - 0.3_f64.to_radians(), bench.phase_sigma_rad),
+            "{context}"
+        );
+        let (verdict, ..) = scene.sweep(&request(SweepMethod::Adaptive), Some(bench));
+        let Some(found) = verdict.accepted() else { panic!("{context}: {verdict:?}") };
+        assert!(is_near(found.resonance_hz - truth.resonance_hz, found.sigma_hz), "{context}");
     }
 }
 

@@ -338,6 +338,10 @@ pub(crate) struct Bench {
     pub(crate) phase_sigma_rad: f64,
     #[serde(default)]
     pub(crate) first_gap_s: f64,
+    #[serde(default)]
+    pub(crate) dispersion_f: f64,
+    #[serde(default)]
+    pub(crate) dispersion_sigma_f: f64,
     pub(crate) mode_sigma: f64,
     pub(crate) surveyed_hz: [f64; 2],
 }

@@ -7,7 +7,7 @@ use crate::{
     fit::{self, Fitted, Motion, Stated},
     labels::READINGS_PER_OUTLIER,
     record::{Circuit, Extra, FitNoise, FitSettings, Outcome, Reading, Sweep},
-    survey::{self, Doubt, turned},
+    survey::{self, Doubt, corrected},
 };
 
 /// A stated resonance may differ from the fit of this checker by this many of its standard deviations.
@@ -193,11 +193,16 @@ fn check_readings(accepted: &Accepted, readings: &[Reading]) -> (Findings, f64) 
     let stated = circuit.as_ref().filter(|_| *sigma_hz > 0.0 && sigma_hz.is_finite());
     let bench = settings.and_then(|settings| settings.bench);
     let bench = bench.filter(|_| motion != Motion::Settled);
-    let fit_at = |phase_rad: f64, motion, circuit| {
-        let turned = turned(readings, -phase_rad);
+    let fit_with = |bench: Option<&Bench>, circuit| {
         let (resonance_hz, effective_time_s) = (*resonance_hz, *effective_time_s);
         let stated = Stated { resonance_hz, circuit, extra: extra.as_ref(), effective_time_s };
-        fit::fit(&turned, motion, noise, stated)
+        match bench {
+            Some(bench) => {
+                let motion = Motion::Ringing { first_gap_s: bench.first_gap_s };
+                fit::fit(&corrected(readings, bench), motion, noise, stated)
+            }
+            None => fit::fit(readings, motion, noise, stated),
+        }
     };
     if let (Some(circuit), Some(Extra::Relaxation { time_s, .. })) = (stated, extra) {
         let decay_s = circuit.quality_factor / (PI * resonance_hz);
@@ -209,8 +214,7 @@ fn check_readings(accepted: &Accepted, readings: &[Reading]) -> (Findings, f64) 
             return (findings, f64::NAN);
         }
     }
-    let phase_rad = bench.map_or(0.0, |bench| bench.phase_rad);
-    let fitted = stated.and_then(|circuit| Some((fit_at(phase_rad, motion, circuit)?, circuit)));
+    let fitted = stated.and_then(|circuit| Some((fit_with(bench.as_ref(), circuit)?, circuit)));
     let Some((fitted, circuit)) = fitted else {
         let what = "no resonance follows from the readings";
         add(Check::Resonance, what, "none".to_owned(), *resonance_hz, None);
@@ -224,8 +228,8 @@ fn check_readings(accepted: &Accepted, readings: &[Reading]) -> (Findings, f64) 
         add(Check::Resonance, what, "near 1".to_owned(), scatter, Some(most.to_string()));
     }
     if let Some(bench) = bench.filter(|_| *is_survey) {
-        let cost = |phase_rad: f64, first_gap_s: f64| {
-            let fit = fit_at(phase_rad, Motion::Ringing { first_gap_s }, circuit)?;
+        let cost = |bench: &Bench| {
+            let fit = fit_with(Some(bench), circuit)?;
             Some(fit.scatter * fit.degrees)
         };
         for Doubt { check, what, expected, found, limit } in
@@ -260,8 +264,12 @@ fn check_outcome(
     let most_hz = if settings.is_some_and(FitSettings::is_ringing) {
         let bench = settings.and_then(|settings| settings.bench);
         let phase_sigma = bench.map_or(0.0, |bench| bench.phase_sigma_rad);
-        // A phase error of a radian moves the resonance by no more than a linewidth.
-        let of_fit = fitted.with_mode_hz.hypot(phase_sigma * fit_hz / quality_factor);
+        let static_f = fitted.circuit.static_capacitance_f;
+        let dispersion_sigma = bench.map_or(0.0, |bench| bench.dispersion_sigma_f / static_f);
+        // A phase error of a radian moves the resonance by no more than a linewidth, and so does a dispersion by which
+        // the capacitance changes as much as it is.
+        let of_bench = phase_sigma.hypot(dispersion_sigma) * fit_hz / quality_factor;
+        let of_fit = fitted.with_mode_hz.hypot(of_bench);
         SIGMA_MOST * of_fit.hypot(SHAPE * fitted.moved_hz)
     } else {
         f64::max(SIGMA_MOST_ON_GRID * fit_sigma, SIGMA_LINEWIDTHS * fit_hz / quality_factor)

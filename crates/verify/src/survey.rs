@@ -1,5 +1,7 @@
 //! What a survey states of the bench follows from its readings.
 
+use std::f64::consts::TAU;
+
 use num_complex::Complex64;
 
 use crate::{
@@ -7,9 +9,9 @@ use crate::{
     record::{Bench, Reading},
 };
 
-/// The phase error of a survey is the one at which its readings fit best, within this many standard
+/// The phase error and the dispersion of a survey are those at which its readings fit best, within this many standard
 /// deviations.
-const PHASE_SIGMAS: f64 = 3.0;
+const SIGMAS: f64 = 3.0;
 /// The sum of squares rises by four at two standard deviations. Stated ones include the drift that the
 /// survey allows for, which this checker does not: by how much less or more it may rise.
 const RISE: [f64; 2] = [0.4, 40.0];
@@ -30,38 +32,48 @@ pub(crate) struct Doubt {
     pub(crate) limit: String,
 }
 
-/// The doubts about a survey with this sum of squares for each phase error and error of the first gap, this
-/// scatter and these degrees of freedom at the stated ones, and this standard deviation of a second mode.
+/// The doubts about a survey with this sum of squares for each statement of the bench, this scatter and these degrees of
+/// freedom at the stated one, and this standard deviation of a second mode.
 pub(crate) fn doubts(
     bench: &Bench,
-    cost: impl Fn(f64, f64) -> Option<f64>,
+    cost: impl Fn(&Bench) -> Option<f64>,
     (scatter, degrees): (f64, f64),
     mode_sigma: f64,
 ) -> Vec<Doubt> {
     let mut doubts = Vec::new();
-    let Bench { phase_rad, phase_sigma_rad: sigma, first_gap_s, mode_sigma: stated, .. } = *bench;
+    let Bench { phase_rad, dispersion_f, first_gap_s, mode_sigma: stated, .. } = *bench;
     // How much the sum of squares rises on both sides of what is stated, and where the parabola through the
     // three points is lowest, in units of the distance to the sides.
-    let parabola = |sides: [Option<f64>; 2]| {
-        let [below, above] = sides.map(|cost| cost.unwrap_or(f64::NAN) / scatter);
+    let parabola = |sides: [Bench; 2]| {
+        let [below, above] = sides.map(|side| cost(&side).unwrap_or(f64::NAN) / scatter);
         let rise = 0.5 * (below + above) - degrees;
         (rise, 0.25 * (below - above) / rise)
     };
-    let (rise, lowest) =
-        parabola([-2.0, 2.0].map(|sigmas| cost(phase_rad + sigmas * sigma, first_gap_s)));
-    let off = 2.0 * lowest;
-    if !((RISE[0]..=RISE[1]).contains(&rise) && off.abs() <= PHASE_SIGMAS) {
-        doubts.push(Doubt {
-            check: Check::Resonance,
-            what: "the phase error of the analyzer, rad",
-            expected: phase_rad + off * sigma,
-            found: phase_rad,
-            limit: format!("{PHASE_SIGMAS} standard deviations of {sigma}"),
-        });
+    let mut check = |what, found: f64, sigma: f64, at: &dyn Fn(f64) -> Bench| {
+        let (rise, lowest) = parabola([-2.0, 2.0].map(|sigmas| at(found + sigmas * sigma)));
+        let off = 2.0 * lowest;
+        if !((RISE[0]..=RISE[1]).contains(&rise) && off.abs() <= SIGMAS) {
+            doubts.push(Doubt {
+                check: Check::Resonance,
+                what,
+                expected: found + off * sigma,
+                found,
+                limit: format!("{SIGMAS} standard deviations of {sigma}"),
+            });
+        }
+    };
+    let what = "the phase error of the analyzer, rad";
+    check(what, phase_rad, bench.phase_sigma_rad, &|phase_rad| Bench { phase_rad, ..*bench });
+    // Records of before it was measured have none.
+    if (dispersion_f, bench.dispersion_sigma_f) != (0.0, 0.0) {
+        let what = "the dispersion of the dielectric, F";
+        let sigma_f = bench.dispersion_sigma_f;
+        check(what, dispersion_f, sigma_f, &|dispersion_f| Bench { dispersion_f, ..*bench });
     }
     let beside_s = FIRST_GAP_BESIDE_S;
-    let (rise, lowest) =
-        parabola([-beside_s, beside_s].map(|away_s| cost(phase_rad, first_gap_s + away_s)));
+    let (rise, lowest) = parabola(
+        [-beside_s, beside_s].map(|away_s| Bench { first_gap_s: first_gap_s + away_s, ..*bench }),
+    );
     let (off_s, sigma_s) = (lowest * beside_s, beside_s / rise.sqrt());
     let limit_s = FIRST_GAP_SIGMAS * sigma_s;
     let is_near = off_s.abs() <= limit_s;
@@ -89,17 +101,22 @@ pub(crate) fn doubts(
     doubts
 }
 
-/// The readings with their phases turned by this angle, rad.
-pub(crate) fn turned(readings: &[Reading], angle_rad: f64) -> Vec<Reading> {
-    let turn = Complex64::cis(angle_rad);
-    let turned = |reading: &Reading| {
+/// The readings without the phase error of the analyzer and the dispersion of the dielectric.
+pub(crate) fn corrected(readings: &[Reading], bench: &Bench) -> Vec<Reading> {
+    let turn = Complex64::cis(-bench.phase_rad);
+    let [low_hz, high_hz] = bench.surveyed_hz;
+    let corrected = |reading: &Reading| {
+        let hz = reading.frequency_hz;
+        let farad = bench.dispersion_f * (2.0 * hz / (low_hz + high_hz)).ln();
+        let without =
+            |ohm: Complex64| ((ohm * turn).inv() - Complex64::new(0.0, TAU * hz * farad)).inv();
         let ohm = reading.resistance_ohm.zip(reading.reactance_ohm);
-        let ohm = ohm.map(|(re, im)| Complex64::new(re, im) * turn);
+        let ohm = ohm.map(|(re, im)| without(Complex64::new(re, im)));
         Reading {
             resistance_ohm: ohm.map(|ohm| ohm.re),
             reactance_ohm: ohm.map(|ohm| ohm.im),
             ..*reading
         }
     };
-    readings.iter().map(turned).collect()
+    readings.iter().map(corrected).collect()
 }

@@ -183,6 +183,8 @@ fn loose_sweep() -> Resonance {
             phase_rad: -0.000_54,
             phase_sigma_rad: 0.001_71,
             first_gap_s: -0.000_43,
+            dispersion_farad: 0.0,
+            dispersion_sigma_farad: 0.0,
             mode_sigma: 0.013_66,
             surveyed: Window { min_hz: 127.1, max_hz: 157.9 },
         }),

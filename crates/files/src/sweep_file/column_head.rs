@@ -3,7 +3,7 @@
 use super::quantity::Quantity;
 
 /// Names of the quantities, in the form of [`plain`].
-const NAMES: [(Quantity, &[&str]); 45] = [
+const NAMES: [(Quantity, &[&str]); 47] = [
     (Quantity::Frequency, &["frequency", "freq", "f"]),
     (
         Quantity::Resistance,
@@ -89,6 +89,8 @@ const NAMES: [(Quantity, &[&str]); 45] = [
     (Quantity::BenchPhase, &["fitbenchphase"]),
     (Quantity::BenchPhaseSigma, &["fitbenchphasesigma"]),
     (Quantity::BenchFirstGap, &["fitbenchfirstgap"]),
+    (Quantity::BenchDispersion, &["fitbenchdispersion"]),
+    (Quantity::BenchDispersionSigma, &["fitbenchdispersionsigma"]),
     (Quantity::BenchMode, &["fitbenchmodesigma"]),
     (Quantity::BenchMin, &["fitbenchmin"]),
     (Quantity::BenchMax, &["fitbenchmax"]),
@@ -131,7 +133,9 @@ impl Quantity {
             | Self::BenchMin
             | Self::BenchMax => (lower == "hz").then_some(1.0),
             Self::BenchPhase | Self::BenchPhaseSigma => (lower == "rad").then_some(1.0),
-            Self::NearCapacitance => (lower == "f").then_some(1.0),
+            Self::NearCapacitance | Self::BenchDispersion | Self::BenchDispersionSigma => {
+                (lower == "f").then_some(1.0)
+            }
             Self::Resistance | Self::Reactance | Self::Magnitude | Self::ParallelResistance => {
                 prefixed(unit, &["ohm", "ohms", "ω"])
             }

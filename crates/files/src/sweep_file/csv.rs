@@ -112,6 +112,8 @@ fn fit_settings(rows: &[Row], faults: &mut FaultCollector) -> FitSettings {
         Quantity::BenchPhase,
         Quantity::BenchPhaseSigma,
         Quantity::BenchFirstGap,
+        Quantity::BenchDispersion,
+        Quantity::BenchDispersionSigma,
         Quantity::BenchMode,
         Quantity::BenchMin,
         Quantity::BenchMax,
@@ -128,8 +130,19 @@ fn fit_settings(rows: &[Row], faults: &mut FaultCollector) -> FitSettings {
         }
     }
     let values = numbers.map(|quantity| first.value(quantity));
-    let [min_hz, max_hz, at_ten_cycles, degrees, target_hz, near @ .., _, _, _, _, _, _] = values;
-    let [.., phase, phase_sigma, first_gap_s, mode_sigma, low_hz, high_hz] = values;
+    let [min_hz, max_hz, at_ten_cycles, degrees, target_hz, near @ .., _, _, _, _, _, _, _, _] =
+        values;
+    let [
+        ..,
+        phase,
+        phase_sigma,
+        first_gap,
+        dispersion,
+        dispersion_sigma,
+        mode_sigma,
+        low_hz,
+        high_hz,
+    ] = values;
     let window = min_hz.zip(max_hz).map(|(min_hz, max_hz)| Window { min_hz, max_hz });
     if let Some(Window { min_hz, max_hz }) = window.filter(|window| window.max_hz <= window.min_hz)
     {
@@ -150,10 +163,16 @@ fn fit_settings(rows: &[Row], faults: &mut FaultCollector) -> FitSettings {
     };
     let bench = match [phase, phase_sigma, mode_sigma, low_hz, high_hz] {
         [Some(phase_rad), Some(phase_sigma_rad), Some(mode_sigma), Some(min_hz), Some(max_hz)] => {
-            let surveyed = Window { min_hz, max_hz };
-            // Older files do not have it.
-            let first_gap_s = first_gap_s.unwrap_or(0.0);
-            Some(Bench { phase_rad, phase_sigma_rad, first_gap_s, mode_sigma, surveyed })
+            Some(Bench {
+                phase_rad,
+                phase_sigma_rad,
+                // Older files do not have these.
+                first_gap_s: first_gap.unwrap_or(0.0),
+                dispersion_farad: dispersion.unwrap_or(0.0),
+                dispersion_sigma_farad: dispersion_sigma.unwrap_or(0.0),
+                mode_sigma,
+                surveyed: Window { min_hz, max_hz },
+            })
         }
         _ => None,
     };

@@ -49,6 +49,8 @@ pub(super) enum Quantity {
     BenchPhase,
     BenchPhaseSigma,
     BenchFirstGap,
+    BenchDispersion,
+    BenchDispersionSigma,
     BenchMode,
     BenchMin,
     BenchMax,
@@ -134,6 +136,8 @@ impl Quantity {
             Self::BenchPhase => "phase error of the analyzer",
             Self::BenchPhaseSigma => "standard deviation of the phase error of the analyzer",
             Self::BenchFirstGap => "error of the first gap",
+            Self::BenchDispersion => "dispersion of the dielectric",
+            Self::BenchDispersionSigma => "standard deviation of the dispersion of the dielectric",
             Self::BenchMode => "standard deviation of a second mode",
             Self::BenchMin => "lower end of the surveyed frequencies",
             Self::BenchMax => "upper end of the surveyed frequencies",
@@ -185,6 +189,8 @@ impl Quantity {
             Self::BenchPhase => "fit_bench_phase_rad",
             Self::BenchPhaseSigma => "fit_bench_phase_sigma_rad",
             Self::BenchFirstGap => "fit_bench_first_gap_s",
+            Self::BenchDispersion => "fit_bench_dispersion_f",
+            Self::BenchDispersionSigma => "fit_bench_dispersion_sigma_f",
             Self::BenchMode => "fit_bench_mode_sigma",
             Self::BenchMin => "fit_bench_min_hz",
             Self::BenchMax => "fit_bench_max_hz",
@@ -210,6 +216,8 @@ impl Quantity {
                 | Self::BenchPhase
                 | Self::BenchPhaseSigma
                 | Self::BenchFirstGap
+                | Self::BenchDispersion
+                | Self::BenchDispersionSigma
                 | Self::BenchMode
                 | Self::BenchMin
                 | Self::BenchMax
@@ -236,6 +244,8 @@ impl Quantity {
             Self::BenchPhase => -1.0..=1.0,
             Self::BenchPhaseSigma => 1e-12..=1.0,
             Self::BenchFirstGap => -1.0..=1.0,
+            Self::BenchDispersion => -1.0..=1.0,
+            Self::BenchDispersionSigma => 0.0..=1.0,
             Self::BenchMode => 1e-12..=1e6,
             Self::Magnitude | Self::AdmittanceMagnitude => 0.0..=*IMPEDANCE_OHM.end(),
             Self::Phase | Self::AdmittancePhase | Self::ReflectionPhase => -3600.0..=3600.0,

@@ -219,14 +219,17 @@ fn what_a_file_tells_the_fit_is_read_with_the_readings() {
     let circuit = read("a.csv", near).fit.near.unwrap();
     assert_eq!((circuit.resonance_hz, circuit.q), (140.0, 60.0));
     assert_eq!((circuit.c0_farad, circuit.c1_farad, circuit.loss_tangent), (2e-8, 1e-9, 0.0));
-    let bench = near.replace("loss_tangent\n", "loss_tangent,fit_bench_phase_rad,fit_bench_phase_sigma_rad,fit_bench_first_gap_s,fit_bench_mode_sigma,fit_bench_min_hz,fit_bench_max_hz\n");
-    let bench = bench.replace("-0.0\n", "-0.0,0.01,2e-4,-0.001,0.003,126,159\n");
+    let bench = near.replace("loss_tangent\n", "loss_tangent,fit_bench_phase_rad,fit_bench_phase_sigma_rad,fit_bench_first_gap_s,fit_bench_dispersion_f,fit_bench_dispersion_sigma_f,fit_bench_mode_sigma,fit_bench_min_hz,fit_bench_max_hz\n");
+    let bench = bench.replace("-0.0\n", "-0.0,0.01,2e-4,-0.001,-3e-10,2e-11,0.003,126,159\n");
     let found = read("a.csv", &bench).fit.bench.unwrap();
     assert_eq!((found.phase_rad, found.phase_sigma_rad, found.mode_sigma), (0.01, 2e-4, 0.003));
     assert_eq!(found.surveyed, Window { min_hz: 126.0, max_hz: 159.0 });
     assert_eq!(found.first_gap_s, -1e-3);
-    let older = bench.replace(",-0.001,", ",,");
-    assert_eq!(read("a.csv", &older).fit.bench.unwrap().first_gap_s, 0.0);
+    assert_eq!((found.dispersion_farad, found.dispersion_sigma_farad), (-3e-10, 2e-11));
+    let older = bench.replace(",-0.001,-3e-10,2e-11,", ",,,,");
+    let found = read("a.csv", &older).fit.bench.unwrap();
+    assert_eq!((found.first_gap_s, found.dispersion_farad), (0.0, 0.0));
+    assert_eq!(found.dispersion_sigma_farad, 0.0);
     // All other parts are needed.
     assert_eq!(read("a.csv", &bench.replace(",0.003,", ",,")).fit.bench, None);
     assert_eq!(read("a.csv", &near.replace(",60,", ",,")).fit.near, None);

@@ -253,6 +253,13 @@ pub struct BenchSettings {
     /// than recorded, s; it varies by as much.
     #[serde(default)]
     pub first_gap_s: f64,
+    /// Change of the static capacitance for each factor e of the frequency, F, from the middle of the surveyed
+    /// frequencies on; its admittance is subtracted from that of each reading.
+    #[serde(default)]
+    pub dispersion_f: f64,
+    /// Its standard deviation, F.
+    #[serde(default)]
+    pub dispersion_sigma_f: f64,
     /// Standard deviation of the capacitance of a possible second mode, relative to that of the first.
     pub mode_sigma: f64,
     /// The frequencies at which a second mode would have been noticed, Hz.

@@ -335,7 +335,7 @@ pub(super) const READING: [Column; 7] = [
 ];
 
 /// Whether the fit used a reading, and the settings of the fit.
-pub(super) const FIT: [Column; 19] = [
+pub(super) const FIT: [Column; 21] = [
     flag(
         "is_used",
         "whether the outcome uses the reading; false if it is flagged or only helped to find the \
@@ -381,6 +381,13 @@ pub(super) const FIT: [Column; 19] = [
         "by how much the time from the begin of the first reading of a stay to that of the second is \
          longer than recorded, by the survey",
     ),
+    number(
+        "fit_bench_dispersion_f",
+        "F",
+        "change of the static capacitance for each factor e of the frequency by the survey, from the middle of the \
+         surveyed frequencies on; the fit subtracts its admittance",
+    ),
+    number("fit_bench_dispersion_sigma_f", "F", "its standard deviation"),
     number(
         "fit_bench_mode_sigma",
         "1",

@@ -194,7 +194,7 @@ pub(super) fn reading(reading: &ReadingRecord) -> [TableValue<'static>; 7] {
     ]
 }
 
-fn fit(sweep: &Sweep, reading: usize) -> [TableValue<'static>; 19] {
+fn fit(sweep: &Sweep, reading: usize) -> [TableValue<'static>; 21] {
     let fit = sweep.fit;
     let noise = fit.and_then(|fit| fit.noise);
     let near = fit.and_then(|fit| fit.near);
@@ -216,6 +216,8 @@ fn fit(sweep: &Sweep, reading: usize) -> [TableValue<'static>; 19] {
         TableValue::of(bench, |bench| TableValue::Exact(bench.phase_rad)),
         TableValue::of(bench, |bench| TableValue::Exact(bench.phase_sigma_rad)),
         TableValue::of(bench, |bench| TableValue::Exact(bench.first_gap_s)),
+        TableValue::of(bench, |bench| TableValue::Exact(bench.dispersion_f)),
+        TableValue::of(bench, |bench| TableValue::Exact(bench.dispersion_sigma_f)),
         TableValue::of(bench, |bench| TableValue::Exact(bench.mode_sigma)),
         TableValue::of(bench, |bench| TableValue::Exact(bench.surveyed_hz[0])),
         TableValue::of(bench, |bench| TableValue::Exact(bench.surveyed_hz[1])),

@@ -85,14 +85,14 @@ fn tables_have_a_row_for_each_sweep_and_reading() {
         10,
         "{readings}"
     );
-    assert_eq!(ends(",true,,,,,,,,,,,,,,,,,,,1,true"), 10, "{readings}");
+    assert_eq!(ends(",true,,,,,,,,,,,,,,,,,,,,,1,true"), 10, "{readings}");
     let header = "frequency_hz,resistance_ohm,reactance_ohm,started_s,settle_s,integration_s,flag,\
                   is_used,fit_min_hz,fit_max_hz,fit_noise_at_ten_cycles,\
                   fit_noise_degrees_of_freedom,fit_timing,fit_always_loss,fit_target_sigma_hz,\
                   fit_near_resonance_hz,fit_near_quality_factor,fit_near_static_capacitance_f,\
                   fit_near_capacitance_ratio,fit_near_loss_tangent,fit_bench_phase_rad,\
-                  fit_bench_phase_sigma_rad,fit_bench_first_gap_s,fit_bench_mode_sigma,\
-                  fit_bench_min_hz,fit_bench_max_hz";
+                  fit_bench_phase_sigma_rad,fit_bench_first_gap_s,fit_bench_dispersion_f,\
+                  fit_bench_dispersion_sigma_f,fit_bench_mode_sigma,fit_bench_min_hz,fit_bench_max_hz";
     let named = format!("sweep,purpose,step,reading,{header},clock,is_simulated\n");
     assert!(readings.starts_with(&named), "{readings}");
     let single = text(|out| sweep_csv(&sweep(7, SweepPurpose::Touch, 158.3), out));

@@ -32,6 +32,7 @@ use rig_model::Reading;
 
 use crate::{
     Bench,
+    bench::dispersion,
     circuit::points::weight,
     circuit::trace::{CIRCUIT, ModelEstimate, UNKNOWNS, complex_ohm},
     fit::grid::CircuitPrior,
@@ -40,7 +41,7 @@ use crate::{
 };
 use drift::Drift;
 use model::{Amplitude, Model, Moving, Ring};
-use stay::State;
+use stay::{State, WITH_ANALYZER};
 use sums::Column;
 
 /// Assumed gap between two readings before any is measured, s.
@@ -221,8 +222,9 @@ impl Stays {
 
     /// Adds a reading and returns whether it starts a new stay.
     pub(crate) fn push(&mut self, reading: &Reading) -> bool {
-        let turn = self.bench.map_or(Complex64::ONE, |bench| Complex64::cis(-bench.phase_rad));
-        let impedance = complex_ohm(reading).map(|ohm| ohm * self.unit_farad * turn);
+        let hz = reading.frequency_hz;
+        let corrected = |ohm| self.bench.map_or(ohm, |bench| bench.corrected(hz, ohm));
+        let impedance = complex_ohm(reading).map(|ohm| corrected(ohm) * self.unit_farad);
         let mut sample = Sample {
             start_s: 0.0,
             integration_s: reading.integration_s,
@@ -253,6 +255,18 @@ impl Stays {
             }
         }
         !goes_on
+    }
+
+    /// Corrects all readings, which are as measured, for a phase error of the analyzer and a dispersion.
+    fn correct(&mut self, bench: &Bench) {
+        for stay in &mut self.all {
+            let hz = stay.frequency_hz;
+            for sample in &mut stay.samples {
+                let ohm = sample.impedance.map(|impedance| impedance / self.unit_farad);
+                let corrected = ohm.map(|ohm| bench.corrected(hz, ohm) * self.unit_farad);
+                sample.impedance = corrected;
+            }
+        }
     }
 
     /// Makes the first gap of every stay longer.
@@ -406,22 +420,28 @@ impl Stays {
         Hypothesis { at, normal, end, states }
     }
 
-    /// Turns the phase of all readings by this angle, rad.
-    fn turn(&mut self, angle_rad: f64) {
-        let turn = Complex64::cis(angle_rad);
-        for sample in self.all.iter_mut().flat_map(|stay| &mut stay.samples) {
-            sample.impedance = sample.impedance.map(|impedance| impedance * turn);
+    /// Change of the resonance, Hz, by one standard deviation of what the survey says of the analyzer and the dielectric.
+    pub(crate) fn shift_by_bench_hz(
+        &self,
+        best: &Hypothesis,
+        expected: &CircuitPrior,
+    ) -> Option<f64> {
+        let Some(bench) = self.bench else { return Some(0.0) };
+        let mut sum = Normal::<WITH_ANALYZER>::default();
+        for (of, state) in self.models(&best.at).zip(&best.states) {
+            let Modelled { stay, model, .. } = of;
+            let disperses = dispersion(bench.surveyed, stay.frequency_hz);
+            sum.sum(&model.normal_for_analyzer(stay, &self.known, state, disperses));
         }
-    }
-
-    /// Change of the resonance, Hz, by one standard deviation of the phase error of the analyzer.
-    pub(crate) fn shift_by_phase_hz(&self, best: &Hypothesis, expected: &CircuitPrior) -> f64 {
-        let Some(bench) = self.bench else { return 0.0 };
-        let mut turned = self.clone();
-        turned.turn(bench.phase_sigma_rad);
-        let there = turned.minimum(best.at, expected);
-        self.work.set(turned.work.get());
-        (there.at.resonance_hz - best.at.resonance_hz).abs()
+        self.work.update(|work| work + self.count() as u64);
+        expected.add_to(&mut sum, &best.at, 1.0);
+        let factor = Cholesky::new(&sum.matrix, CIRCUIT, 0.0)?;
+        let sigmas = [bench.phase_sigma_rad, bench.dispersion_sigma_farad / self.unit_farad];
+        let shift = |column: usize| {
+            let by = std::array::from_fn(|i| sum.matrix[i][CIRCUIT + column]);
+            factor.solve(&by)[0] * sigmas[column]
+        };
+        Some(best.at.resonance_hz * shift(0).hypot(shift(1)))
     }
 
     /// Standard deviation of the resonance, Hz, from the points where the profile likelihood has fallen

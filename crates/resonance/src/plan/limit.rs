@@ -5,7 +5,7 @@
 
 /// Largest number of readings of one sweep. Sweeps that reach their target take up to 180, and up to twice as many with
 /// a wrong reading, on the sensors with the weakest resonance.
-pub(crate) const READINGS_MAX: usize = 400;
+pub(crate) const READINGS_MAX: usize = 360;
 /// Largest number of judgements of one sweep. Sweeps that reach their target hardly ever need 30, and
 /// each judgement costs as much as a few readings.
 pub(crate) const VERDICTS_MAX: usize = 36;

@@ -111,7 +111,7 @@ pub(crate) fn request(method: SweepMethod) -> SweepRequest {
 /// the lock-in as a third integral.
 #[derive(Debug, Clone)]
 pub(crate) struct Plant {
-    circuit: Circuit,
+    pub(crate) circuit: Circuit,
     charge: f64,
     current: f64,
     turns: f64,

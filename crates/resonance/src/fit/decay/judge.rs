@@ -195,9 +195,9 @@ fn judge(
         return refused(reason, roughly);
     }
     let sigma_hz = stays.profile_sigma_hz(best, expected).max(by_modes_hz);
-    let by_phase_hz = stays.shift_by_phase_hz(best, expected);
+    let by_bench_hz = stays.shift_by_bench_hz(best, expected).unwrap_or(f64::NAN);
     let by_drift_hz = best.at.resonance_hz * stays.sigma_by_drift();
-    let sigma_hz = (outliers::widening(stays) * sigma_hz).hypot(by_phase_hz).hypot(by_drift_hz);
+    let sigma_hz = (outliers::widening(stays) * sigma_hz).hypot(by_bench_hz).hypot(by_drift_hz);
     let found = resonance(stays, best, noise, sigma_hz).filter(|_| sigma_hz.is_finite());
     let Some(found) = found else {
         return refused(Reason::NotConverged, None);

@@ -1,9 +1,13 @@
-//! What many readings of the free sensor say of the bench: the phase error of the analyzer, and second
-//! modes.
+//! What many readings of the free sensor say of the bench: the phase error of the analyzer, the dispersion of the
+//! dielectric, and second modes.
 //!
 //! An analyzer may need more time for a reading that comes with its settings than for one without. The
 //! host does not see it, and all stays have the same error of the time from their first reading to the
 //! others. Fitted as one more unknown, it does not look like a second mode.
+//!
+//! The static capacitance of a piezoceramic falls by about 2/π·tan δ for each factor e of the frequency, 1.3 % at the
+//! tan δ of 0.02 of a soft one: the real part of what its losses are the imaginary part of. Unknown, it looks like a
+//! part of the resonance.
 
 use num_complex::Complex64;
 use rig_model::{Reading, Window};
@@ -17,6 +21,7 @@ use super::{
 };
 use crate::{
     Bench, FitOptions, Reason,
+    bench::dispersion,
     circuit::trace::CIRCUIT,
     diagnose::doubts::POINTS_MIN,
     fit::grid::CircuitPrior,
@@ -29,6 +34,7 @@ use crate::{
 const MODE: usize = CIRCUIT;
 const PHASE: usize = CIRCUIT + 1;
 const FIRST_GAP: usize = CIRCUIT + 2;
+const DISPERSION: usize = CIRCUIT + 3;
 /// The circuit is fitted again at most this many times for the phase error found.
 const ROUNDS: usize = 8;
 /// A disturbance within this many of its standard deviations of the last one is that one.
@@ -36,6 +42,8 @@ const SAME_SIGMAS: f64 = 0.1;
 /// Standard deviation of the error of the first gap before it is measured, and largest error, s.
 const FIRST_GAP_SIGMA_S: f64 = 3e-3;
 const FIRST_GAP_MAX_S: f64 = 20e-3;
+/// Standard deviation of the dispersion before it is measured, as a part of the static capacitance: a tan δ of 0.08.
+const DISPERSION_SIGMA: f64 = 0.05;
 /// Largest phase error of an analyzer, rad.
 const PHASE_MAX: f64 = 0.1;
 /// Smallest standard deviation of the phase error, rad: it changes with time and range.
@@ -59,31 +67,42 @@ pub(crate) fn learn(readings: &[Reading], options: &FitOptions) -> Result<Bench,
     let found = readings.iter().filter(|reading| reading.impedance().is_some()).count();
     let few = Reason::TooFewPoints { found, needed: POINTS_MIN };
     let window = options.window.ok_or(few)?;
-    let (mut phase_rad, mut first_gap_s) = (0.0, 0.0);
+    let mut bench = Bench {
+        phase_rad: 0.0,
+        phase_sigma_rad: f64::NAN,
+        first_gap_s: 0.0,
+        dispersion_farad: 0.0,
+        dispersion_sigma_farad: f64::NAN,
+        mode_sigma: f64::NAN,
+        surveyed: window,
+    };
     for round in 1..=ROUNDS {
         // Readings that seemed wrong with another phase or other times may be right.
         let known = Known::with(noise.variance());
         let mut stays = Stays::of(known, None, readings).ok_or(few)?;
-        stays.turn(-phase_rad);
-        stays.lengthen_first_gaps(first_gap_s);
+        stays.correct(&bench);
+        stays.lengthen_first_gaps(bench.first_gap_s);
         let found = judge::best(&mut stays, window, noise, options);
         let (best, expected) = found.ok_or(Reason::NotConverged)?;
-        let normal = normal(&stays, &best, &expected, first_gap_s, None);
-        let Analyzer { phase, first_gap, saved } =
+        let normal = normal(&stays, &best, &expected, &bench, None);
+        let Analyzer { phase, first_gap, dispersion, saved } =
             Analyzer::of(&normal).ok_or(Reason::NotConverged)?;
-        let is_same = phase.is_same() && first_gap.is_same();
+        let is_same = phase.is_same() && first_gap.is_same() && dispersion.is_same();
         if is_same || round == ROUNDS {
             // A second mode may be what keeps them from converging.
-            let (mode_sigma, surveyed) = modes(&stays, &best, &expected, first_gap_s, window)?;
+            (bench.mode_sigma, bench.surveyed) = modes(&stays, &best, &expected, &bench)?;
             if !is_same {
                 return Err(Reason::NotConverged);
             }
-            let phase_sigma_rad = phase.sigma.max(PHASE_SIGMA_MIN);
-            return Ok(Bench { phase_rad, phase_sigma_rad, first_gap_s, mode_sigma, surveyed });
+            bench.phase_sigma_rad = phase.sigma.max(PHASE_SIGMA_MIN);
+            bench.dispersion_sigma_farad = dispersion.sigma * stays.unit_farad;
+            return Ok(bench);
         }
-        phase_rad += phase.step;
-        first_gap_s = (first_gap_s + first_gap.step).clamp(-FIRST_GAP_MAX_S, FIRST_GAP_MAX_S);
-        if phase_rad.abs() > PHASE_MAX {
+        bench.phase_rad += phase.step;
+        let gap_s = bench.first_gap_s + first_gap.step;
+        bench.first_gap_s = gap_s.clamp(-FIRST_GAP_MAX_S, FIRST_GAP_MAX_S);
+        bench.dispersion_farad += dispersion.step * stays.unit_farad;
+        if bench.phase_rad.abs() > PHASE_MAX {
             // Readings that no circuit describes say nothing of a phase.
             let degrees = stays.degrees();
             let cost = (best.normal.cost - saved) * stays.known.variance;
@@ -99,12 +118,14 @@ pub(crate) fn learn(readings: &[Reading], options: &FitOptions) -> Result<Bench,
     Err(Reason::NotConverged)
 }
 
-/// What remains of the errors of the analyzer, and the cost that they save; without a second mode.
+/// What remains of the errors of the analyzer and of a dispersion, and the cost that they save; without a second mode.
 struct Analyzer {
     /// rad
     phase: Remainder,
     /// s
     first_gap: Remainder,
+    /// In the unit of capacitance.
+    dispersion: Remainder,
     saved: f64,
 }
 
@@ -128,7 +149,8 @@ impl Analyzer {
             step: -step[unknown],
             sigma: inverse[unknown][unknown].sqrt(),
         };
-        Some(Self { phase: of(PHASE), first_gap: of(FIRST_GAP), saved })
+        let (phase, first_gap, dispersion) = (of(PHASE), of(FIRST_GAP), of(DISPERSION));
+        Some(Self { phase, first_gap, dispersion, saved })
     }
 }
 
@@ -139,14 +161,14 @@ impl Remainder {
 }
 
 /// Standard deviation of a possible second mode relative to the first, the largest of all places, and
-/// the frequencies at which one would have been noticed.
+/// the frequencies in the window at which one would have been noticed.
 fn modes(
     stays: &Stays,
     best: &Hypothesis,
     expected: &CircuitPrior,
-    first_gap_s: f64,
-    window: Window,
+    bench: &Bench,
 ) -> Result<(f64, Window), Reason> {
+    let window = bench.surveyed;
     let (at_hz, width_hz) = (best.at.resonance_hz, best.linewidth_hz());
     let half_hz = 0.5 * (window.max_hz - window.min_hz);
     let margin_hz = width_hz.min(0.5 * half_hz);
@@ -161,7 +183,7 @@ fn modes(
         if away < NEAREST {
             continue;
         }
-        let normal = normal(stays, best, expected, first_gap_s, Some(near_hz));
+        let normal = normal(stays, best, expected, bench, Some(near_hz));
         let Some(factor) = Cholesky::new(&normal.matrix, WITH_BENCH, 0.0) else { continue };
         let size = -factor.solve(&normal.gradient)[MODE];
         let variance = factor.inverse()[MODE][MODE];
@@ -176,12 +198,12 @@ fn modes(
 }
 
 /// The normal equations of the circuit, a second mode at this frequency, the phase error, the error of
-/// the first gap, of which `first_gap_s` is in the stays already, and a drift.
+/// the first gap, the dispersion, of which those of `bench` are in the stays already, and a drift.
 fn normal(
     stays: &Stays,
     best: &Hypothesis,
     expected: &CircuitPrior,
-    first_gap_s: f64,
+    bench: &Bench,
     mode_hz: Option<f64>,
 ) -> Normal<WITH_BENCH> {
     let at = best.at;
@@ -204,13 +226,20 @@ fn normal(
             size: 2.0 * (begin_s + middle_s) / span_s - 1.0,
             moving: Moving { per_s: 2.0 / span_s, middle_s, ..Moving::STILL },
         };
-        let of_stay = model.normal_for_bench(stay, &stays.known, state, (&mode, drift));
+        let disperses = dispersion(bench.surveyed, stay.frequency_hz);
+        let of_stay = model.normal_for_bench(stay, &stays.known, state, (&mode, disperses, drift));
         sum.sum(&of_stay);
         before = Some((model.motion(&at, state.amplitude(), end_s), mode.motion(end_s)));
     }
     expected.add_to(&mut sum, &at, 1.0);
-    let precision = FIRST_GAP_SIGMA_S.powi(-2);
-    sum.matrix[FIRST_GAP][FIRST_GAP] += precision;
-    sum.gradient[FIRST_GAP] += precision * first_gap_s;
+    let farad = stays.unit_farad;
+    for (unknown, present, sigma) in [
+        (FIRST_GAP, bench.first_gap_s, FIRST_GAP_SIGMA_S),
+        (DISPERSION, bench.dispersion_farad / farad, DISPERSION_SIGMA * at.c0),
+    ] {
+        let precision = sigma.powi(-2);
+        sum.matrix[unknown][unknown] += precision;
+        sum.gradient[unknown] += precision * present;
+    }
     sum
 }

@@ -20,9 +20,12 @@ const WITH_ONE: usize = ALONE + 1;
 const WITH_ALL: usize = ALONE + PLACES;
 /// Number of the unknowns that a survey adds to the circuit: a second mode, a phase error, an error of
 /// the first gap and a drift.
-pub(super) const WITH_BENCH: usize = CIRCUIT + 4;
+pub(super) const WITH_BENCH: usize = CIRCUIT + 5;
 /// Number of unknowns with them.
 const ALONE_WITH_BENCH: usize = ALONE + WITH_BENCH - CIRCUIT;
+/// Number of unknowns of the circuit, a phase error and a dispersion.
+pub(super) const WITH_ANALYZER: usize = CIRCUIT + 2;
+const ALONE_WITH_ANALYZER: usize = ALONE + WITH_ANALYZER - CIRCUIT;
 const ALONE_WITH_SHAPES: usize = ALONE + WITH_SHAPES - CIRCUIT;
 /// Variance of each part of the amplitude relative to its mean square: half for a random phase,
 /// increased by half for the uncertainty of the circuit.
@@ -253,13 +256,13 @@ impl Model {
     }
 
     /// The normal equations with further unknowns after the circuit: a second mode, the phase error of
-    /// the analyzer, the error of the first gap, and a drift.
+    /// the analyzer, the error of the first gap, a dispersion with this admittance, and a drift.
     pub(super) fn normal_for_bench(
         &self,
         stay: &Stay,
         known: &Known,
         state: &State,
-        (mode, drift): (&Branch, Column),
+        (mode, dispersion, drift): (&Branch, Complex64, Column),
     ) -> Normal<WITH_BENCH> {
         self.normal_beside::<ALONE_WITH_BENCH, _, _>(
             stay,
@@ -267,9 +270,23 @@ impl Model {
             state,
             |start_s, integration_s| {
                 let mean = Column::Admittance(mode.mean(start_s, integration_s));
-                [mean, Column::Phase, Column::FirstGap, drift].into_iter()
+                let dispersion = Column::Admittance(dispersion);
+                [mean, Column::Phase, Column::FirstGap, dispersion, drift].into_iter()
             },
         )
+    }
+
+    /// The same with the phase error of the analyzer, and a dispersion with this admittance.
+    pub(super) fn normal_for_analyzer(
+        &self,
+        stay: &Stay,
+        known: &Known,
+        state: &State,
+        dispersion: Complex64,
+    ) -> Normal<WITH_ANALYZER> {
+        self.normal_beside::<ALONE_WITH_ANALYZER, _, _>(stay, known, state, |_, _| {
+            [Column::Phase, Column::Admittance(dispersion)].into_iter()
+        })
     }
 
     /// The normal equations with further unknowns after the circuit. `columns` gives those of a reading that starts at

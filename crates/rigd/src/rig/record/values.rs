@@ -125,6 +125,8 @@ pub(super) fn fit_settings(outcome: &FinishedSweep) -> Option<store::FitSettings
             phase_rad: bench.phase_rad,
             phase_sigma_rad: bench.phase_sigma_rad,
             first_gap_s: bench.first_gap_s,
+            dispersion_f: bench.dispersion_farad,
+            dispersion_sigma_f: bench.dispersion_sigma_farad,
             mode_sigma: bench.mode_sigma,
             surveyed_hz: [bench.surveyed.min_hz, bench.surveyed.max_hz],
         }),
