@@ -6,7 +6,7 @@ use crate::{
     finding::{Check, Findings},
     fit::{self, Fitted, Motion, Stated},
     labels::READINGS_PER_OUTLIER,
-    record::{Circuit, Extra, FitNoise, FitSettings, Outcome, Reading, Sweep},
+    record::{Bench, Circuit, Extra, FitNoise, FitSettings, Outcome, Reading, Sweep},
     survey::{self, Doubt, corrected},
 };
 
