@@ -215,6 +215,7 @@ fn nuisances(table: &mut Table<'_>) -> Nuisances {
     let mut share = |key| table.number(key).range(0.0..=1.0).or(0.0).value;
     let (stiffness_rel, impedance_rel) = (share("stiffness_rel"), share("impedance_rel"));
     let analyzer_phase_deg = table.number("analyzer_phase_deg").range(-10.0..=10.0).or(0.0).value;
+    let capacitance_slope = table.number("capacitance_slope").range(-0.2..=0.2).or(0.0).value;
     let debris_mm = table.number("debris_mm").range(0.0..=DEBRIS_MAX_MM).or(0.0).value;
     let position_age_s = table.number("position_age_s").range(0.0..=0.1).or(0.0).value;
     let level_hz_per_v2 = table.number("level_hz_per_v2").or(0.0).value;
@@ -235,6 +236,7 @@ fn nuisances(table: &mut Table<'_>) -> Nuisances {
         level_hz_per_v2,
         impedance_rel,
         analyzer_phase_deg,
+        capacitance_slope,
         analyzer_command_s: size("analyzer_command_s"),
         debris_mm,
     }

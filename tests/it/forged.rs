@@ -144,7 +144,7 @@ fn state_bench(forged: &mut Forgery, first: usize, change: impl Fn(&mut Value)) 
 
 #[tokio::test]
 async fn what_a_survey_says_of_the_bench_is_checked() {
-    let phase = [("analyzer_phase_deg = 0", "analyzer_phase_deg = 1")];
+    let phase = [("analyzer_phase_deg = 0", "analyzer_phase_deg = 1\ncapacitance_slope = -0.05")];
     let rig = TestRig::open_bench(&[], &phase).await;
     let survey = [("[no_load_sweep]", "[no_load_sweep]\nsurvey_s = 20")];
     let protocol = rig.protocol(&changed(&text("config/protocols/smoke.toml"), &survey));
@@ -154,15 +154,20 @@ async fn what_a_survey_says_of_the_bench_is_checked() {
     let forgery = || Forgery::of(rig.data(), &run);
     let verdict = forgery().verdict();
     assert!(verdict.is_sound, "{:#?}", verdict.findings);
-    let stated = forgery().records.iter().find(|record| record.kind == "sweep").unwrap().payload
-        ["fit"]["bench"]["phase_rad"]
-        .as_f64()
-        .unwrap();
-    assert!((stated - 1_f64.to_radians()).abs() < 5e-3, "{stated}");
+    let sweep =
+        forgery().records.into_iter().find(|record| record.kind == "sweep").unwrap().payload;
+    let stated = |name: &str| sweep["fit"]["bench"][name].as_f64().unwrap();
+    let phase_rad = stated("phase_rad");
+    assert!((phase_rad - 1_f64.to_radians()).abs() < 5e-3, "{phase_rad}");
+    let capacitance_f = sweep["outcome"]["circuit"]["static_capacitance_f"].as_f64().unwrap();
+    let slope = stated("dispersion_f") / capacitance_f;
+    assert!((slope + 0.05).abs() < 0.02, "{slope}");
 
-    let cases: [Lie; 6] = [
+    let cases: [Lie; 8] = [
         ("another phase", Check::Resonance, 0, |bench| bench["phase_rad"] = 0.0.into()),
         ("a surer phase", Check::Resonance, 0, |bench| bench["phase_sigma_rad"] = 1e-5.into()),
+        ("no dispersion", Check::Resonance, 0, |bench| bench["dispersion_f"] = 1e-12.into()),
+        ("a surer one", Check::Resonance, 0, |bench| bench["dispersion_sigma_f"] = 1e-12.into()),
         ("another first gap", Check::Resonance, 0, |bench| bench["first_gap_s"] = 5e-3.into()),
         ("no second mode", Check::Sigma, 0, |bench| bench["mode_sigma"] = 1e-6.into()),
         ("another phase later", Check::Request, 7, |bench| bench["phase_rad"] = 0.02.into()),

@@ -37,6 +37,9 @@ pub struct Nuisances {
     pub impedance_rel: f64,
     /// Phase error of the analyzer, degrees.
     pub analyzer_phase_deg: f64,
+    /// Change of the static capacitance for each factor e of the frequency, as a part of it: a dielectric of constant phase
+    /// has -2/π of its loss angle. Beside 140 Hz it follows this power of the frequency.
+    pub capacitance_slope: f64,
     /// Time of the analyzer for each command, s: a client that times its drive does not know it.
     pub analyzer_command_s: f64,
     /// How far soft debris, as dried gel, hangs below the tip of the probe, mm. The probe feels it before the sample, until
@@ -62,6 +65,7 @@ impl Nuisances {
         level_hz_per_v2: 0.0,
         impedance_rel: 0.0,
         analyzer_phase_deg: 0.0,
+        capacitance_slope: 0.0,
         analyzer_command_s: 0.0,
         debris_mm: 0.0,
     };

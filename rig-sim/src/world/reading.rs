@@ -9,7 +9,7 @@
 //! The reading is computed while time passes, not in advance: a command that stops the probe in the middle of a
 //! reading is in it.
 
-use std::time::Duration;
+use std::{f64::consts::TAU, time::Duration};
 
 use num_complex::Complex64;
 use rig_model::RigTime;
@@ -19,6 +19,8 @@ use crate::clock::after;
 
 /// Length of a piece of the way in contact.
 const PIECE: Duration = Duration::from_micros(250);
+/// The frequency at which the static capacitance is that of the sensor, Hz.
+const DISPERSION_FROM_HZ: f64 = 140.0;
 
 /// A reading that is under way.
 #[derive(Debug, Clone, Copy)]
@@ -26,6 +28,8 @@ pub(super) struct OpenReading {
     done: RigTime,
     /// Noise and phase error of the analyzer, as a factor of the impedance.
     factor: Complex64,
+    /// What the dielectric has beside the capacitance of the plant.
+    dispersion_siemens: Complex64,
     value: Value,
 }
 
@@ -72,7 +76,9 @@ impl World {
         let sigma = self.scene.nuisances.impedance_rel * (10.0 / f64::from(cycles)).sqrt();
         let noise = Complex64::new(self.noise.normal(), self.noise.normal());
         let turn = Complex64::cis(self.scene.nuisances.analyzer_phase_deg.to_radians());
-        self.reading = Some(OpenReading { done, factor: turn * (1.0 + sigma * noise), value });
+        let (factor, dispersion_siemens) =
+            (turn * (1.0 + sigma * noise), self.dispersion_siemens());
+        self.reading = Some(OpenReading { done, factor, dispersion_siemens, value });
         done
     }
 
@@ -81,12 +87,19 @@ impl World {
     pub fn end_reading(&mut self) -> Option<Complex64> {
         let done = self.reading.as_ref()?.done;
         self.glide(done);
-        let OpenReading { factor, value, .. } = self.reading.take()?;
+        let OpenReading { factor, dispersion_siemens, value, .. } = self.reading.take()?;
         let impedance_ohm = match value {
             Value::Whole(impedance_ohm) => impedance_ohm,
             Value::Moving { drive, charge, duration_s, .. } => drive * duration_s / charge,
         };
-        Some(impedance_ohm * factor)
+        Some(impedance_ohm / (1.0 + impedance_ohm * dispersion_siemens) * factor)
+    }
+
+    /// What the dielectric has beside a capacitance that is the same at all frequencies.
+    fn dispersion_siemens(&self) -> Complex64 {
+        let hz = self.plant.frequency_hz();
+        let part = (hz / DISPERSION_FROM_HZ).powf(self.scene.nuisances.capacitance_slope) - 1.0;
+        Complex64::new(0.0, TAU * hz * self.plant.circuit().capacitance_f * part)
     }
 
     /// A whole reading with the noise of the scene, in ohm, and its end time.
