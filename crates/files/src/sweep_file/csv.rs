@@ -129,54 +129,55 @@ fn fit_settings(rows: &[Row], faults: &mut FaultCollector) -> FitSettings {
             break;
         }
     }
-    let values = numbers.map(|quantity| first.value(quantity));
-    let [min_hz, max_hz, at_ten_cycles, degrees, target_hz, near @ .., _, _, _, _, _, _, _, _] =
-        values;
-    let [
-        ..,
-        phase,
-        phase_sigma,
-        first_gap,
-        dispersion,
-        dispersion_sigma,
-        mode_sigma,
-        low_hz,
-        high_hz,
-    ] = values;
-    let window = min_hz.zip(max_hz).map(|(min_hz, max_hz)| Window { min_hz, max_hz });
+    let of = |quantity| first.value(quantity);
+    let window = of(Quantity::FitMin).zip(of(Quantity::FitMax));
+    let window = window.map(|(min_hz, max_hz)| Window { min_hz, max_hz });
     if let Some(Window { min_hz, max_hz }) = window.filter(|window| window.max_hz <= window.min_hz)
     {
         let location = Location { line: first.line, column: 1 };
         faults.refuse(location, SweepFileFault::FitWindow { min_hz, max_hz });
     }
-    let noise = at_ten_cycles.map(|at_ten_cycles| NoisePrior {
+    let noise = of(Quantity::FitNoise).map(|at_ten_cycles| NoisePrior {
         at_ten_cycles,
-        degrees_of_freedom: degrees.unwrap_or(NoisePrior::STATED_DEGREES),
+        degrees_of_freedom: of(Quantity::FitNoiseDegrees).unwrap_or(NoisePrior::STATED_DEGREES),
     });
-    let always_loss = first.has_loss == Some(true);
-    let near = match near {
-        [Some(resonance_hz), Some(q), Some(c0_farad), Some(ratio), Some(loss_tangent)] => {
-            let c1_farad = ratio * c0_farad;
-            Some(Circuit { resonance_hz, q, c0_farad, c1_farad, loss_tangent })
-        }
-        _ => None,
-    };
-    let bench = match [phase, phase_sigma, mode_sigma, low_hz, high_hz] {
-        [Some(phase_rad), Some(phase_sigma_rad), Some(mode_sigma), Some(min_hz), Some(max_hz)] => {
-            Some(Bench {
-                phase_rad,
-                phase_sigma_rad,
-                // Older files do not have these.
-                first_gap_s: first_gap.unwrap_or(0.0),
-                dispersion_farad: dispersion.unwrap_or(0.0),
-                dispersion_sigma_farad: dispersion_sigma.unwrap_or(0.0),
-                mode_sigma,
-                surveyed: Window { min_hz, max_hz },
-            })
-        }
-        _ => None,
-    };
-    FitSettings { window, noise, timing: first.timing, always_loss, target_hz, near, bench }
+    FitSettings {
+        window,
+        noise,
+        timing: first.timing,
+        always_loss: first.has_loss == Some(true),
+        target_hz: of(Quantity::FitTarget),
+        near: near(first),
+        bench: bench(first),
+    }
+}
+
+/// The circuit before the fit, by the cells of this row; all are needed.
+fn near(row: &Row) -> Option<Circuit> {
+    let of = |quantity| row.value(quantity);
+    let c0_farad = of(Quantity::NearCapacitance)?;
+    Some(Circuit {
+        resonance_hz: of(Quantity::NearResonance)?,
+        q: of(Quantity::NearQuality)?,
+        c0_farad,
+        c1_farad: of(Quantity::NearRatio)? * c0_farad,
+        loss_tangent: of(Quantity::NearLoss)?,
+    })
+}
+
+/// What a survey found, by the cells of this row; all but the first gap and the dispersion are needed.
+fn bench(row: &Row) -> Option<Bench> {
+    let of = |quantity| row.value(quantity);
+    Some(Bench {
+        phase_rad: of(Quantity::BenchPhase)?,
+        phase_sigma_rad: of(Quantity::BenchPhaseSigma)?,
+        // Older files do not have these.
+        first_gap_s: of(Quantity::BenchFirstGap).unwrap_or(0.0),
+        dispersion_farad: of(Quantity::BenchDispersion).unwrap_or(0.0),
+        dispersion_sigma_farad: of(Quantity::BenchDispersionSigma).unwrap_or(0.0),
+        mode_sigma: of(Quantity::BenchMode)?,
+        surveyed: Window { min_hz: of(Quantity::BenchMin)?, max_hz: of(Quantity::BenchMax)? },
+    })
 }
 
 /// The rows below the header.
