@@ -81,7 +81,7 @@ fn tables_have_a_row_for_each_sweep_and_reading() {
     // The settings of the fit, if the journal has them; two readings of each sweep are flagged.
     let ends = |end: &str| readings.lines().filter(|line| line.ends_with(end)).count();
     assert_eq!(
-        ends(",true,130.0,260.0,0.005,4.0,\"waited\",true,,,,,,,,,,,,,1,true"),
+        ends(",true,130.0,260.0,0.005,4.0,\"waited\",true,,,,,,,,,,,,,,,1,true"),
         10,
         "{readings}"
     );
