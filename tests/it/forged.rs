@@ -163,10 +163,14 @@ async fn what_a_survey_says_of_the_bench_is_checked() {
     let slope = stated("dispersion_f") / capacitance_f;
     assert!((slope + 0.05).abs() < 0.02, "{slope}");
 
-    let cases: [Lie; 8] = [
+    let cases: [Lie; 9] = [
         ("another phase", Check::Resonance, 0, |bench| bench["phase_rad"] = 0.0.into()),
         ("a surer phase", Check::Resonance, 0, |bench| bench["phase_sigma_rad"] = 1e-5.into()),
         ("no dispersion", Check::Resonance, 0, |bench| bench["dispersion_f"] = 1e-12.into()),
+        ("none and sure of it", Check::Resonance, 0, |bench| {
+            bench["dispersion_f"] = 0.0.into();
+            bench["dispersion_sigma_f"] = 0.0.into();
+        }),
         ("a surer one", Check::Resonance, 0, |bench| bench["dispersion_sigma_f"] = 1e-12.into()),
         ("another first gap", Check::Resonance, 0, |bench| bench["first_gap_s"] = 5e-3.into()),
         ("no second mode", Check::Sigma, 0, |bench| bench["mode_sigma"] = 1e-6.into()),

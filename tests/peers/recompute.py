@@ -223,7 +223,7 @@ def main():
         impedance = impedance * np.exp(-1j * phase)
         if bench["dispersion_f"] != 0:
             farad = bench["dispersion_f"] * np.log(2 * frequency / (bench["min_hz"] + bench["max_hz"]))
-            impedance = 1 / (1 / impedance - 2j * np.pi * frequency * farad)
+            impedance = impedance / (1 - impedance * 2j * np.pi * frequency * farad)
         times = [column(name) for name in ("started_s", "settle_s", "integration_s")]
         names = ("resonance_hz", "quality_factor", "static_capacitance_f", "capacitance_ratio")
         stated = [*np.log([float(sweep[name]) for name in names]), float(sweep["loss_tangent"])]

@@ -41,3 +41,28 @@ pub(crate) fn dispersion(surveyed: Window, frequency_hz: f64) -> Complex64 {
     let middle_hz = 0.5 * (surveyed.min_hz + surveyed.max_hz);
     Complex64::new(0.0, TAU * frequency_hz * (frequency_hz / middle_hz).ln())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reading_is_corrected_for_the_phase_and_for_the_capacitance_at_its_frequency() {
+        let bench = Bench {
+            phase_rad: 0.02,
+            phase_sigma_rad: 1e-3,
+            first_gap_s: 0.0,
+            dispersion_farad: -3e-10,
+            dispersion_sigma_farad: 1e-11,
+            mode_sigma: 0.01,
+            surveyed: Window { min_hz: 126.0, max_hz: 154.0 },
+        };
+        let admittance = |hz: f64, farad: f64| Complex64::new(2e-6, TAU * hz * farad);
+        for (hz, farad) in [(140.0, 28e-9), (154.0, 28e-9 - 3e-10 * 1.1_f64.ln())] {
+            let measured = admittance(hz, farad).inv() * Complex64::cis(0.02);
+            let (found, right) = (bench.corrected(hz, measured), admittance(hz, 28e-9).inv());
+            assert!((found - right).norm() < 1e-9 * right.norm(), "{hz}: {found}, not {right}");
+        }
+        assert_eq!(bench.corrected(154.0, Complex64::ZERO), Complex64::ZERO);
+    }
+}

@@ -17,8 +17,8 @@ pub(crate) struct SweepForm {
     /// Measure this many evenly spaced points instead of letting the planner choose
     #[arg(long, value_name = "N")]
     points: Option<u32>,
-    /// Survey the bench for this long around the resonance: the phase error of the analyzer, and second
-    /// modes of the sensor, which is refused with one
+    /// Survey the bench for this long around the resonance: the phase error of the analyzer, the dispersion
+    /// of the dielectric, and second modes of the sensor, which is refused with one
     #[arg(long, value_name = "S", conflicts_with = "points")]
     survey_s: Option<u32>,
     /// The standard deviation to be reached

@@ -338,12 +338,18 @@ pub(crate) struct Bench {
     pub(crate) phase_sigma_rad: f64,
     #[serde(default)]
     pub(crate) first_gap_s: f64,
-    #[serde(default)]
-    pub(crate) dispersion_f: f64,
-    #[serde(default)]
-    pub(crate) dispersion_sigma_f: f64,
+    /// Records of before it was measured have none.
+    #[serde(flatten)]
+    pub(crate) dispersion: Option<Dispersion>,
     pub(crate) mode_sigma: f64,
     pub(crate) surveyed_hz: [f64; 2],
+}
+
+/// What a survey found of the dielectric.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+pub(crate) struct Dispersion {
+    pub(crate) dispersion_f: f64,
+    pub(crate) dispersion_sigma_f: f64,
 }
 
 impl FitSettings {

@@ -38,9 +38,9 @@ const TIME_REL: f64 = 0.3;
 /// The stated quality factor and ratio of capacitances over those of this checker.
 const Q_RATIO: [f64; 2] = [0.5, 2.0];
 /// Shortest time constant of a relaxation that readings with a free decay tell from it, in time constants of that
-/// decay, and in durations of the sweep. rigd compares none that is shorter than two such decays, and follows none that is
-/// shorter than 1.8.
-const RELAXATION_DECAYS: f64 = 1.75;
+/// decay, and in durations of the sweep. rigd follows none that is shorter than 1.8 such decays by the quality factor of that
+/// fit; the last fit, with the noise of the readings, may find one that is larger by a fifth.
+const RELAXATION_DECAYS: f64 = 1.5;
 const RELAXATION_SPANS: f64 = 0.9 / 10.0;
 /// Largest number of readings of which each is tried as a wrong one.
 const SUSPECTS: usize = 60;
@@ -232,9 +232,13 @@ fn check_readings(accepted: &Accepted, readings: &[Reading]) -> (Findings, f64) 
             let fit = fit_with(Some(bench), circuit)?;
             Some(fit.scatter * fit.degrees)
         };
-        for Doubt { check, what, expected, found, limit } in
-            survey::doubts(&bench, cost, (scatter, degrees), mode_sigma)
-        {
+        for Doubt { check, what, expected, found, limit } in survey::doubts(
+            &bench,
+            cost,
+            (scatter, degrees),
+            circuit.static_capacitance_f,
+            mode_sigma,
+        ) {
             add(check, what, expected.to_string(), found, Some(limit));
         }
     }
@@ -265,9 +269,10 @@ fn check_outcome(
         let bench = settings.and_then(|settings| settings.bench);
         let phase_sigma = bench.map_or(0.0, |bench| bench.phase_sigma_rad);
         let static_f = fitted.circuit.static_capacitance_f;
-        let dispersion_sigma = bench.map_or(0.0, |bench| bench.dispersion_sigma_f / static_f);
-        // A phase error of a radian moves the resonance by no more than a linewidth, and so does a dispersion by which
-        // the capacitance changes as much as it is.
+        let dispersion = bench.and_then(|bench| bench.dispersion);
+        let dispersion_sigma = dispersion.map_or(0.0, |found| found.dispersion_sigma_f / static_f);
+        // With Q from 6 to 100 and couplings from 0.02 to 0.1 a phase error of a radian moves the resonance by no more than
+        // a linewidth, and neither does a dispersion by which the capacitance changes as much as it is.
         let of_bench = phase_sigma.hypot(dispersion_sigma) * fit_hz / quality_factor;
         let of_fit = fitted.with_mode_hz.hypot(of_bench);
         SIGMA_MOST * of_fit.hypot(SHAPE * fitted.moved_hz)

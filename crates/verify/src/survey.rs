@@ -6,7 +6,7 @@ use num_complex::Complex64;
 
 use crate::{
     finding::Check,
-    record::{Bench, Reading},
+    record::{Bench, Dispersion, Reading},
 };
 
 /// The phase error and the dispersion of a survey are those at which its readings fit best, within this many standard
@@ -15,6 +15,8 @@ const SIGMAS: f64 = 3.0;
 /// The sum of squares rises by four at two standard deviations. Stated ones include the drift that the
 /// survey allows for, which this checker does not: by how much less or more it may rise.
 const RISE: [f64; 2] = [0.4, 40.0];
+/// Standard deviation of the dispersion before a survey, as a part of the static capacitance.
+const DISPERSION_BEFORE: f64 = 0.05;
 /// The error of the first gap of a survey is the one at which its readings fit best, within this many
 /// standard deviations, which the sum of squares at these times beside it tells.
 const FIRST_GAP_SIGMAS: f64 = 4.0;
@@ -38,15 +40,22 @@ pub(crate) fn doubts(
     bench: &Bench,
     cost: impl Fn(&Bench) -> Option<f64>,
     (scatter, degrees): (f64, f64),
+    static_f: f64,
     mode_sigma: f64,
 ) -> Vec<Doubt> {
     let mut doubts = Vec::new();
-    let Bench { phase_rad, dispersion_f, first_gap_s, mode_sigma: stated, .. } = *bench;
+    let Bench { phase_rad, first_gap_s, mode_sigma: stated, .. } = *bench;
+    // What was known before counts as another reading.
+    let before = |bench: &Bench| {
+        let away = |found: Dispersion| found.dispersion_f / (DISPERSION_BEFORE * static_f);
+        bench.dispersion.map_or(0.0, |found| away(found).powi(2))
+    };
     // How much the sum of squares rises on both sides of what is stated, and where the parabola through the
     // three points is lowest, in units of the distance to the sides.
     let parabola = |sides: [Bench; 2]| {
-        let [below, above] = sides.map(|side| cost(&side).unwrap_or(f64::NAN) / scatter);
-        let rise = 0.5 * (below + above) - degrees;
+        let of = |side: Bench| cost(&side).unwrap_or(f64::NAN) / scatter + before(&side);
+        let [below, above] = sides.map(of);
+        let rise = 0.5 * (below + above) - degrees - before(bench);
         (rise, 0.25 * (below - above) / rise)
     };
     let mut check = |what, found: f64, sigma: f64, at: &dyn Fn(f64) -> Bench| {
@@ -64,11 +73,12 @@ pub(crate) fn doubts(
     };
     let what = "the phase error of the analyzer, rad";
     check(what, phase_rad, bench.phase_sigma_rad, &|phase_rad| Bench { phase_rad, ..*bench });
-    // Records of before it was measured have none.
-    if (dispersion_f, bench.dispersion_sigma_f) != (0.0, 0.0) {
+    if let Some(Dispersion { dispersion_f, dispersion_sigma_f }) = bench.dispersion {
         let what = "the dispersion of the dielectric, F";
-        let sigma_f = bench.dispersion_sigma_f;
-        check(what, dispersion_f, sigma_f, &|dispersion_f| Bench { dispersion_f, ..*bench });
+        check(what, dispersion_f, dispersion_sigma_f, &|dispersion_f| {
+            let dispersion = Some(Dispersion { dispersion_f, dispersion_sigma_f });
+            Bench { dispersion, ..*bench }
+        });
     }
     let beside_s = FIRST_GAP_BESIDE_S;
     let (rise, lowest) = parabola(
@@ -105,11 +115,13 @@ pub(crate) fn doubts(
 pub(crate) fn corrected(readings: &[Reading], bench: &Bench) -> Vec<Reading> {
     let turn = Complex64::cis(-bench.phase_rad);
     let [low_hz, high_hz] = bench.surveyed_hz;
+    let dispersion_f = bench.dispersion.map_or(0.0, |found| found.dispersion_f);
     let corrected = |reading: &Reading| {
         let hz = reading.frequency_hz;
-        let farad = bench.dispersion_f * (2.0 * hz / (low_hz + high_hz)).ln();
-        let without =
-            |ohm: Complex64| ((ohm * turn).inv() - Complex64::new(0.0, TAU * hz * farad)).inv();
+        let farad = dispersion_f * (2.0 * hz / (low_hz + high_hz)).ln();
+        let siemens = Complex64::new(0.0, TAU * hz * farad);
+        // Also right for a reading of 0 ohm.
+        let without = |ohm: Complex64| ohm * turn / (1.0 - ohm * turn * siemens);
         let ohm = reading.resistance_ohm.zip(reading.reactance_ohm);
         let ohm = ohm.map(|(re, im)| without(Complex64::new(re, im)));
         Reading {

@@ -165,16 +165,19 @@ fn near(row: &Row) -> Option<Circuit> {
     })
 }
 
-/// What a survey found, by the cells of this row; all but the first gap and the dispersion are needed.
+/// What a survey found, by the cells of this row. All are needed; older files have no first gap or no dispersion.
 fn bench(row: &Row) -> Option<Bench> {
     let of = |quantity| row.value(quantity);
+    let dispersion = match (of(Quantity::BenchDispersion), of(Quantity::BenchDispersionSigma)) {
+        (None, None) => (0.0, 0.0),
+        (found, sigma) => found.zip(sigma)?,
+    };
     Some(Bench {
         phase_rad: of(Quantity::BenchPhase)?,
         phase_sigma_rad: of(Quantity::BenchPhaseSigma)?,
-        // Older files do not have these.
         first_gap_s: of(Quantity::BenchFirstGap).unwrap_or(0.0),
-        dispersion_farad: of(Quantity::BenchDispersion).unwrap_or(0.0),
-        dispersion_sigma_farad: of(Quantity::BenchDispersionSigma).unwrap_or(0.0),
+        dispersion_farad: dispersion.0,
+        dispersion_sigma_farad: dispersion.1,
         mode_sigma: of(Quantity::BenchMode)?,
         surveyed: Window { min_hz: of(Quantity::BenchMin)?, max_hz: of(Quantity::BenchMax)? },
     })

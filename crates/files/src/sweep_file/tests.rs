@@ -230,7 +230,8 @@ fn what_a_file_tells_the_fit_is_read_with_the_readings() {
     let found = read("a.csv", &older).fit.bench.unwrap();
     assert_eq!((found.first_gap_s, found.dispersion_farad), (0.0, 0.0));
     assert_eq!(found.dispersion_sigma_farad, 0.0);
-    // All other parts are needed.
+    // All other parts are needed, and a dispersion with its standard deviation.
+    assert_eq!(read("a.csv", &bench.replace(",2e-11,", ",,")).fit.bench, None);
     assert_eq!(read("a.csv", &bench.replace(",0.003,", ",,")).fit.bench, None);
     assert_eq!(read("a.csv", &near.replace(",60,", ",,")).fit.near, None);
 }

@@ -420,7 +420,9 @@ impl Stays {
         Hypothesis { at, normal, end, states }
     }
 
-    /// Change of the resonance, Hz, by one standard deviation of what the survey says of the analyzer and the dielectric.
+    /// Change of the resonance, Hz, by one standard deviation of what the survey says of the analyzer and the dielectric. The two
+    /// are taken as independent. Where the resonance lies far from the middle of the window they are not, and a sweep on one side
+    /// of it can change by up to 1.16 times this.
     pub(crate) fn shift_by_bench_hz(
         &self,
         best: &Hypothesis,

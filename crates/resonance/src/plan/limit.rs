@@ -1,7 +1,7 @@
 //! The bounds of a planned sweep.
 //!
-//! Every sweep ends at its time limit or at one of these counts. A sweep that reaches its target needs
-//! far less than these counts, so that a sweep that exhausts one has too strict a target.
+//! Every sweep ends at its time limit or at one of these counts. Nearly every sweep that reaches its target needs
+//! less than these counts, so that a sweep that exhausts one has too strict a target.
 
 /// Largest number of readings of one sweep. Sweeps that reach their target take up to 180, and up to twice as many with
 /// a wrong reading, on the sensors with the weakest resonance.

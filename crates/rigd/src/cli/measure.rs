@@ -1,7 +1,6 @@
 //! `rigd measure`: one sweep by hand, with the probe clear or at a given height.
 
 use std::{
-    f64::consts::LN_10,
     io::{self, Write as _},
     path::Path,
 };
@@ -119,11 +118,10 @@ pub(super) async fn sweep(
 /// What a survey says of the bench, for a person.
 fn of_bench(bench: &BenchSettings) -> [(&'static str, String); 4] {
     let BenchSettings { phase_rad, phase_sigma_rad, first_gap_s, mode_sigma, .. } = bench;
-    let of_decade_pf = |farad: f64| 1e12 * LN_10 * farad;
     let dispersion = format!(
-        "{:+.1} ± {:.1} pF for each decade of the frequency",
-        of_decade_pf(bench.dispersion_f),
-        of_decade_pf(bench.dispersion_sigma_f)
+        "{:+.1} ± {:.1} pF for each factor e of the frequency",
+        1e12 * bench.dispersion_f,
+        1e12 * bench.dispersion_sigma_f
     );
     let phase = format!("{:.4}° ± {:.4}°", phase_rad.to_degrees(), phase_sigma_rad.to_degrees());
     let first_gap = format!("{:+.2} ms beside the recorded time", 1e3 * first_gap_s);
@@ -131,7 +129,7 @@ fn of_bench(bench: &BenchSettings) -> [(&'static str, String); 4] {
     [
         ("analyzer phase", phase),
         ("first gap", first_gap),
-        ("static capacitance", dispersion),
+        ("dispersion", dispersion),
         ("second modes", modes),
     ]
 }

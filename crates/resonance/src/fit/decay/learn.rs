@@ -35,7 +35,7 @@ const MODE: usize = CIRCUIT;
 const PHASE: usize = CIRCUIT + 1;
 const FIRST_GAP: usize = CIRCUIT + 2;
 const DISPERSION: usize = CIRCUIT + 3;
-/// The circuit is fitted again at most this many times for the phase error found.
+/// The circuit is fitted again at most this many times for what was found beside it.
 const ROUNDS: usize = 8;
 /// A disturbance within this many of its standard deviations of the last one is that one.
 const SAME_SIGMAS: f64 = 0.1;

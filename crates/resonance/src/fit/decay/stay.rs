@@ -18,8 +18,8 @@ use crate::{
 /// Numbers of unknowns with one further unknown, and with a second mode at each place.
 const WITH_ONE: usize = ALONE + 1;
 const WITH_ALL: usize = ALONE + PLACES;
-/// Number of the unknowns that a survey adds to the circuit: a second mode, a phase error, an error of
-/// the first gap and a drift.
+/// Number of unknowns of the circuit and a survey: a second mode, a phase error, an error of the first gap, a dispersion and a
+/// drift.
 pub(super) const WITH_BENCH: usize = CIRCUIT + 5;
 /// Number of unknowns with them.
 const ALONE_WITH_BENCH: usize = ALONE + WITH_BENCH - CIRCUIT;

@@ -123,6 +123,41 @@ fn the_gradient_is_that_of_the_cost() {
     }
 }
 
+/// As by a fit of readings that are wrong by one standard deviation of each.
+#[test]
+fn the_uncertainty_of_the_bench_moves_the_resonance_as_a_refit_does() {
+    let expected = CircuitPrior::any(30.0);
+    let surveyed = rig_model::Window { min_hz: 125.0, max_hz: 161.0 };
+    let bench = Bench {
+        phase_rad: 0.0,
+        phase_sigma_rad: 1e-2,
+        first_gap_s: 0.0,
+        dispersion_farad: 0.0,
+        dispersion_sigma_farad: 0.05,
+        mode_sigma: 0.01,
+        surveyed,
+    };
+    for frequencies_hz in [[128.0, 140.9, 138.5, 157.0], [141.2, 142.9, 150.0, 158.0]] {
+        let stays = Stays { bench: Some(bench), ..moving(&AT, &frequencies_hz, |_| 0.0) };
+        let found = stays.minimum(AT, &expected);
+        let moved_hz = |phase_rad: f64, dispersion_farad: f64| {
+            let fitted = |sign: f64| {
+                let (phase_rad, dispersion_farad) = (sign * phase_rad, sign * dispersion_farad);
+                let mut other = stays.clone();
+                other.correct(&Bench { phase_rad, dispersion_farad, ..bench });
+                other.minimum(found.at, &expected).at.resonance_hz
+            };
+            0.5 * (fitted(1.0) - fitted(-1.0))
+        };
+        let by_phase_hz = moved_hz(bench.phase_sigma_rad, 0.0);
+        let by_dispersion_hz = moved_hz(0.0, bench.dispersion_sigma_farad);
+        let shift_hz = stays.shift_by_bench_hz(&found, &expected).unwrap();
+        let ratio = shift_hz / by_phase_hz.hypot(by_dispersion_hz);
+        assert!((ratio - 1.0).abs() < 0.03, "{ratio}: {by_phase_hz} {by_dispersion_hz}");
+        assert!(by_phase_hz.abs() > 1e-3 && by_dispersion_hz.abs() > 1e-3, "{by_dispersion_hz}");
+    }
+}
+
 #[test]
 fn the_circuit_comes_out_although_times_are_a_little_wrong() {
     let stays = stays(&AT);
