@@ -102,4 +102,4 @@ check() {
     "$name" "$chunks"
 }
 check failures 3 --axis second-mode-20 --seeds 2 --trials 1 --planned 1
-check design 6 --length-mm 20:50:6 --radius-mm 0.2:1:5 --rows "$work/rows/design.csv"
+check design 6 --length-mm 20:50:6 --radius-mm 0.2:1:400 --indentation-mm 0.1:0.5:20 --rows "$work/rows/design.csv"
