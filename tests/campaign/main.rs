@@ -57,7 +57,7 @@ use clap::Parser;
 use ledger::{Ledger, LedgerError, Piece};
 use mimalloc::MiMalloc;
 use page::Page;
-use queue::QueueArguments;
+use rig_workqueue::QueueArguments;
 use rigd::program;
 use tally::{Steps, Tally};
 
@@ -73,46 +73,57 @@ const CELLS_NAMED: usize = 40;
 #[expect(clippy::struct_excessive_bools, reason = "each is an option of the command line")]
 struct Arguments {
     /// The first seed.
-    #[arg(long, value_name = "K", default_value_t = 1)]
+    #[arg(long, value_name = "K", default_value_t = 1, conflicts_with = "worker")]
     first_seed: u64,
     /// Number of seeds.
-    #[arg(long, value_name = "N", default_value_t = 100)]
+    #[arg(long, value_name = "N", default_value_t = 100, conflicts_with = "worker")]
     seeds: u64,
     /// Runs at a time.
     #[arg(long, value_name = "J", default_value_t = 1)]
     jobs: usize,
     /// Play this whole protocol without faults. The path is relative to the root of the repository.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "queue")]
     protocol: Option<String>,
     /// Draw also what else is on the bench (noise, quality, coupling, capacitance, probe radius, drift)
     /// and the windows of the protocol, which is smoke.toml if none is named. Such a run may end with
     /// a fault.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "queue")]
     vary: bool,
     /// Print the records of each faulted run, shortened.
     #[arg(long)]
     records: bool,
     /// Add the faulted runs to the ledger beside this file, and write it as the page of the ledger.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "worker", required_if_eq("gather", "true"))]
     page: Option<PathBuf>,
     /// If the ledger is of another menu, keep its sums, and begin it anew.
     #[arg(long, requires = "page", conflicts_with_all = ["merge", "queue"])]
     begin_anew: bool,
     /// Play nothing, and put the pieces of these ledgers into that of the page. In any order, and each as often as you
     /// like: the page is the same.
-    #[arg(long, value_name = "LEDGER", num_args = 1.., requires = "page")]
+    #[arg(long, value_name = "LEDGER", num_args = 1.., requires = "page", conflicts_with = "queue")]
     merge: Vec<PathBuf>,
     /// Print how often each fault began in each phase.
     #[arg(long)]
     table: bool,
     /// End at the first seed that fails.
-    #[arg(long, conflicts_with = "page")]
+    #[arg(long, conflicts_with_all = ["page", "worker"])]
     until_failed: bool,
     /// Play the engine alone, with two troubles in each run.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "queue")]
     engine: bool,
     #[command(flatten)]
     queue: QueueArguments,
+    /// Seeds of a chunk. A worker that ends in the middle has played them for nothing.
+    #[arg(
+        long,
+        value_name = "N",
+        help_heading = "From a queue of NATS JetStream",
+        requires = "fill",
+        conflicts_with_all = ["worker", "gather"],
+        default_value_t = 5000,
+        value_parser = clap::value_parser!(u64).range(1..)
+    )]
+    chunk: u64,
 }
 
 impl Arguments {
@@ -124,8 +135,8 @@ impl Arguments {
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    if let Some(server) = arguments.queue.server() {
-        return match queue::run(server, &arguments, play) {
+    if let Some(asked) = arguments.queue.asked() {
+        return match queue::run(&asked, &arguments, play) {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => failed(&error),
         };

@@ -23,7 +23,7 @@ const PURE: [&str; 13] = [
 
 /// The crates of this workspace that each crate may use. A new arrow needs a decision in
 /// docs/decisions.
-const ARROWS: [(&str, &[&str]); 25] = [
+const ARROWS: [(&str, &[&str]); 26] = [
     ("rig-model", &[]),
     ("rig-files", &["rig-model", "rig-contact", "rig-resonance", "rig-scpi"]),
     ("rig-scpi", &[]),
@@ -70,6 +70,7 @@ const ARROWS: [(&str, &[&str]); 25] = [
             "rig-system",
         ],
     ),
+    ("rig-workqueue", &[]),
     ("rig-sim", &["rig-model", "rig-files", "rig-scpi", "rig-contact", "rig-system"]),
     (
         "rigd",
@@ -108,6 +109,7 @@ const ARROWS: [(&str, &[&str]); 25] = [
             "rig-chart",
             "rig-report",
             "rig-store",
+            "rig-workqueue",
             "rigd",
             "rig-sim",
         ],

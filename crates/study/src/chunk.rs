@@ -1,16 +1,19 @@
 //! A study in chunks: each is computed by a process of its own, on whatever computer, and the page of all of them is that of
 //! one process.
 //!
-//! The items of a study, in their order, are dealt to the chunks in turn. A chunk is a file that says of which study, program and
-//! arguments it is, and has a digest of all that it says.
+//! The items of a study, in their order, are dealt to the chunks in turn. A chunk is a file, or a piece in a queue, that says of which
+//! study, program and arguments it is, and has a digest of all that it says.
 
 use std::{
     collections::BTreeMap,
     fs,
+    io::Write,
     path::{Path, PathBuf},
     str::FromStr,
 };
 
+use clap::builder::RangedU64ValueParser;
+use rig_workqueue::{CHUNKS_MAX, Deed, QueueArguments, Work, cut};
 use rigd::{
     program::{self, head_of},
     rig::SOFTWARE,
@@ -24,11 +27,92 @@ use crate::{files::Folder, outcome::StudyError};
 #[command(next_help_heading = "On many computers")]
 pub(crate) struct ChunkArgs {
     /// Compute chunk I of N alone, and write it into the folder, as `STUDY-I-of-N.json`.
-    #[arg(long, value_name = "I/N", conflicts_with = "merge")]
-    pub(crate) chunk: Option<ChunkNumber>,
+    #[arg(long, value_name = "I/N", conflicts_with_all = ["merge", "queue"])]
+    chunk: Option<ChunkNumber>,
     /// Write the page of these chunks. The other arguments are those with which they were computed.
-    #[arg(long, value_name = "FILE", num_args = 1..)]
-    pub(crate) merge: Vec<PathBuf>,
+    #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with = "queue")]
+    merge: Vec<PathBuf>,
+    /// Number of chunks in the queue, the same for `--fill`, `--worker` and `--gather` [default: one for each part of the study]
+    #[arg(
+        long,
+        value_name = "N",
+        requires = "queue",
+        value_parser = RangedU64ValueParser::<usize>::new().range(1..=CHUNKS_MAX)
+    )]
+    chunks: Option<usize>,
+    #[command(flatten)]
+    queue: QueueArguments,
+}
+
+/// What is left to do for a page.
+pub(crate) enum Todo<T> {
+    /// To compute everything, and to write the page into this folder.
+    All(Folder),
+    /// To write the page of these results.
+    Page(Folder, Vec<T>),
+    /// Nothing: this was a part.
+    Nothing,
+}
+
+impl ChunkArgs {
+    /// Does what these arguments ask for with the items of a study, whose page is to be written into a folder. `compute` gives the
+    /// results of a chunk.
+    ///
+    /// # Errors
+    /// A chunk that is missing, altered, or one of something else, a queue that is of no use, and files.
+    pub(crate) fn run<T: Serialize + DeserializeOwned>(
+        &self,
+        whole: impl FnOnce() -> Result<Whole, StudyError>,
+        items: usize,
+        out_folder: &Path,
+        out: &mut impl Write,
+        compute: impl Fn(ChunkNumber) -> Vec<T>,
+    ) -> Result<Todo<T>, StudyError> {
+        let Some(asked) = self.queue.asked() else {
+            // A folder that cannot be made is noticed before anything is computed.
+            let folder = Folder::at(out_folder)?;
+            return Ok(if let Some(chunk) = self.chunk {
+                let path = whole()?.write(&folder, chunk, compute(chunk))?;
+                writeln!(out, "{}", path.display())?;
+                Todo::Nothing
+            } else if self.merge.is_empty() {
+                Todo::All(folder)
+            } else {
+                Todo::Page(folder, whole()?.merge(&self.merge, items)?)
+            });
+        };
+        let of = self.chunks.unwrap_or(items);
+        let whole = whole()?;
+        let queue = || asked.connect(whole.work(of)?).map_err(StudyError::from);
+        let chunks = 1..of as u64 + 1;
+        match asked.deed {
+            Deed::Fill(redelivery) => {
+                let chunks: Vec<_> = cut(chunks, 1).collect();
+                writeln!(out, "{}", queue()?.fill(&chunks, redelivery)?)?;
+                Ok(Todo::Nothing)
+            }
+            Deed::Work(within) => {
+                queue()?.work(within, out, |chunk| {
+                    let place = format!("{}/{of}", chunk.first).parse::<ChunkNumber>();
+                    let place = place.map_err(StudyError::arguments)?;
+                    let chunk = whole.chunk(place, compute(place))?;
+                    let said = format!("{} results", chunk.results.len());
+                    Ok::<_, StudyError>((chunk, said))
+                })?;
+                Ok(Todo::Nothing)
+            }
+            Deed::Gather(within) => {
+                let folder = Folder::at(out_folder)?;
+                let pieces = queue()?.gather(&chunks, within)?;
+                writeln!(out, "{} pieces", pieces.len())?;
+                let named = |(chunk, piece): (rig_workqueue::Chunk, _)| {
+                    Ok((format!("piece {} of the queue", chunk.first), piece))
+                };
+                let results = whole.join(pieces.into_iter().map(named), items)?;
+                Ok(Todo::Page(folder, results))
+            }
+        }
+    }
 }
 
 /// Which chunk of how many, from 1.
@@ -74,7 +158,7 @@ pub(crate) struct Whole {
     arguments: String,
 }
 
-/// A file.
+/// A file, or a piece in a queue.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Chunk<T> {
@@ -90,30 +174,31 @@ struct Chunk<T> {
 /// Chunks that do not make a page.
 #[derive(Debug, thiserror::Error)]
 enum ChunkError {
-    #[error("{}", path.display())]
-    Unread { path: PathBuf, source: std::io::Error },
-    #[error("{} is not a chunk of `rig-study {study}`", path.display())]
-    Format { path: PathBuf, study: String, source: serde_json::Error },
-    #[error("{} was altered: its digest is {stated}, and that of what it says is {found}", path.display())]
-    Altered { path: PathBuf, stated: String, found: String },
-    #[error("{} has {found} results, and this chunk has {expected}", path.display())]
-    Length { path: PathBuf, found: usize, expected: usize },
-    #[error("{} is a chunk of `{found}`, and chunks of `{expected}` are merged", path.display())]
-    Study { path: PathBuf, found: String, expected: String },
+    #[error("{name}")]
+    Unread { name: String, source: std::io::Error },
+    #[error("{name} is not a chunk of `rig-study {study}`")]
+    Format { name: String, study: String, source: serde_json::Error },
+    #[error("{name} was altered: its digest is {stated}, and that of what it says is {found}")]
+    Altered { name: String, stated: String, found: String },
+    #[error("{name} has {found} results, and this chunk has {expected}")]
+    Length { name: String, found: usize, expected: usize },
+    #[error("{name} is a chunk of `{found}`, and chunks of `{expected}` are merged")]
+    Study { name: String, found: String, expected: String },
     #[error(
-        "{} was computed by the program {found}, and this is {expected}: all chunks are computed and merged by copies of one file",
-        path.display()
+        "{name} was computed by the program {found}, and this is {expected}: all chunks are computed and merged by copies of one file"
     )]
-    Program { path: PathBuf, found: String, expected: String },
-    #[error("{} was computed with the arguments \"{found}\", and those of the page are \"{expected}\"", path.display())]
-    Arguments { path: PathBuf, found: String, expected: String },
-    #[error("{} is one of {found} chunks, and others are of {expected}", path.display())]
-    Cut { path: PathBuf, found: usize, expected: usize },
+    Program { name: String, found: String, expected: String },
+    #[error(
+        "{name} was computed with the arguments \"{found}\", and those of the page are \"{expected}\""
+    )]
+    Arguments { name: String, found: String, expected: String },
+    #[error("{name} is one of {found} chunks, and others are of {expected}")]
+    Cut { name: String, found: usize, expected: usize },
     #[error(
         "chunk {number} is there twice, with the digests {} and {}: {} or {} is wrong, or the results do not depend on the \
-         arguments alone", digests[0], digests[1], paths[0].display(), paths[1].display()
+         arguments alone", digests[0], digests[1], names[0], names[1]
     )]
-    Differ { number: usize, digests: [String; 2], paths: Box<[PathBuf; 2]> },
+    Differ { number: usize, digests: [String; 2], names: Box<[String; 2]> },
     #[error("of {of} chunks these are missing: {}", list(missing))]
     Missing { of: usize, missing: Vec<usize> },
 }
@@ -131,49 +216,82 @@ impl Whole {
         Ok(Self { study: study.to_owned(), program: program::digest()?, arguments })
     }
 
+    /// The work of a queue with this number of chunks.
+    fn work(&self, chunks: usize) -> Result<Work, StudyError> {
+        let Self { study, arguments, program } = self;
+        Ok(Work {
+            kind: "study",
+            noun: "chunk",
+            alone: "compute one alone, with --chunk I/N,",
+            title: format!("{study} {arguments}, {chunks} chunks,"),
+            content: head_of(serde_json::to_vec(&(study, arguments, chunks))?),
+            program: program.clone(),
+        })
+    }
+
+    /// A chunk with its digest.
+    fn chunk<T: Serialize>(
+        &self,
+        place: ChunkNumber,
+        results: Vec<T>,
+    ) -> Result<Chunk<T>, StudyError> {
+        let (whole, software) = (self.clone(), SOFTWARE.to_owned());
+        let mut chunk = Chunk { whole, software, place, results, digest: String::new() };
+        chunk.digest = chunk.computed_digest()?;
+        Ok(chunk)
+    }
+
     /// Writes a chunk into the folder, and returns its path. Nobody sees half of it.
-    pub(crate) fn write<T: Serialize>(
-        self,
+    fn write<T: Serialize>(
+        &self,
         folder: &Folder,
-        chunk: ChunkNumber,
+        place: ChunkNumber,
         results: Vec<T>,
     ) -> Result<PathBuf, StudyError> {
-        let name = format!("{}-{}-of-{}.json", self.study, chunk.number, chunk.of);
-        let software = SOFTWARE.to_owned();
-        let mut file =
-            Chunk { whole: self, software, place: chunk, results, digest: String::new() };
-        file.digest = file.computed_digest()?;
-        folder.replace(&name, &(serde_json::to_string(&file)? + "\n"))?;
+        let name = format!("{}-{}-of-{}.json", self.study, place.number, place.of);
+        let chunk = self.chunk(place, results)?;
+        folder.replace(&name, &(serde_json::to_string(&chunk)? + "\n"))?;
         Ok(folder.path(&name))
     }
 
-    /// The results of all items in their order. A chunk that is there twice counts once.
+    /// The results of all items in their order, from files. A chunk that is there twice counts once.
     ///
     /// # Errors
     /// A chunk that is missing, altered, or one of something else.
-    pub(crate) fn merge<T: Serialize + DeserializeOwned>(
+    fn merge<T: Serialize + DeserializeOwned>(
         &self,
         paths: &[PathBuf],
         items: usize,
     ) -> Result<Vec<T>, StudyError> {
-        let mut chunks = BTreeMap::<usize, (&PathBuf, Chunk<T>)>::new();
-        for path in paths {
-            let chunk = self.read(path, items)?;
+        let read = |path: &PathBuf| Ok((path.display().to_string(), self.read(path)?));
+        self.join(paths.iter().map(read), items)
+    }
+
+    /// The same from chunks with their names.
+    fn join<T: Serialize>(
+        &self,
+        named: impl Iterator<Item = Result<(String, Chunk<T>), StudyError>>,
+        items: usize,
+    ) -> Result<Vec<T>, StudyError> {
+        let mut chunks = BTreeMap::<usize, (String, Chunk<T>)>::new();
+        for chunk in named {
+            let (name, chunk) = chunk?;
+            self.check(&name, &chunk, items)?;
             let ChunkNumber { number, of } = chunk.place;
             if let Some((_, first)) = chunks.values().next()
                 && first.place.of != of
             {
-                let (path, found, expected) = (path.clone(), of, first.place.of);
-                return Err(StudyError::refused(ChunkError::Cut { path, found, expected }));
+                let (found, expected) = (of, first.place.of);
+                return Err(StudyError::refused(ChunkError::Cut { name, found, expected }));
             }
             match chunks.get(&number) {
                 Some((_, known)) if known.digest == chunk.digest => {}
                 Some((other, known)) => {
                     let digests = [known.digest.clone(), chunk.digest];
-                    let paths = Box::new([(*other).clone(), path.clone()]);
-                    return Err(StudyError::refused(ChunkError::Differ { number, digests, paths }));
+                    let names = Box::new([other.clone(), name]);
+                    return Err(StudyError::refused(ChunkError::Differ { number, digests, names }));
                 }
-                None => _ = chunks.insert(number, (path, chunk)),
+                None => _ = chunks.insert(number, (name, chunk)),
             }
         }
         let of = chunks.values().next().map_or(0, |(_, chunk)| chunk.place.of);
@@ -187,50 +305,52 @@ impl Whole {
         Ok((0..items).filter_map(|item| parts[item % of].next()).collect())
     }
 
-    /// A chunk of this whole.
-    fn read<T: Serialize + DeserializeOwned>(
+    fn read<T: DeserializeOwned>(&self, path: &Path) -> Result<Chunk<T>, StudyError> {
+        let name = || path.display().to_string();
+        let text = fs::read_to_string(path)
+            .map_err(|source| StudyError::refused(ChunkError::Unread { name: name(), source }))?;
+        serde_json::from_str(&text).map_err(|source| {
+            let (name, study) = (name(), self.study.clone());
+            StudyError::refused(ChunkError::Format { name, study, source })
+        })
+    }
+
+    /// Checks that this is a chunk of this whole, and was not altered.
+    fn check<T: Serialize>(
         &self,
-        path: &Path,
+        name: &str,
+        chunk: &Chunk<T>,
         items: usize,
-    ) -> Result<Chunk<T>, StudyError> {
-        let to = path.to_owned();
+    ) -> Result<(), StudyError> {
+        let name = name.to_owned();
         let refused = |error| Err(StudyError::refused(error));
-        let text = match fs::read_to_string(path) {
-            Ok(text) => text,
-            Err(source) => return refused(ChunkError::Unread { path: to, source }),
-        };
-        let study = self.study.clone();
-        let chunk: Chunk<T> = match serde_json::from_str(&text) {
-            Ok(chunk) => chunk,
-            Err(source) => return refused(ChunkError::Format { path: to, study, source }),
-        };
         let computed = chunk.computed_digest()?;
         if chunk.digest != computed {
-            let (stated, found) = (chunk.digest, computed);
-            return refused(ChunkError::Altered { path: to, stated, found });
+            let (stated, found) = (chunk.digest.clone(), computed);
+            return refused(ChunkError::Altered { name, stated, found });
         }
         let differ = |of: fn(&Self) -> &String| {
             let (found, expected) = (of(&chunk.whole).clone(), of(self).clone());
             (found != expected).then_some((found, expected))
         };
         if let Some((found, expected)) = differ(|whole| &whole.study) {
-            return refused(ChunkError::Study { path: to, found, expected });
+            return refused(ChunkError::Study { name, found, expected });
         }
         if let Some((found, expected)) = differ(|whole| &whole.program) {
-            return refused(ChunkError::Program { path: to, found, expected });
+            return refused(ChunkError::Program { name, found, expected });
         }
         if let Some((found, expected)) = differ(|whole| &whole.arguments) {
-            return refused(ChunkError::Arguments { path: to, found, expected });
+            return refused(ChunkError::Arguments { name, found, expected });
         }
         let ChunkNumber { number, of } = chunk.place;
         if !(1..=of).contains(&number) {
-            return refused(ChunkError::Cut { path: to, found: of, expected: number });
+            return refused(ChunkError::Cut { name, found: of, expected: number });
         }
         let (found, expected) = (chunk.results.len(), chunk.place.of(0..items).count());
         if found != expected {
-            return refused(ChunkError::Length { path: to, found, expected });
+            return refused(ChunkError::Length { name, found, expected });
         }
-        Ok(chunk)
+        Ok(())
     }
 }
 

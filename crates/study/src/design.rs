@@ -18,7 +18,7 @@ use std::{
 use rayon::prelude::*;
 
 use crate::{
-    chunk::{ChunkArgs, Whole},
+    chunk::{ChunkArgs, ChunkNumber, Todo, Whole},
     files::Folder,
     outcome::StudyError,
     paper_bench::Control,
@@ -69,16 +69,17 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
         arms_mm: args.arm_mm,
         control,
     };
-    let folder = Folder::at(&args.out)?;
-    if let Some(chunk) = args.chunks.chunk {
-        let judged = chunk.of(grid.blocks()).map(|block| rows::lines(&judge(&block))).collect();
-        let path = Whole::new(NAME, grid.to_string())?.write(&folder, chunk, judged)?;
-        return Ok(writeln!(out, "{}", path.display())?);
-    }
+    let (blocks, whole) = (grid.blocks(), || Whole::new(NAME, grid.to_string()));
+    let compute =
+        |chunk: ChunkNumber| chunk.of(&blocks).map(|block| rows::lines(&judge(block))).collect();
+    let todo = args.chunks.run(whole, blocks.len(), &args.out, out, compute)?;
+    let (folder, judged) = match todo {
+        Todo::All(folder) => (folder, None),
+        Todo::Page(folder, judged) => (folder, Some(judged)),
+        Todo::Nothing => return Ok(()),
+    };
     let rows_folder = Folder::at(args.rows.parent().unwrap_or(Path::new("")))?;
-    if !args.chunks.merge.is_empty() {
-        let whole = Whole::new(NAME, grid.to_string())?;
-        let judged: Vec<String> = whole.merge(&args.chunks.merge, grid.blocks().len())?;
+    if let Some(judged) = judged {
         rows::write(&args.rows, &grid, &judged)?;
     }
     let designs = judge_all(&grid, &args.rows)?;

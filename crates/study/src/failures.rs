@@ -22,7 +22,7 @@ mod spring;
 use std::{io::Write, ops::Range, path::PathBuf};
 
 use crate::{
-    chunk::{ChunkArgs, Whole},
+    chunk::{ChunkArgs, ChunkNumber, Todo, Whole},
     files::Folder,
     outcome::StudyError,
     progress,
@@ -54,7 +54,7 @@ pub(crate) struct Args {
     axis: Option<String>,
     /// Compare a part of the sweeps of the first two seeds with those of the page in the folder, and write
     /// nothing.
-    #[arg(long, conflicts_with_all = ["axis", "chunk", "merge"])]
+    #[arg(long, conflicts_with_all = ["axis", "chunk", "merge", "queue"])]
     check: bool,
     #[command(flatten)]
     chunks: ChunkArgs,
@@ -75,9 +75,8 @@ fn names() -> String {
 const NAME: &str = "failures";
 
 pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
-    let folder = Folder::at(&args.out)?;
     if args.check {
-        return gate::check(&folder.path(NAME), args.seed, out);
+        return gate::check(&Folder::at(&args.out)?.path(NAME), args.seed, out);
     }
     let axes: Vec<Axis> = Axis::ALL
         .into_iter()
@@ -89,14 +88,12 @@ pub(crate) fn run(args: &Args, out: &mut impl Write) -> Result<(), StudyError> {
     let jobs = jobs(&axes);
     let judge =
         |jobs| judge_jobs(jobs, args.trials, args.planned, args.seed..args.seed + args.seeds);
-    if let Some(chunk) = args.chunks.chunk {
-        let found = judge(chunk.of(jobs).collect());
-        let path = args.whole()?.write(&folder, chunk, found)?;
-        return Ok(writeln!(out, "{}", path.display())?);
-    }
-    let found = match &args.chunks.merge[..] {
-        [] => judge(jobs),
-        chunks => args.whole()?.merge(chunks, jobs.len())?,
+    let compute = |chunk: ChunkNumber| judge(chunk.of(jobs.iter().copied()).collect());
+    let todo = args.chunks.run(|| args.whole(), jobs.len(), &args.out, out, compute)?;
+    let (folder, found) = match todo {
+        Todo::All(folder) => (folder, judge(jobs)),
+        Todo::Page(folder, found) => (folder, found),
+        Todo::Nothing => return Ok(()),
     };
     let cells: Vec<Cell> = found.into_iter().flatten().collect();
     for path in Path::ALL {

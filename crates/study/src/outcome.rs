@@ -4,6 +4,7 @@ use std::{error::Error, io, io::Write as _, path::PathBuf, process::ExitCode};
 
 use rig_chart::ChartError;
 use rig_model::with_causes;
+use rig_workqueue::QueueError;
 use rigd::program::ProgramError;
 use serde::Serialize;
 
@@ -33,6 +34,9 @@ pub(crate) enum StudyError {
     /// The file of this program could not be read.
     #[error("cannot read this program")]
     Program(#[from] ProgramError),
+    /// A queue is of no use.
+    #[error(transparent)]
+    Queue(#[from] QueueError),
     /// A chart cannot be drawn.
     #[error("cannot draw a chart")]
     Chart(#[from] ChartError),
@@ -70,6 +74,7 @@ pub(crate) fn exit(result: Result<(), StudyError>) -> ExitCode {
         | StudyError::Bench(_)
         | StudyError::File { .. }
         | StudyError::Program(_)
+        | StudyError::Queue(_)
         | StudyError::Chart(_)
         | StudyError::Json(_) => ExitCode::FAILURE,
     }

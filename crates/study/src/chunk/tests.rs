@@ -98,7 +98,7 @@ fn a_chunk_of_something_else_is_refused_by_name() {
     let other = site.write("2/4", ITEMS);
     site.refuses(&with(other), &["study-2-of-4.json is one of 4 chunks, and others are of 3"]);
     let folder = Folder::at(site.folder.path()).unwrap();
-    let short = site.whole.clone().write(&folder, "2/3".parse().unwrap(), vec![0.0]).unwrap();
+    let short = site.whole.write(&folder, "2/3".parse().unwrap(), vec![0.0]).unwrap();
     site.refuses(&with(short), &["has 1 results, and this chunk has 2"]);
 }
 
@@ -141,5 +141,53 @@ fn a_number_of_a_chunk_is_within_their_number() {
     assert_eq!(read("3/8").unwrap(), ChunkNumber { number: 3, of: 8 });
     for wrong in ["", "3", "0/8", "9/8", "1/0", "1/", "/1", "-1/2", "1/2/3", "a/b"] {
         assert!(read(wrong).is_err(), "{wrong}");
+    }
+}
+
+#[test]
+fn a_queue_goes_with_its_own_options_alone() {
+    #[derive(Debug, clap::Parser)]
+    struct Cli {
+        #[command(flatten)]
+        chunks: ChunkArgs,
+    }
+    let accepts = |words: &str| {
+        <Cli as clap::Parser>::try_parse_from(["study"].into_iter().chain(words.split(' '))).is_ok()
+    };
+    for words in [
+        "--queue nats://host --fill --chunks 5 --silent-s 5 --deliveries 2",
+        "--queue nats://host --worker --chunks 5 --within-s 5 --queue-files directory",
+        "--queue nats://host --gather --within-s 0",
+    ] {
+        assert!(accepts(words), "{words}");
+    }
+    for words in [
+        "--queue nats://host",
+        "--queue nats://host --fill --gather",
+        "--queue nats://host --fill --chunks 0",
+        "--queue nats://host --fill --chunks 100001",
+        "--queue nats://host --worker --silent-s 5",
+        "--queue nats://host --worker --chunk 1/2",
+        "--queue nats://host --gather --merge one.json",
+        "--chunks 5",
+        "--fill",
+    ] {
+        assert!(!accepts(words), "{words}");
+    }
+}
+
+#[test]
+fn works_of_a_queue_differ_as_their_results_do() {
+    let site = Site::new();
+    let content = |whole: &Whole, chunks| whole.work(chunks).unwrap().content;
+    let own = content(&site.whole, 3);
+    assert_eq!(own, content(&site.whole, 3));
+    let program = Whole { program: "0".repeat(16), ..site.whole.clone() };
+    assert_eq!(own, content(&program, 3));
+    assert_eq!(program.work(3).unwrap().program, program.program);
+    for (whole, chunks) in
+        [(&site.whole, 4), (&whole("study", "--seed 2"), 3), (&whole("other", "--seed 1"), 3)]
+    {
+        assert_ne!(own, content(whole, chunks), "{whole:?} {chunks}");
     }
 }

@@ -1,15 +1,8 @@
-//! The queue of a campaign on a NATS server with `JetStream`.
-//!
-//! ```text
-//!   fill ─▶ chunks (work queue) ─▶ worker: take, play ─▶ pieces ─▶ gather ─▶ ledger
-//!                ▲                    │  │                 ▲
-//!                └── not acknowledged ┘  └─ store, then ───┘ acknowledge
-//! ```
-//!
-//! A chunk leaves the queue when its piece is stored, and not before. What is done twice is stored twice, and merged once.
+//! The connection to the server, and the filling of the queue.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
+    fmt,
     path::Path,
     time::{Duration, Instant},
 };
@@ -31,8 +24,8 @@ use tokio::{
     time::{sleep, timeout},
 };
 
-use super::{
-    chunk::{Chunk, Kind, Player},
+use crate::{
+    chunk::{Chunk, Kind, Work},
     error::QueueError,
 };
 
@@ -44,42 +37,55 @@ const PING_EVERY: Duration = Duration::from_secs(10);
 const PATIENCE: Duration = Duration::from_secs(60);
 /// Time to the second attempt, and the longest time between two. It doubles in between.
 const WAITS: [Duration; 2] = [Duration::from_millis(100), Duration::from_secs(4)];
-/// Time that the server keeps what nobody has asked for, so that a campaign that was forgotten leaves nothing.
+/// Time that the server keeps what nobody has asked for, so that work that was forgotten leaves nothing.
 const KEPT: Duration = Duration::from_secs(30 * 24 * 3600);
 /// Largest number of attempts to fill a queue that others fill too.
 const FILLS_MAX: usize = 20;
 
-/// A queue, for one menu and one program.
+/// A queue, for one work and one program.
 #[derive(Debug)]
-pub(crate) struct Queue {
+pub struct Queue {
     pub(super) context: Context,
     /// Host and port.
-    address: String,
-    pub(super) player: Player,
+    pub(super) address: String,
+    pub(super) work: Work,
     pub(super) patience: Duration,
-    /// Its only thread also says that chunks are in progress while others play.
+    /// Its only thread also says that chunks are in progress while others compute.
     pub(super) runtime: Runtime,
 }
 
 /// When a chunk goes to another worker.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Redelivery {
+pub struct Redelivery {
     /// Time since the worker has said something.
-    pub(crate) after: Duration,
+    pub after: Duration,
     /// Number of workers that get it, one after the other.
-    pub(crate) deliveries: i64,
+    pub deliveries: i64,
 }
 
 /// What became of the chunks of a call of `--fill`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(crate) struct Filled {
-    pub(crate) added: u64,
+pub struct Filled {
+    /// Put into the queue.
+    pub added: u64,
     /// In the queue already, or with a worker.
-    pub(crate) queued: u64,
-    pub(crate) played: u64,
+    pub queued: u64,
+    /// Computed already.
+    pub computed: u64,
 }
 
-/// What is in the queue of a player before it is filled.
+impl fmt::Display for Filled {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { added, queued, computed } = self;
+        let all = added + queued + computed;
+        write!(
+            f,
+            "{all} chunks: {added} added, {queued} were in the queue, {computed} were computed"
+        )
+    }
+}
+
+/// What is in the queue of a work before it is filled.
 #[derive(Debug)]
 pub(super) struct Known {
     queued: Stream,
@@ -89,14 +95,14 @@ pub(super) struct Known {
     waiting: BTreeMap<Chunk, u64>,
     /// Those that were given up, if no worker has another one.
     given_up: BTreeMap<Chunk, u64>,
-    played: BTreeSet<Chunk>,
+    computed: BTreeSet<Chunk>,
     /// What this call has added.
     own: BTreeSet<Chunk>,
 }
 
 impl Known {
     fn all(&self) -> BTreeSet<Chunk> {
-        self.waiting.keys().chain(&self.played).copied().collect()
+        self.waiting.keys().chain(&self.computed).copied().collect()
     }
 }
 
@@ -106,17 +112,17 @@ impl Queue {
     ///
     /// # Errors
     /// [`QueueError`].
-    pub(crate) fn connect(
+    pub fn connect(
         server: &ServerAddr,
         files: Option<&Path>,
-        player: Player,
+        work: Work,
     ) -> Result<Self, QueueError> {
         let runtime = Builder::new_multi_thread().worker_threads(1).enable_all().build();
         let runtime = runtime.map_err(QueueError::Runtime)?;
         // Without the password that it may have.
         let address = format!("{}:{}", server.host(), server.port());
         let mut options = ConnectOptions::new()
-            .name("rigd campaign")
+            .name(format!("rigd {}", work.kind))
             .connection_timeout(CONNECT_TIME)
             .ping_interval(PING_EVERY);
         if let (Some(user), Some(password)) = (server.username(), server.password()) {
@@ -137,7 +143,7 @@ impl Queue {
                 Err(_) => Err(QueueError::Silent { address: address.clone(), within }),
             }
         })?;
-        let queue = Self { context, address, player, patience: PATIENCE, runtime };
+        let queue = Self { context, address, work, patience: PATIENCE, runtime };
         queue.runtime.block_on(queue.check())?;
         Ok(queue)
     }
@@ -160,20 +166,16 @@ impl Queue {
         }
     }
 
-    /// Puts chunks into the queue that are neither in it nor played. A chunk that was given up is put into it again, if no
+    /// Puts chunks into the queue that are neither in it nor computed. A chunk that was given up is put into it again, if no
     /// worker has another one.
     ///
     /// # Errors
     /// [`QueueError`]. A chunk that is in part another one is not added.
-    pub(crate) fn fill(
-        &self,
-        chunks: &[Chunk],
-        redelivery: Redelivery,
-    ) -> Result<Filled, QueueError> {
+    pub fn fill(&self, chunks: &[Chunk], redelivery: Redelivery) -> Result<Filled, QueueError> {
         self.runtime.block_on(async {
             let mut known = self.look(redelivery).await?;
             for _ in 0..FILLS_MAX {
-                check_apart(chunks, &known.all())?;
+                self.check_apart(chunks, &known.all())?;
                 if let Some(filled) = self.add(chunks, &mut known).await? {
                     return Ok(filled);
                 }
@@ -198,14 +200,14 @@ impl Queue {
         // After the chunks, or one that has come since would be taken for one that was given up; and before the pieces: a chunk
         // that is finished by then has its piece there.
         let info = consumer.get_info().await.map_err(self.at("the workers"))?;
-        let played = self.messages(&pieces, Kind::Piece, &mut 0).await?.into_iter();
+        let computed = self.messages(&pieces, Kind::Piece, &mut 0).await?.into_iter();
         let given_up = if is_empty(&info) { waiting.clone() } else { BTreeMap::new() };
-        let played = played.map(|(chunk, _)| chunk).collect();
-        Ok(Known { queued, last, waiting, given_up, played, own: BTreeSet::new() })
+        let computed = computed.map(|(chunk, _)| chunk).collect();
+        Ok(Known { queued, last, waiting, given_up, computed, own: BTreeSet::new() })
     }
 
     /// Adds the chunks that are not known. `None` if another program has added something since the look: that may have a part
-    /// of the same seeds.
+    /// of the same numbers.
     pub(super) async fn add(
         &self,
         chunks: &[Chunk],
@@ -217,8 +219,8 @@ impl Queue {
             let given_up = known.given_up.get(chunk).copied();
             if known.own.contains(chunk) {
                 filled.added += 1;
-            } else if known.played.contains(chunk) {
-                filled.played += 1;
+            } else if known.computed.contains(chunk) {
+                filled.computed += 1;
             } else if waiting.is_some() && waiting != given_up {
                 filled.queued += 1;
             } else if self.publish_chunk(*chunk, waiting, known).await? {
@@ -239,7 +241,7 @@ impl Queue {
         known: &mut Known,
     ) -> Result<bool, QueueError> {
         let message = PublishMessage::build().expected_last_sequence(known.last);
-        let subject = self.player.subject(Kind::Chunk, chunk);
+        let subject = self.work.subject(Kind::Chunk, chunk);
         let sent = async { self.context.send_publish(subject, message).await?.await }.await;
         let number = match sent {
             Ok(taken) => taken.sequence,
@@ -264,8 +266,8 @@ impl Queue {
             Kind::Piece => RetentionPolicy::Limits,
         };
         let config = Config {
-            name: kind.stream().to_owned(),
-            subjects: vec![kind.subjects()],
+            name: self.work.stream(kind),
+            subjects: vec![self.work.stream_subjects(kind)],
             retention,
             max_age: KEPT,
             ..Config::default()
@@ -277,7 +279,7 @@ impl Queue {
     /// The stream of these messages.
     pub(super) async fn open(&self, kind: Kind) -> Result<Stream, QueueError> {
         let opened = self.patiently("the queue cannot be opened", async || {
-            match self.context.get_stream(kind.stream()).await {
+            match self.context.get_stream(self.work.stream(kind)).await {
                 Ok(stream) => Ok(Some(stream)),
                 Err(error) if is_unknown(&error.kind()) => Ok(None),
                 Err(error) => Err(error.into()),
@@ -286,10 +288,10 @@ impl Queue {
         opened.await?.ok_or_else(|| self.not_filled(Vec::new()))
     }
 
-    /// What the workers of this player share.
+    /// What the workers of this work share.
     pub(super) async fn workers(&self) -> Result<PullConsumer, QueueError> {
         let stream = self.open(Kind::Chunk).await?;
-        let name = self.player.consumer();
+        let name = self.work.consumer();
         let all = self.patiently("the workers cannot be listed", async || {
             Ok(stream.consumers().try_collect::<Vec<_>>().await?)
         });
@@ -297,7 +299,8 @@ impl Queue {
             all.await?.into_iter().partition(|info| info.name == name);
         if own.is_empty() {
             let others = others.into_iter().filter(|info| !is_empty(info));
-            return Err(self.not_filled(others.map(|info| info.name).collect()));
+            let title = |info: Info| info.config.description.unwrap_or(info.name);
+            return Err(self.not_filled(others.map(title).collect()));
         }
         let found = self
             .patiently("the workers cannot be found", async || stream.get_consumer(&name).await);
@@ -306,23 +309,24 @@ impl Queue {
 
     fn consumer(&self, redelivery: Redelivery) -> pull::Config {
         pull::Config {
-            durable_name: Some(self.player.consumer()),
+            durable_name: Some(self.work.consumer()),
+            description: Some(self.work.to_string()),
             ack_policy: AckPolicy::Explicit,
             ack_wait: redelivery.after,
             max_deliver: redelivery.deliveries,
-            filter_subject: self.player.subjects(Kind::Chunk),
+            filter_subject: self.work.subjects(Kind::Chunk),
             ..pull::Config::default()
         }
     }
 
-    /// The messages of this player in a stream behind the one with a number, which is changed to that of the last.
+    /// The messages of this work in a stream behind the one with a number, which is changed to that of the last.
     pub(super) async fn messages(
         &self,
         stream: &Stream,
         kind: Kind,
         behind: &mut u64,
     ) -> Result<Vec<(Chunk, StreamMessage)>, QueueError> {
-        let subjects = self.player.subjects(kind);
+        let subjects = self.work.subjects(kind);
         let mut messages = Vec::new();
         loop {
             let next = self.patiently("the messages cannot be read", async || {
@@ -338,7 +342,7 @@ impl Queue {
             });
             let Some(message) = next.await? else { return Ok(messages) };
             *behind = message.sequence;
-            if let Some(chunk) = self.player.chunk(kind, &message.subject) {
+            if let Some(chunk) = self.work.chunk(kind, &message.subject) {
                 messages.push((chunk, message));
             }
         }
@@ -371,23 +375,23 @@ impl Queue {
     }
 
     fn not_filled(&self, others: Vec<String>) -> QueueError {
-        let (address, player) = (self.address.clone(), self.player.clone());
-        QueueError::NotFilled { address, player, others }
+        let (address, work) = (self.address.clone(), Box::new(self.work.clone()));
+        QueueError::NotFilled { address, work, others }
     }
-}
 
-/// Refuses a chunk that is in part a known one.
-fn check_apart(chunks: &[Chunk], known: &BTreeSet<Chunk>) -> Result<(), QueueError> {
-    for chunk in chunks {
-        // The known ones are apart from each other.
-        let neighbours = [known.range(..chunk).next_back(), known.range(chunk..).next()];
-        if let Some(known) = neighbours.into_iter().flatten().find(|known| known.is_partly(*chunk))
-        {
-            let (asked, known) = (chunk.range(), known.range());
-            return Err(QueueError::Overlap { asked, known });
+    /// Refuses a chunk that is in part a known one.
+    fn check_apart(&self, chunks: &[Chunk], known: &BTreeSet<Chunk>) -> Result<(), QueueError> {
+        for chunk in chunks {
+            // The known ones are apart from each other.
+            let neighbours = [known.range(..chunk).next_back(), known.range(chunk..).next()];
+            let mut neighbours = neighbours.into_iter().flatten();
+            if let Some(known) = neighbours.find(|known| known.is_partly(*chunk)) {
+                let [asked, known] = [chunk, known].map(|chunk| self.work.numbers(&chunk.range()));
+                return Err(QueueError::Overlap { asked, known });
+            }
         }
+        Ok(())
     }
-    Ok(())
 }
 
 /// Whether no chunk waits and none is with a worker. Those that are in the stream then were given up.

@@ -1,20 +1,23 @@
 //! The side of a worker.
 
-use std::time::{Duration, Instant};
+use std::{
+    io::{self, Write},
+    time::{Duration, Instant},
+};
 
 use async_nats::jetstream::{
     AckKind, Message,
     consumer::{Config, PullConsumer},
 };
 use futures_util::StreamExt;
+use serde::Serialize;
 use tokio::{task::JoinHandle, time::sleep};
 
-use super::{
+use crate::{
     chunk::{Chunk, Kind},
     error::QueueError,
     server::{Queue, is_empty},
 };
-use crate::ledger::Piece;
 
 /// Longest time that a worker asks for a chunk before it looks whether there will be one.
 const PULL_TIME: Duration = Duration::from_secs(1);
@@ -46,6 +49,36 @@ pub(crate) struct Taken {
 }
 
 impl Queue {
+    /// Computes chunks until none is left, and says so. `compute` also returns what is said of its piece.
+    ///
+    /// # Errors
+    /// [`QueueError`], and those of `compute` and `out`.
+    pub fn work<P: Serialize, E: From<QueueError> + From<io::Error>>(
+        &self,
+        within: Duration,
+        out: &mut impl Write,
+        mut compute: impl FnMut(Chunk) -> Result<(P, String), E>,
+    ) -> Result<(), E> {
+        let mut count = 0;
+        loop {
+            let taken = match self.take(within)? {
+                Next::Taken(taken) => taken,
+                Next::Empty => return Ok(writeln!(out, "{count} chunks computed; none is left")?),
+                Next::WithOthers(others) => {
+                    let others = format_args!("other workers have {others}");
+                    return Ok(writeln!(out, "{count} chunks computed; {others}")?);
+                }
+            };
+            let Taken { chunk, delivery, deliveries, .. } = *taken;
+            let numbers = self.work.numbers(&chunk.range());
+            writeln!(out, "{numbers}, worker {delivery} of at most {deliveries}")?;
+            let (piece, summary) = compute(chunk)?;
+            self.finish(&taken, &piece)?;
+            writeln!(out, "  {summary}")?;
+            count += 1;
+        }
+    }
+
     /// The next chunk, within a time. A server that is started anew meanwhile is waited for.
     ///
     /// # Errors
@@ -77,7 +110,7 @@ impl Queue {
     async fn taken(&self, message: Message, config: &Config) -> Result<Next, QueueError> {
         let delivery = message.info().map(|info| info.delivered);
         let delivery = delivery.map_err(|error| self.error("what came is no chunk", error))?;
-        let Some(chunk) = self.player.chunk(Kind::Chunk, &message.subject) else {
+        let Some(chunk) = self.work.chunk(Kind::Chunk, &message.subject) else {
             let error = format!("the subject {}", message.subject).into();
             _ = message.ack_with(AckKind::Term).await;
             return Err(self.error("what came is no chunk, and was removed", error));
@@ -104,11 +137,19 @@ impl Queue {
     ///
     /// # Errors
     /// [`QueueError`]. The chunk goes to another worker.
-    pub(crate) fn finish(&self, taken: &Taken, piece: &Piece) -> Result<(), QueueError> {
-        let subject = self.player.subject(Kind::Piece, taken.chunk);
-        let seeds = taken.chunk.range();
-        let text =
-            serde_json::to_vec(piece).map_err(|source| QueueError::Piece { seeds, source })?;
+    pub(crate) fn finish<P: Serialize>(&self, taken: &Taken, piece: &P) -> Result<(), QueueError> {
+        let subject = self.work.subject(Kind::Piece, taken.chunk);
+        let numbers = self.work.numbers(&taken.chunk.range());
+        let text = match serde_json::to_vec(piece) {
+            Ok(text) => text,
+            Err(source) => return Err(QueueError::Piece { numbers, source }),
+        };
+        // It would not be taken later either.
+        let (bytes, most) = (text.len(), self.context.client().server_info().max_payload);
+        if bytes > most {
+            let address = self.address.clone();
+            return Err(QueueError::TooLarge { numbers, bytes, address, most });
+        }
         self.runtime.block_on(async {
             let stored = self.patiently("a piece cannot be stored", async || {
                 let sent = self.context.publish(subject.clone(), text.clone().into());
