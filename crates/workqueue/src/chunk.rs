@@ -276,9 +276,13 @@ mod tests {
     #[test]
     fn numbers_are_named_with_their_noun_and_a_bound() {
         let name = |ranges: &[Range<u64>]| work("a", "1").all_numbers(ranges.to_vec()).to_string();
-        assert_eq!(name(&[1..26]), "seeds 1 to 25");
-        assert_eq!(name(&[7..8]), "seed 7");
-        assert_eq!(name(&[1..4, 7..8]), "seeds 1 to 3, 7");
+        for (ranges, expected) in
+            [([1..26, 30..31], "seeds 1 to 25, 30"), ([1..4, 7..8], "seeds 1 to 3, 7")]
+        {
+            assert_eq!(name(&ranges), expected);
+        }
+        let one = |range| name(&[range]);
+        assert_eq!([one(1..26), one(7..8)], ["seeds 1 to 25", "seed 7"]);
         let many: Vec<_> = (0..23).map(|number| 10 * number..10 * number + 1).collect();
         assert!(name(&many).ends_with(", 180, 190 and 3 ranges more"), "{}", name(&many));
     }

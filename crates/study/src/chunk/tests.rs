@@ -19,10 +19,10 @@ impl Site {
     }
 
     fn write(&self, chunk: &str, items: [f64; 7]) -> PathBuf {
-        self.write_of(self.whole.clone(), chunk, items)
+        self.write_of(&self.whole, chunk, items)
     }
 
-    fn write_of(&self, whole: Whole, chunk: &str, items: [f64; 7]) -> PathBuf {
+    fn write_of(&self, whole: &Whole, chunk: &str, items: [f64; 7]) -> PathBuf {
         let chunk: ChunkNumber = chunk.parse().unwrap();
         let folder = Folder::at(self.folder.path()).unwrap();
         whole.write(&folder, chunk, chunk.of(items).collect()).unwrap()
@@ -88,12 +88,12 @@ fn chunks_that_are_missing_are_named() {
 fn a_chunk_of_something_else_is_refused_by_name() {
     let site = Site::new();
     let with = |other: PathBuf| vec![site.chunks[0].clone(), other, site.chunks[2].clone()];
-    let other = site.write_of(whole("other", "--seed 1"), "2/3", ITEMS);
+    let other = site.write_of(&whole("other", "--seed 1"), "2/3", ITEMS);
     site.refuses(&with(other), &["other-2-of-3.json is a chunk of `other`", "`study`"]);
     let program = Whole { program: "0".repeat(16), ..site.whole.clone() };
-    let other = site.write_of(program, "2/3", ITEMS);
+    let other = site.write_of(&program, "2/3", ITEMS);
     site.refuses(&with(other), &["computed by the program 0000000000000000", "copies of one file"]);
-    let other = site.write_of(whole("study", "--seed 2"), "2/3", ITEMS);
+    let other = site.write_of(&whole("study", "--seed 2"), "2/3", ITEMS);
     site.refuses(&with(other), &["the arguments \"--seed 2\"", "\"--seed 1\""]);
     let other = site.write("2/4", ITEMS);
     site.refuses(&with(other), &["study-2-of-4.json is one of 4 chunks, and others are of 3"]);
