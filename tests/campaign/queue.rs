@@ -2,7 +2,7 @@
 
 use std::{io, ops::Range, path::Path, time::Instant};
 
-use rig_workqueue::{Asked, CHUNKS_MAX, Chunk, Deed, Work, cut};
+use rig_workqueue::{Action, Asked, CHUNKS_MAX, Chunk, Work, cut};
 use rigd::program;
 
 use crate::{
@@ -45,8 +45,8 @@ pub(crate) fn run(
         content,
         program: program.clone(),
     })?;
-    match asked.deed {
-        Deed::Fill(redelivery) => {
+    match asked.action {
+        Action::Fill(redelivery) => {
             let (seeds, size) = (arguments.range(), arguments.chunk);
             let chunks = arguments.seeds.div_ceil(size);
             if chunks > CHUNKS_MAX {
@@ -56,7 +56,7 @@ pub(crate) fn run(
             println!("{}", queue.fill(&cut, redelivery)?);
             Ok(())
         }
-        Deed::Gather(within) => {
+        Action::Gather(within) => {
             let page = arguments.page.as_deref().expect("--gather requires it");
             // A ledger that cannot take the pieces is noticed before they are waited for.
             let mut all = Ledger::read(page)?;
@@ -68,7 +68,7 @@ pub(crate) fn run(
             println!("{}", all.counts());
             Ok(write_page(page, &all)?)
         }
-        Deed::Work(within) => {
+        Action::Work(within) => {
             let campaign = Campaign::default();
             queue.work(within, &mut io::stdout(), |chunk| {
                 let Chunk { first: first_seed, count: seeds } = chunk;

@@ -13,7 +13,7 @@ use std::{
 };
 
 use clap::builder::RangedU64ValueParser;
-use rig_workqueue::{CHUNKS_MAX, Deed, QueueArguments, Work, cut};
+use rig_workqueue::{Action, CHUNKS_MAX, QueueArguments, Work, cut};
 use rigd::{
     program::{self, head_of},
     rig::SOFTWARE,
@@ -85,13 +85,13 @@ impl ChunkArgs {
         let whole = whole()?;
         let queue = || asked.connect(whole.work(of)?).map_err(StudyError::from);
         let chunks = 1..of as u64 + 1;
-        match asked.deed {
-            Deed::Fill(redelivery) => {
+        match asked.action {
+            Action::Fill(redelivery) => {
                 let chunks: Vec<_> = cut(chunks, 1).collect();
                 writeln!(out, "{}", queue()?.fill(&chunks, redelivery)?)?;
                 Ok(Todo::Nothing)
             }
-            Deed::Work(within) => {
+            Action::Work(within) => {
                 queue()?.work(within, out, |chunk| {
                     let place = format!("{}/{of}", chunk.first).parse::<ChunkNumber>();
                     let place = place.map_err(StudyError::arguments)?;
@@ -101,7 +101,7 @@ impl ChunkArgs {
                 })?;
                 Ok(Todo::Nothing)
             }
-            Deed::Gather(within) => {
+            Action::Gather(within) => {
                 let folder = Folder::at(out_folder)?;
                 let pieces = queue()?.gather(&chunks, within)?;
                 writeln!(out, "{} pieces", pieces.len())?;

@@ -19,16 +19,16 @@ use crate::{
 #[command(next_help_heading = "From a queue of NATS JetStream")]
 pub struct QueueArguments {
     /// The server: `nats://HOST[:PORT]`, or `tls://HOST[:PORT]`.
-    #[arg(long, value_name = "URL", requires = "deed")]
+    #[arg(long, value_name = "URL", requires = "action")]
     queue: Option<ServerAddr>,
     /// Put the work into the queue, in chunks. What is there already or was computed is not added twice.
-    #[arg(long, group = "deed", requires = "queue")]
+    #[arg(long, group = "action", requires = "queue")]
     fill: bool,
     /// Compute chunks of the queue until none is left.
-    #[arg(long, group = "deed", requires = "queue")]
+    #[arg(long, group = "action", requires = "queue")]
     worker: bool,
     /// Write the page of what the workers have computed, when all of it is there.
-    #[arg(long, group = "deed", requires = "queue")]
+    #[arg(long, group = "action", requires = "queue")]
     gather: bool,
     /// Directory with `ca.pem`, the certificate of the authority of the server, and, if the server asks for one,
     /// `worker.pem` and `worker.key`.
@@ -44,7 +44,7 @@ pub struct QueueArguments {
     #[arg(
         long,
         value_name = "S",
-        requires = "deed",
+        requires = "action",
         conflicts_with = "fill",
         default_value_t = 3600
     )]
@@ -57,12 +57,12 @@ pub struct Asked<'a> {
     server: &'a ServerAddr,
     files: Option<&'a Path>,
     /// What is done with it.
-    pub deed: Deed,
+    pub action: Action,
 }
 
 /// What is done with a queue.
 #[derive(Debug, Clone, Copy)]
-pub enum Deed {
+pub enum Action {
     /// It is filled.
     Fill(Redelivery),
     /// Chunks are computed, with this longest time of waiting.
@@ -76,15 +76,15 @@ impl QueueArguments {
     pub fn asked(&self) -> Option<Asked<'_>> {
         let (server, files) = (self.queue.as_ref()?, self.queue_files.as_deref());
         let within = Duration::from_secs(self.within_s);
-        let deed = if self.fill {
+        let action = if self.fill {
             let (after, deliveries) = (Duration::from_secs(self.silent_s), self.deliveries);
-            Deed::Fill(Redelivery { after, deliveries })
+            Action::Fill(Redelivery { after, deliveries })
         } else if self.worker {
-            Deed::Work(within)
+            Action::Work(within)
         } else {
-            Deed::Gather(within)
+            Action::Gather(within)
         };
-        Some(Asked { server, files, deed })
+        Some(Asked { server, files, action })
     }
 }
 

@@ -20,7 +20,7 @@ mod server;
 mod tests;
 mod work;
 
-pub use arguments::{Asked, Deed, QueueArguments};
+pub use arguments::{Action, Asked, QueueArguments};
 pub use chunk::{CHUNKS_MAX, Chunk, Numbers, Work, cut};
 pub use error::QueueError;
 pub use server::{Filled, Queue, Redelivery};
