@@ -126,6 +126,8 @@ struct Seen<'a> {
     touches: bool,
     /// It went above the last clear position and read there again, because the contact might be a drift.
     is_doubted: bool,
+    /// A clear reading at or below its position followed, so that it was no contact.
+    is_refuted: bool,
     /// The next reading has the same read-back: the order does not say what this one was.
     is_tied: bool,
     /// Counts how often that was before.
@@ -140,17 +142,24 @@ fn seen(trail: &[Tried]) -> Vec<Seen<'_>> {
         let is_tied = tried.position_mm == next_mm;
         let touches = tried.position_mm < next_mm;
         let is_doubted = touches && next_mm.is_finite() && clear_mm.is_none_or(|mm| mm < next_mm);
-        all.push(Seen { tried, touches, is_doubted, is_tied, part });
+        all.push(Seen { tried, touches, is_doubted, is_refuted: false, is_tied, part });
         part += usize::from(is_doubted);
         if !touches && !is_tied {
             clear_mm = Some(tried.position_mm);
         }
     }
+    let mut lowest_clear_mm = f64::INFINITY;
+    for one in all.iter_mut().rev() {
+        one.is_refuted = one.touches && lowest_clear_mm <= one.tried.position_mm;
+        if !one.touches && !one.is_tied {
+            lowest_clear_mm = lowest_clear_mm.min(one.tried.position_mm);
+        }
+    }
     all
 }
 
-/// Checks that the readings of a search show a contact where the trail has one, and none elsewhere. They
-/// are compared with the mean of those of the clear probe, as it was read again at last.
+/// Checks that the readings of a search show a contact where the trail has one, and none elsewhere. A contact
+/// that the search itself refuted claims nothing. They are compared with the mean of those of the clear probe, as it was read again at last.
 fn check_contacts(seq: u64, trail: &[Tried], limit: f64, findings: &mut Findings) {
     let seen = seen(trail);
     let parts_of = |part: usize| {
@@ -158,7 +167,7 @@ fn check_contacts(seq: u64, trail: &[Tried], limit: f64, findings: &mut Findings
         let clear = seen.iter().filter(is_clear);
         clear.filter_map(|one| parts(one.tried)).collect::<Vec<[f64; 2]>>()
     };
-    let is_known = |one: &Seen<'_>| !one.is_doubted && !one.is_tied;
+    let is_known = |one: &Seen<'_>| !one.is_doubted && !one.is_refuted && !one.is_tied;
     for (index, one) in seen.iter().enumerate().filter(|(_, one)| is_known(one)) {
         let clear = parts_of(one.part);
         let mean = [0, 1]
@@ -278,6 +287,14 @@ mod tests {
         let mut findings = Findings::default();
         check_contacts(1, &trail(positions_mm), 0.1, &mut findings);
         findings.0.len()
+    }
+
+    /// The sensor still rang when its baseline was read: the search went up and down again in finer steps, and found the probe clear there.
+    #[test]
+    fn a_contact_that_a_lower_clear_reading_refutes_is_none() {
+        assert_eq!(found(&[10.3, 10.2, 10.1, 10.15, 10.09, 9.99]), 0);
+        // Nothing was read as low as that again.
+        assert_ne!(found(&[10.3, 10.2, 10.1, 10.15, 10.12, 9.99]), 0);
     }
 
     #[test]
