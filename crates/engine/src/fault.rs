@@ -121,10 +121,10 @@ pub enum Fault {
         expected: Position<Mm>,
     },
     /// The no-load resonance could not be measured, so there is no reference.
-    #[error("the no-load resonance was refused {attempts} times: {reason}")]
+    #[error("the no-load resonance was refused {}: {reason}", times(*.refused))]
     NoReference {
-        /// Number of attempts.
-        attempts: u32,
+        /// Sweeps refused.
+        refused: u32,
         /// The last refusal.
         reason: String,
     },
@@ -209,4 +209,12 @@ pub(crate) enum StopReason {
     },
     /// A fault: the rig latches afterwards.
     Fault(Fault),
+}
+
+/// How often something was, in words.
+fn times(number: u32) -> String {
+    match number {
+        1 => "once".to_owned(),
+        more => format!("{more} times"),
+    }
 }

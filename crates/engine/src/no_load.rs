@@ -12,8 +12,8 @@ use crate::{
     sweep::{DRIFT, Sweep, SweepStep},
 };
 
-/// Attempts at the no-load resonance before the run gives up.
-const NO_LOAD_ATTEMPTS: u32 = 2;
+/// Refused sweeps of the free sensor before the run gives up.
+const REFUSED_MAX: u32 = 2;
 
 /// Largest ratio of the static capacitances of a free sensor in two sweeps: a short one knows it to some ten percent.
 const CAPACITANCE_RATIO_MAX: f64 = 2.0;
@@ -50,8 +50,10 @@ pub(crate) struct NoLoad {
     sweep: Option<Sweep>,
     /// When it began.
     begun: RigTime,
-    /// Attempts begun so far.
-    attempt: u32,
+    /// Sweeps refused so far.
+    refused: u32,
+    /// A sweep that was too vague is being measured again; what follows is the reference as it is.
+    is_again: bool,
     /// The check of the level after a survey.
     level: Option<LevelCheck>,
     /// Resonances whose sweeps were too vague to be the reference.
@@ -69,7 +71,15 @@ pub(crate) struct Reference {
 
 impl NoLoad {
     pub(crate) const fn new(pose: Pose) -> Self {
-        Self { pose, sweep: None, begun: RigTime::ZERO, attempt: 0, level: None, vague: Vec::new() }
+        Self {
+            pose,
+            sweep: None,
+            begun: RigTime::ZERO,
+            refused: 0,
+            is_again: false,
+            level: None,
+            vague: Vec::new(),
+        }
     }
 
     /// Whether the sweep has begun.
@@ -96,7 +106,6 @@ impl NoLoad {
 
     /// Begins a sweep; the first one starts near the last reference, if there is one.
     fn begin(&mut self, last: Option<&Resonance>, context: &mut MachineContext<'_>) -> SweepStep {
-        self.attempt += 1;
         self.begun = context.now;
         let planned = context.plan.no_load_sweep;
         let surveyed = self.level.as_ref().and_then(|level| level.bench);
@@ -125,7 +134,7 @@ impl NoLoad {
         step
     }
 
-    fn follow(
+    pub(crate) fn follow(
         &mut self,
         mut step: SweepStep,
         last: Option<&Resonance>,
@@ -137,8 +146,9 @@ impl NoLoad {
                 SweepStep::Fault(fault) => return MachineStep::Fault(fault),
                 SweepStep::Finished(sweep) => match sweep.outcome {
                     FitOutcome::Accepted(resonance)
-                        if is_vague(last, &resonance) && self.attempt < NO_LOAD_ATTEMPTS =>
+                        if is_vague(last, &resonance) && !self.is_again =>
                     {
+                        self.is_again = true;
                         let middle = self.begun + context.now.since(self.begun) / 2;
                         self.vague.push((middle, resonance));
                         step = self.begin(None, context);
@@ -150,11 +160,11 @@ impl NoLoad {
                             Ok(reference) => return MachineStep::Done(reference),
                             Err(Levels::Differ) => {
                                 let estimate = Some(resonance);
-                                self.attempt = NO_LOAD_ATTEMPTS;
-                                Refusal { reason: Reason::Nonlinear, estimate }
+                                let refusal = Refusal { reason: Reason::Nonlinear, estimate };
+                                return self.give_up(&refusal);
                             }
                             Err(_) => {
-                                self.attempt = 0;
+                                (self.refused, self.is_again) = (0, false);
                                 step = self.begin(Some(&resonance), context);
                                 continue;
                             }
@@ -163,13 +173,19 @@ impl NoLoad {
                     FitOutcome::Refused(refusal) => refusal,
                 },
             };
-            if self.attempt >= NO_LOAD_ATTEMPTS {
-                let reason = refusal.to_string();
-                return MachineStep::Fault(Fault::NoReference { attempts: self.attempt, reason });
+            if self.refused + 1 >= REFUSED_MAX {
+                return self.give_up(&refusal);
             }
+            self.refused += 1;
             // Without the prior, which may be wrong.
             step = self.begin(None, context);
         }
+    }
+
+    /// After this refusal nothing is measured again.
+    fn give_up(&self, refusal: &Refusal) -> MachineStep<Reference> {
+        let (refused, reason) = (self.refused + 1, refusal.to_string());
+        MachineStep::Fault(Fault::NoReference { refused, reason })
     }
 
     /// The reference, if the level needs no further sweep.

@@ -1,16 +1,23 @@
 use std::time::Duration;
 
 use num_complex::Complex64;
-use rig_model::{DriveLevel, RigTime, SweepMethod, SweepRequest, Window};
-use rig_protocol::{NoLoadPolicy, Plan, RefusalPolicy, TouchSettings};
-use rig_resonance::{Bench, FitOptions, ModelOrder, NoisePrior, Timing, fit};
+use rig_model::{
+    Clearance, ContactAngle, Direction, DriveLevel, RigTime, SweepMethod, SweepRequest, Window,
+};
+use rig_protocol::{NoLoadPolicy, Plan, Pose, RefusalPolicy, TouchSettings};
+use rig_resonance::{
+    Bench, FitOptions, FitOutcome, ModelOrder, NoisePrior, Reason, Refusal, Timing, fit,
+};
 
 use super::*;
 use crate::{
-    Operation,
-    interlock::bench::limits,
+    FinishedSweep, Operation, SweepPurpose,
+    drift::Drift,
+    interlock::{Proven, bench::limits},
     listening::Listening,
-    no_load::{in_order, is_vague},
+    machine::{MachineContext, MachineStep},
+    no_load::{NoLoad, in_order, is_vague},
+    sweep::SweepStep,
 };
 
 /// What a sweep of fourteen readings found, in a run on a simulated bench with seed 3: its static capacitance is
@@ -301,6 +308,56 @@ fn a_reference_says_nothing_when_its_expected_change_is_uncertain_by_a_sixth() {
     // One that was measured again, and says nothing, makes no allowance.
     assert_eq!((limits[0], limits[2]), (0.5, 0.5));
     assert!((limits[1] - 0.747).abs() < 0.01, "{limits:?}");
+}
+
+/// The run did so with two refused sweeps, and gave up after the vague one and a refused one.
+#[test]
+fn a_vague_reference_is_measured_again_although_a_sweep_is_refused() {
+    let good = loose_sweep();
+    let covariance = good.covariance.map(|row| row.map(|cell| 6.25 * cell));
+    let vague = Resonance { covariance, ..good };
+    assert!(is_vague(None, &vague) && !is_vague(None, &good));
+    let refused = FitOutcome::Refused(Refusal { reason: Reason::NotConverged, estimate: None });
+    let sweep = |outcome| FinishedSweep {
+        purpose: SweepPurpose::NoLoad,
+        readings: Vec::new(),
+        probe_readings: 0,
+        outcome,
+        effective_time_s: None,
+        fit: FitOptions::default(),
+        target_hz: None,
+    };
+    let end = |outcomes: &[FitOutcome]| {
+        let (plan, limits, drift) = (plan(), limits(), Drift::default());
+        let mut context = MachineContext {
+            now: RigTime::ZERO,
+            plan: &plan,
+            limits: &limits,
+            probe: Proven { clearance: Clearance::Clear, height: None, tilt: None },
+            bench: None,
+            drift: &drift,
+            driven: None,
+            notes: &mut Vec::new(),
+        };
+        let angle = ContactAngle::new(0.0).expect("an angle");
+        let mut no_load = NoLoad::new(Pose { direction: Direction::Front, angle });
+        let ends = outcomes.iter().map(|outcome| {
+            let step = SweepStep::Finished(Box::new(sweep(outcome.clone())));
+            no_load.follow(step, None, &mut context)
+        });
+        match ends.last() {
+            Some(MachineStep::Done(reference)) => Ok(reference.found.len()),
+            Some(MachineStep::Fault(fault)) => Err(fault.to_string()),
+            other => panic!("{other:?}"),
+        }
+    };
+    let [good, vague] = [good, vague].map(FitOutcome::Accepted);
+    let all = [vague.clone(), refused.clone(), good];
+    assert_eq!(end(&all), Ok(2));
+    // A second vague one is the reference as it is.
+    assert_eq!(end(&[vague.clone(), refused.clone(), vague.clone()]), Ok(2));
+    let said = "the no-load resonance was refused 2 times: the fit did not converge";
+    assert_eq!(end(&[vague, refused.clone(), refused]), Err(said.to_owned()));
 }
 
 /// It counts for the drift, as the checker counts every accepted sweep of the free sensor.
