@@ -52,7 +52,7 @@ pub(crate) struct Args {
     /// Only this axis, such as `second-mode`.
     #[arg(long)]
     axis: Option<String>,
-    /// Compare a part of the sweeps of the first two seeds with those of the page in the folder, and write
+    /// Compare a part of the sweeps of the first seed with those of the page in the folder, and write
     /// nothing.
     #[arg(long, conflicts_with_all = ["axis", "chunk", "merge", "queue"])]
     check: bool,

@@ -76,7 +76,7 @@ fn introduction(page: &mut Page, args: &Args) {
         "This page, its charts and its tables are written by `cargo run --release -p rig-study -- \
          failures --out docs/studies`, in about ten minutes on two cores. The same seeds (here {seed} \
          to {}) give the same bytes on any number of cores; `--seed K --seeds N` takes others, and \
-         `--axis NAME` one axis. `--check` computes a part of the first two seeds again and compares. \
+         `--axis NAME` one axis. `--check` computes a part of the first seed again and compares. \
          Each cell of a map stands for {trials} fitted and {planned} planned sweeps of each of six \
          sensors and each seed: quality 10, 30 and 100, effective coupling 0.02 and 0.1 (of two \
          where there is no resonance). Drifts and phase errors have both signs.",
