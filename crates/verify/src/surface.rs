@@ -124,13 +124,11 @@ struct Seen<'a> {
     tried: &'a Tried,
     /// The search went up from here.
     touches: bool,
-    /// It went above the last clear position and read there again, because the contact might be a drift.
-    is_doubted: bool,
-    /// A clear reading at or below its position followed, so that it was no contact.
-    is_refuted: bool,
-    /// The next reading has the same read-back: the order does not say what this one was.
-    is_tied: bool,
-    /// Counts how often that was before.
+    /// The order does not say what it was: the next reading has the same read-back; or the search went above the last
+    /// clear position and read there again, because the contact might be a drift; or a clear reading at or below its
+    /// position followed, so that it was no contact.
+    is_open: bool,
+    /// Counts how often the impedance of the clear probe was read again before.
     part: usize,
 }
 
@@ -142,7 +140,7 @@ fn seen(trail: &[Tried]) -> Vec<Seen<'_>> {
         let is_tied = tried.position_mm == next_mm;
         let touches = tried.position_mm < next_mm;
         let is_doubted = touches && next_mm.is_finite() && clear_mm.is_none_or(|mm| mm < next_mm);
-        all.push(Seen { tried, touches, is_doubted, is_refuted: false, is_tied, part });
+        all.push(Seen { tried, touches, is_open: is_tied || is_doubted, part });
         part += usize::from(is_doubted);
         if !touches && !is_tied {
             clear_mm = Some(tried.position_mm);
@@ -150,8 +148,8 @@ fn seen(trail: &[Tried]) -> Vec<Seen<'_>> {
     }
     let mut lowest_clear_mm = f64::INFINITY;
     for one in all.iter_mut().rev() {
-        one.is_refuted = one.touches && lowest_clear_mm <= one.tried.position_mm;
-        if !one.touches && !one.is_tied {
+        one.is_open |= one.touches && lowest_clear_mm <= one.tried.position_mm;
+        if !one.touches && !one.is_open {
             lowest_clear_mm = lowest_clear_mm.min(one.tried.position_mm);
         }
     }
@@ -163,12 +161,11 @@ fn seen(trail: &[Tried]) -> Vec<Seen<'_>> {
 fn check_contacts(seq: u64, trail: &[Tried], limit: f64, findings: &mut Findings) {
     let seen = seen(trail);
     let parts_of = |part: usize| {
-        let is_clear = move |one: &&Seen<'_>| one.part == part && !one.touches && !one.is_tied;
+        let is_clear = move |one: &&Seen<'_>| one.part == part && !one.touches && !one.is_open;
         let clear = seen.iter().filter(is_clear);
         clear.filter_map(|one| parts(one.tried)).collect::<Vec<[f64; 2]>>()
     };
-    let is_known = |one: &Seen<'_>| !one.is_doubted && !one.is_refuted && !one.is_tied;
-    for (index, one) in seen.iter().enumerate().filter(|(_, one)| is_known(one)) {
+    for (index, one) in seen.iter().enumerate().filter(|(_, one)| !one.is_open) {
         let clear = parts_of(one.part);
         let mean = [0, 1]
             .map(|part| clear.iter().map(|parts| parts[part]).sum::<f64>() / clear.len() as f64);
