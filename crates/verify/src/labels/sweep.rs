@@ -16,6 +16,9 @@ pub(crate) const READINGS_PER_OUTLIER: usize = 5;
 
 /// An analyzer may round a frequency that is set again a little otherwise, by this part of it.
 const SAME_FREQUENCY: f64 = 1e-6;
+/// Two readings of one stay at a frequency may state it by this part otherwise. A bit of a reply without a check sum can be
+/// wrong, and of an analyzer with a list of its own the driver takes any frequency this near.
+const SAME_STAY: f64 = 0.01;
 
 impl Labels {
     pub(crate) fn sweep(
@@ -173,13 +176,11 @@ impl Labels {
             findings.within(Check::Sweep, seq, what, "few", left_out, Some(most.to_string()));
         }
         for (index, reading) in readings.iter().enumerate() {
-            let next_hz = readings.get(index + 1).map(|next| next.frequency_hz);
-            let hz = reading.frequency_hz;
-            let is_again = next_hz.is_some_and(|next| (next - hz).abs() <= SAME_FREQUENCY * hz);
-            if reading.flag != Flag::Normal && !is_again {
+            let next = readings.get(index + 1);
+            if reading.flag != Flag::Normal && !next.is_some_and(|next| is_again(reading, next)) {
                 let what = format!("the reading after the flagged reading {}, Hz", index + 1);
-                let found = next_hz.map_or_else(|| "none".to_owned(), |hz| hz.to_string());
-                findings.add(Check::Sweep, seq, what, hz, found);
+                let found = next.map_or("none".to_owned(), |next| next.frequency_hz.to_string());
+                findings.add(Check::Sweep, seq, what, reading.frequency_hz, found);
             }
         }
     }
@@ -238,5 +239,43 @@ fn request(
     {
         let what = "an accepted resonance is less precise than the protocol asks for, Hz";
         findings.within(Check::Request, seq, what, "no more", sigma_hz, Some(target.to_string()));
+    }
+}
+
+/// Whether a reading was taken at the frequency of the one before it.
+fn is_again(before: &Reading, next: &Reading) -> bool {
+    // A change of the frequency begins another stay.
+    let is_same_stay = next.started_s == before.started_s;
+    let part = if is_same_stay { SAME_STAY } else { SAME_FREQUENCY };
+    (next.frequency_hz - before.frequency_hz).abs() <= part * before.frequency_hz
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_flagged_reading_is_measured_again_in_its_stay_or_at_its_frequency() {
+        let reading = |frequency_hz: f64, started_s: f64| Reading {
+            frequency_hz,
+            resistance_ohm: None,
+            reactance_ohm: None,
+            started_s,
+            settle_s: 1.5,
+            integration_s: 0.15,
+            flag: Flag::default(),
+        };
+        let flagged = reading(132.02, 13.8);
+        for (next, expected) in [
+            (reading(132.02, 13.8), true),
+            // The reply to the flagged one had a wrong bit.
+            (reading(132.0, 13.8), true),
+            (reading(133.5, 13.8), false),
+            // The frequency was set again.
+            (reading(132.02, 15.5), true),
+            (reading(132.0, 15.5), false),
+        ] {
+            assert_eq!(is_again(&flagged, &next), expected, "{next:?}");
+        }
     }
 }
