@@ -157,7 +157,8 @@ fn seen(trail: &[Tried]) -> Vec<Seen<'_>> {
 }
 
 /// Checks that the readings of a search show a contact where the trail has one, and none elsewhere. A contact
-/// that the search itself refuted claims nothing. They are compared with the mean of those of the clear probe, as it was read again at last.
+/// that the search itself refuted claims nothing. They are compared with the mean of those of the clear probe, as it was
+/// read again at last.
 fn check_contacts(seq: u64, trail: &[Tried], limit: f64, findings: &mut Findings) {
     let seen = seen(trail);
     let parts_of = |part: usize| {
@@ -286,7 +287,8 @@ mod tests {
         findings.0.len()
     }
 
-    /// The sensor still rang when its baseline was read: the search went up and down again in finer steps, and found the probe clear there.
+    /// A reading like those of the clear probe counted as contact. The search went up and down again in finer steps, and
+    /// found the probe clear there.
     #[test]
     fn a_contact_that_a_lower_clear_reading_refutes_is_none() {
         assert_eq!(found(&[10.3, 10.2, 10.1, 10.15, 10.09, 9.99]), 0);
