@@ -64,10 +64,7 @@ impl Display for Page<'_> {
              [41](../decisions/0041-a-campaign-of-faults-in-one-process.md) names the known ways in \
              which a shift can be wrong without notice, and decision \
              [112](../decisions/0112-a-touch-without-a-check-of-slip-is-marked.md) those that are marked. Programs of \
-             before 2026-11-25 marked no touch whose protocol has no check of slip.\n\nSeeds 260001 to 270000 of this menu \
-             were played twice. In the first piece, of the program `190a3e60a636dceb`, seed 267229 failed: the checker \
-             held the repetition of a flagged reading for one at another frequency. That piece was taken out of the \
-             ledger, the checker was changed, and all of its seeds were played again.\n"
+             before 2026-11-25 marked no touch whose protocol has no check of slip.\n"
         )?;
         self.pieces(f)?;
         self.earlier(f)?;
@@ -117,7 +114,10 @@ impl Page<'_> {
         writeln!(
             f,
             "## Pieces\n\nThe digest of a program is the beginning of the SHA-256 of its file. The computer \
-             did other work too.\n\n\
+             did other work too. Seeds 260001 to 270000 of this menu were played twice. In the first piece, of the program \
+             `190a3e60a636dceb`, seed 267229 failed: the checker held the repetition of a flagged reading for one at \
+             another frequency. That piece was taken out of the ledger, the checker was changed, and all of its seeds \
+             were played again.\n\n\
              | seeds | runs | touches | faults | failed | jobs | runs a second | software | program | digest |\n\
              | --- | ---: | ---: | ---: | --- | ---: | ---: | --- | --- | --- |"
         )?;
