@@ -14,17 +14,14 @@ fn counts_of(estimator: Estimator, cells: &[Cell]) -> Counts {
     of.fold(Counts::default(), |sum, one| sum.plus(*one))
 }
 
-/// Axes on which neither path has ever been found silently wrong. The page has the others.
+/// Some axes on which neither path has ever been found silently wrong. The page has the others.
 #[test]
 fn fit_and_planner_are_not_silently_wrong_and_a_peak_pick_often() {
     let axes = [
         Axis::Noise,
-        Axis::FigureOfMerit,
         Axis::WindowOffset,
-        Axis::PointsPerLinewidth,
         Axis::Target,
         Axis::Drift,
-        Axis::DriveLevelStep,
         Axis::SettlingUnknown,
     ];
     let cells = judge_all(&axes, 1, 1, 11..12);
@@ -42,7 +39,7 @@ fn fit_and_planner_are_not_silently_wrong_and_a_peak_pick_often() {
 fn the_same_seed_gives_the_same_bytes_on_any_number_of_cores() {
     let bytes = |threads, seed| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let cells = pool.install(|| judge_all(&[Axis::SecondModeLarge], 2, 1, seed..seed + 2));
+        let cells = pool.install(|| judge_all(&[Axis::SecondModeLarge], 1, 1, seed..seed + 1));
         let map = maps::map(Axis::SecondModeLarge, &cells).file().unwrap();
         (coverage::table(&cells), reasons::table(&cells), gate::table(&cells, seed), map)
     };
@@ -148,7 +145,7 @@ fn the_page_of_chunks_has_the_bytes_of_that_of_one_process() {
             #[command(flatten)]
             args: Args,
         }
-        let of_study = ["failures", "--seeds", "2", "--trials", "1", "--planned", "1"];
+        let of_study = ["failures", "--seeds", "1", "--trials", "1", "--planned", "1"];
         let axis = ["--axis", "second-mode-20", "--out", out.path().to_str().unwrap()];
         let words = of_study.iter().chain(&axis).chain(words);
         <Cli as clap::Parser>::try_parse_from(words).unwrap().args
