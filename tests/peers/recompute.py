@@ -7,7 +7,8 @@ Reads `readings.csv` of the run, fits the Butterworth–Van Dyke circuit with di
 decay after each change of frequency to every accepted sweep by scipy's least squares, and compares resonances, shifts, the
 table, the sensitivity and the classification with what rigd says. Exits 1 when anything differs by
 more than it may: a resonance or a shift by more than half of its stated standard deviation, and the standard deviation of a
-row of the table by more than 1 % from that of the touches with what they share of their references. Which
+row of the table by more than 1 % from that of the touches with what they share of their references. The standard
+deviations of Q, C0 and C1/C0 may be 0.7 to 1.4 of those found here. Which
 reading counts for how much depends a little on the noise, which rigd learns as it goes, and this
 program does not.
 """
@@ -25,6 +26,14 @@ from scipy.optimize import least_squares
 import references
 
 SIGMAS, SIGMA_REL = 0.5, 0.01
+# The column with the standard deviation of each value of the circuit, and the least and the largest part of what is found here
+# that it may be.
+CIRCUIT_SIGMAS = {
+    "quality_factor": "quality_factor_sigma",
+    "static_capacitance_f": "static_capacitance_sigma_f",
+    "capacitance_ratio": "capacitance_ratio_sigma",
+}
+CIRCUIT_SIGMA_LEAST, CIRCUIT_SIGMA_MOST = 0.7, 1.4
 
 
 def table(path):
@@ -79,8 +88,9 @@ def decay(rate, start_s, integration_s):
 
 
 def fit(frequency_hz, impedance_ohm, started_s, settle_s, integration_s, first_gap_s, stated):
-    """The series resonance of readings that still ring, Hz: the circuit, the amplitude of the free decay
-    of each stay and the error of the time of each reading are fitted at once."""
+    """The series resonance of readings that still ring, Hz, and the relative standard deviations of Q, C0 and
+    C1/C0 for the noise of this script: the circuit, the amplitude of the free decay of each stay and the error
+    of the time of each reading are fitted at once."""
     stays, since_s, start_s = stays_of(
         frequency_hz, started_s + settle_s, integration_s, first_gap_s)
     firsts = np.array([stay[0] for stay in stays])
@@ -160,7 +170,9 @@ def fit(frequency_hz, impedance_ohm, started_s, settle_s, integration_s, first_g
         start[free] = found.x
         x, steps = start[:5], start[5 + 2 * n :]
         a = (start[5 : 5 + n] + 1j * start[5 + n : 5 + 2 * n]) * rms
-    return float(np.exp(x[0]))
+    of = np.linalg.inv(found.jac.T @ found.jac)[:5, :5]
+    ratio = of[3, 3] / x[3] ** 2 + of[2, 2] / x[2] ** 2 - 2 * of[2, 3] / (x[2] * x[3])
+    return float(np.exp(x[0])), np.sqrt([of[1, 1], of[2, 2] / x[2] ** 2, ratio])
 
 
 def k_means(values, k):
@@ -201,7 +213,7 @@ def main():
             readings[row["sweep"]].append(row)
 
     failures = []
-    mine = {}
+    mine, circuit_ratios = {}, defaultdict(list)
     worst = 0.0
     sweeps = {sweep["sweep"]: sweep for sweep in table(data / "sweeps.csv")}
     left_out = {}
@@ -237,12 +249,19 @@ def main():
             fit(frequency[mask], impedance[mask], *[time[mask] for time in times], first_gap, stated=stated)
             for mask in masks
         ]
-        mine[sweep["sweep"]] = min(found, key=lambda hz: abs(hz - theirs))
+        mine[sweep["sweep"]], circuit_sigmas = min(found, key=lambda one: abs(one[0] - theirs))
+        for name, here in zip(names[1:], circuit_sigmas):
+            column = CIRCUIT_SIGMAS[name]
+            circuit_ratios[column].append(float(sweep[column]) / float(sweep[name]) / here)
         difference = abs(mine[sweep["sweep"]] - theirs) / sigma
         worst = max(worst, difference)
         if difference > SIGMAS:
             failures.append(f"sweep {sweep['sweep']}: {theirs} Hz, here {mine[sweep['sweep']]}")
     print(f"{len(mine)} sweeps, the largest difference is {worst:.4f} standard deviations")
+    for column, ratios in circuit_ratios.items():
+        print(f"{column}: {min(ratios):.2f} to {max(ratios):.2f} of what is found here")
+        if not all(CIRCUIT_SIGMA_LEAST < ratio < CIRCUIT_SIGMA_MOST for ratio in ratios):
+            failures.append(f"{column}: {min(ratios)} to {max(ratios)} of what is found here")
 
     touches = [touch for touch in table(data / "touches.csv") if touch["status"] == "measured"]
     shifts = defaultdict(list)

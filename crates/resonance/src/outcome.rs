@@ -74,6 +74,25 @@ pub struct Resonance {
 }
 
 impl Resonance {
+    /// Standard deviation of `q`.
+    pub fn q_sigma(&self) -> f64 {
+        self.covariance[1][1].max(0.0).sqrt()
+    }
+
+    /// Standard deviation of `c0_farad`, F.
+    pub fn c0_sigma_farad(&self) -> f64 {
+        self.covariance[2][2].max(0.0).sqrt()
+    }
+
+    /// Standard deviation of C1/C0, to first order.
+    pub fn capacitance_ratio_sigma(&self) -> f64 {
+        let Circuit { c0_farad: c0, c1_farad: c1, .. } = self.circuit();
+        let covariance = &self.covariance;
+        let variance = covariance[3][3] / c1.powi(2) + covariance[2][2] / c0.powi(2)
+            - 2.0 * covariance[2][3] / (c0 * c1);
+        c1 / c0 * variance.max(0.0).sqrt()
+    }
+
     /// Standard deviation of `loss_tangent`; `None` if it was not fitted.
     pub fn loss_tangent_sigma(&self) -> Option<f64> {
         let variance = self.covariance[4][4];

@@ -5,8 +5,10 @@ mod support;
 
 use num_complex::Complex64;
 use rig_model::{PointResult, Reading};
-use rig_resonance::{FitOptions, FitOutcome, ModelOrder, Reason, Side, Timing, fit};
-use support::{Random, circuit, impedance, measured, reading, sweep};
+use rig_resonance::{
+    Circuit, FitOptions, FitOutcome, ModelOrder, NoisePrior, Reason, Side, Timing, fit,
+};
+use support::{Random, circuit, circuit_scores, impedance, measured, reading, sweep};
 
 const WINDOW: (f64, f64) = (112.0, 168.0);
 
@@ -61,6 +63,29 @@ fn the_error_reaches_the_cramer_rao_bound_and_is_what_is_claimed() {
 }
 
 #[test]
+fn the_circuit_is_as_uncertain_as_stated() {
+    let mut random = Random::new(2);
+    for (q, k_eff_squared) in [(10.0, 0.1), (30.0, 0.05), (100.0, 0.02)] {
+        let truth = Circuit { loss_tangent: 0.015, ..circuit(q, k_eff_squared) };
+        let (mut squares, mut accepted) = ([0.0; 3], 0);
+        for _ in 0..400 {
+            let readings = sweep(WINDOW, 101, 0.005, &mut random, |f| truth.impedance_ohm(f));
+            let verdict = fit(&readings, &FitOptions::default());
+            let Some(found) = verdict.accepted() else { continue };
+            accepted += 1;
+            for (sum, score) in squares.iter_mut().zip(circuit_scores(found, &truth)) {
+                *sum += score * score;
+            }
+        }
+        assert!(accepted > 390, "{accepted}");
+        for sum in squares {
+            let score = (sum / f64::from(accepted)).sqrt();
+            assert!((0.89..1.11).contains(&score), "Q {q}, k² {k_eff_squared}: {score}");
+        }
+    }
+}
+
+#[test]
 fn every_parameter_comes_out_of_noiseless_readings() {
     for loss_tangent in [0.0, 0.02] {
         let mut circuit = circuit(30.0, 0.05);
@@ -92,6 +117,46 @@ fn the_order_of_the_readings_has_no_influence() {
     let backward = fit(&readings, &FitOptions::default());
     let (a, b) = (forward.accepted().unwrap(), backward.accepted().unwrap());
     assert!((a.resonance_hz - b.resonance_hz).abs() < 1e-4 * a.sigma_hz, "{a:?} {b:?}");
+}
+
+/// With six digits, as an analyzer writes them.
+fn rounded(reading: &Reading) -> Reading {
+    let digits = |x: f64| format!("{x:.5e}").parse().expect("a number");
+    let found = impedance(reading);
+    Reading { measured: measured(Complex64::new(digits(found.re), digits(found.im))), ..*reading }
+}
+
+#[test]
+fn a_wrong_reading_is_left_out_whatever_it_says() {
+    let truth = Circuit { resonance_hz: 210.6, loss_tangent: 0.015, ..circuit(16.0, 0.03) };
+    let noise = Some(NoisePrior { at_ten_cycles: 0.005, degrees_of_freedom: 21.0 });
+    for seed in 0..20 {
+        let mut random = Random::new(seed);
+        let good = sweep((170.0, 262.0), 15, 0.005, &mut random, |f| truth.impedance_ohm(f));
+        for factor in [-1e10, -10.0, 0.0001, 0.1, 2.0, 10.0, 1e4, 1e7, 1e10] {
+            for (at, noise, is_rounded) in [
+                (0, noise, true),
+                (4, noise, true),
+                (0, None, true),
+                (0, noise, false),
+                (14, None, false),
+            ] {
+                let mut readings = good.clone();
+                readings[at].measured = measured(factor * impedance(&good[at]));
+                if is_rounded {
+                    readings = readings.iter().map(rounded).collect();
+                }
+                let options = FitOptions { timing: Timing::Waited, noise, ..FitOptions::default() };
+                let verdict = fit(&readings, &options);
+                let what =
+                    format!("seed {seed}, {factor} at {at}, {noise:?}, {is_rounded}: {verdict:?}");
+                let found = verdict.accepted().unwrap_or_else(|| panic!("{what}"));
+                assert!((13..15).contains(&found.points) && found.sigma_hz < 1.0, "{what}");
+                let error = found.resonance_hz - truth.resonance_hz;
+                assert!(error.abs() < 5.0 * found.sigma_hz, "{what}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -10,7 +10,7 @@ use rig_model::{RigTime, SweepMethod, SweepRequest, Window};
 use rig_resonance::{
     Circuit, FitOutcome, Limit, Next, NoisePrior, Planner, Prior, Reason, Resonance,
 };
-use support::{Plant, Random, circuit, request};
+use support::{Plant, Random, circuit, circuit_scores, request};
 
 const NOISE: f64 = 0.005;
 
@@ -113,6 +113,28 @@ fn a_drive_of_any_phase_costs_the_flanks_and_a_little_time() {
     check((10.0, 0.1), 0.03, 1.2);
     check((30.0, 0.1), 0.01, 1.5);
     check((100.0, 0.1), 0.01, 1.5);
+}
+
+#[test]
+fn the_circuit_of_a_planned_sweep_is_about_as_uncertain_as_stated() {
+    let request = SweepRequest { target_sigma_hz: 0.01, ..request(SweepMethod::Adaptive) };
+    for (q, k_eff_squared) in [(30.0, 0.1), (100.0, 0.02)] {
+        let truth = Circuit { loss_tangent: 0.015, ..circuit(q, k_eff_squared) };
+        let (mut squares, mut accepted) = ([0.0; 3], 0);
+        for seed in 0..60 {
+            let (verdict, ..) = run(&truth, &request, Some(&known_noise()), seed);
+            let Some(found) = verdict.accepted() else { continue };
+            accepted += 1;
+            for (sum, score) in squares.iter_mut().zip(circuit_scores(found, &truth)) {
+                *sum += score * score;
+            }
+        }
+        assert!(accepted > 55, "{accepted}");
+        for sum in squares {
+            let score = (sum / f64::from(accepted)).sqrt();
+            assert!((0.6..1.5).contains(&score), "Q {q}, k² {k_eff_squared}: {score}");
+        }
+    }
 }
 
 /// Sweeps from nothing, and sweeps of the same sensor after it has moved a little, when the phase of

@@ -107,6 +107,15 @@ pub struct Circuit {
     /// Its standard deviation, if it was fitted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub loss_tangent_sigma: Option<f64>,
+    /// Standard deviation of `quality_factor`, in journals that have it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub quality_factor_sigma: Option<f64>,
+    /// Standard deviation of `static_capacitance_f`, F, in journals that have it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub static_capacitance_sigma_f: Option<f64>,
+    /// Standard deviation of `capacitance_ratio`, in journals that have it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub capacitance_ratio_sigma: Option<f64>,
 }
 
 /// What readings showed beside the circuit; it was fitted together with it. Settled ones on a given grid can show any of

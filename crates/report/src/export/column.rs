@@ -290,7 +290,10 @@ const TOUCH: [Column; 47] = [
     text("run_id", "id of the run"),
 ];
 
-const SWEEP: [Column; 16] = [
+/// Of a value of the circuit.
+const OF_CIRCUIT: &str = "its standard deviation; empty in journals of before 2026-11-28";
+
+const SWEEP: [Column; 19] = [
     whole("sweep", "number of the sweep in the run, from 1"),
     text("purpose", "`no_load`, `touch` or `manual`"),
     text("step", "address of the step"),
@@ -302,8 +305,11 @@ const SWEEP: [Column; 16] = [
     number("sigma_hz", "Hz", "its standard deviation"),
     number("effective_time_s", "s", "the time for which the resonance holds, on the rig's clock"),
     number("quality_factor", "1", "quality factor of the motional branch"),
+    number("quality_factor_sigma", "1", OF_CIRCUIT),
     number("static_capacitance_f", "F", "static capacitance C₀"),
+    number("static_capacitance_sigma_f", "F", OF_CIRCUIT),
     number("capacitance_ratio", "1", "motional capacitance in units of C₀"),
+    number("capacitance_ratio_sigma", "1", OF_CIRCUIT),
     number("loss_tangent", "1", "dielectric loss tan δ of C₀"),
     number("loss_tangent_sigma", "1", "its standard deviation, if it was fitted"),
     text("reason", "the reason of a refusal"),

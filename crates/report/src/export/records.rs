@@ -67,7 +67,7 @@ pub(super) fn of_sweep<'a>(
     sweep: &'a Sweep,
     ends: &Ends,
     stored: &StoredRecord,
-) -> [TableValue<'a>; 18] {
+) -> [TableValue<'a>; 21] {
     let (direction, angle) = pose(sweep.pose);
     let (outcome, found, reason) = match &sweep.outcome {
         SweepOutcome::Accepted { resonance_hz, sigma_hz, effective_time_s, circuit, .. } => {
@@ -81,9 +81,12 @@ pub(super) fn of_sweep<'a>(
         });
     let moment = found.and_then(|(_, _, effective_time_s, _)| effective_time_s);
     let circuit = found.and_then(|(.., circuit)| circuit);
-    // Their uncertainty is not in the journal; six digits are more than any sweep gives.
+    // Six digits are more than any sweep gives.
     let of = |value: fn(Circuit) -> f64| {
-        TableValue::of(circuit.map(value), |v| TableValue::Digits(v, 6))
+        TableValue::of(circuit.map(value), |value| TableValue::Digits(value, 6))
+    };
+    let sigma_of = |sigma: fn(Circuit) -> Option<f64>| {
+        TableValue::of(circuit.and_then(sigma), |sigma| TableValue::Digits(sigma, 3))
     };
     let loss = circuit.map(|circuit| (circuit.loss_tangent, circuit.loss_tangent_sigma));
     let [loss, loss_sigma] = match loss {
@@ -104,8 +107,11 @@ pub(super) fn of_sweep<'a>(
         sigma,
         TableValue::of(moment, |effective_time_s| TableValue::Decimals(effective_time_s, 6)),
         of(|circuit| circuit.quality_factor),
+        sigma_of(|circuit| circuit.quality_factor_sigma),
         of(|circuit| circuit.static_capacitance_f),
+        sigma_of(|circuit| circuit.static_capacitance_sigma_f),
         of(|circuit| circuit.capacitance_ratio),
+        sigma_of(|circuit| circuit.capacitance_ratio_sigma),
         loss,
         loss_sigma,
         TableValue::of(reason, TableValue::Text),

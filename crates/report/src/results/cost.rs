@@ -61,6 +61,9 @@ mod tests {
                 capacitance_ratio: 0.05,
                 loss_tangent: 0.02,
                 loss_tangent_sigma: None,
+                quality_factor_sigma: None,
+                static_capacitance_sigma_f: None,
+                capacitance_ratio_sigma: None,
             };
             let found_s = practice_s(140.0, &circuit);
             assert!((found_s - expected_s).abs() < 0.05, "{found_s} s, expected {expected_s} s");

@@ -331,6 +331,9 @@ impl Recorder {
             capacitance_ratio: ratio,
             loss_tangent,
             loss_tangent_sigma: None,
+            quality_factor_sigma: None,
+            static_capacitance_sigma_f: None,
+            capacitance_ratio_sigma: None,
         };
         self.write(Record::Sweep(Sweep {
             number: self.sweeps,

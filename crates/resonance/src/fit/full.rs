@@ -129,13 +129,18 @@ impl Model {
             None => from_nothing(&trace, window, free).or_else(|none| robust.ok_or(none))?,
         };
         let start = ModelEstimate { extra_term: trace.extra_term(), ..start };
-        let (trace, found) = weighed(trace, start, free, options);
+        let (trace, found) = weighed(trace, (start, robust), free, options);
         let order = if options.timing.is_steady() { ModelOrder::Loss } else { ModelOrder::RingUp };
         let mut model = Self::with(trace, &found, order);
         if !rounding.is_empty() {
             model.weigh_rounding(options);
         }
+        let all = model.trace.used().0;
         let mut model = model.without_outliers(robust, options);
+        if !rounding.is_empty() && model.trace.used().0 < all {
+            // The noise was found with the outliers among the readings.
+            model.weigh_rounding(options);
+        }
         if model.weigh_pick_up(options) {
             model = model.without_outliers(robust, options);
         }
@@ -211,7 +216,12 @@ impl Model {
             self.too_many = is_resonance.then_some(many);
             return self;
         }
-        let gain = rest.degrees() * (self.found.normal.cost / rest.found.normal.cost).ln();
+        let (cost, left) = (self.found.normal.cost, rest.found.normal.cost);
+        // Likelihoods are compared for the same noise, and a prior is a part of it.
+        let gain = match options.noise {
+            Some(_) => self.gain(cost - left, options),
+            None => rest.degrees() * (cost / left).ln(),
+        };
         // All readings together may follow another model.
         let is_best = self.rival(options) < gain - GAIN_PER_OUTLIER * left_out as f64;
         if !is_best {
@@ -531,10 +541,11 @@ fn strongest(alternatives: &[(Alternative, f64)]) -> Option<Cause> {
 }
 
 /// The most likely circuit. If the noise is known, unsettled readings are down-weighted, with their
-/// residual motion as an additional error.
+/// residual motion as an additional error: that of the robust circuit, if some reading is far from it. The most likely circuit of
+/// all readings may then be of any quality, and nothing has settled for it.
 fn weighed(
     mut trace: Trace,
-    start: ModelEstimate,
+    (start, robust): (ModelEstimate, Option<ModelEstimate>),
     free: usize,
     options: &FitOptions,
 ) -> (Trace, Minimum) {
@@ -547,6 +558,14 @@ fn weighed(
         trace.weigh_settling(&start, variance);
         let found = trace.minimum(start, free);
         return (trace, found);
+    }
+    if let Some(at) = robust {
+        let found = Minimum { at, normal: trace.normal(&at), end: End::Converged, free };
+        if outliers::count(&trace, &found) > 0 {
+            trace.weigh_settling(&at, variance);
+            let found = trace.minimum(start, free);
+            return (trace, found);
+        }
     }
     let mut found = trace.minimum(start, free);
     for _ in 0..WEIGHINGS {

@@ -9,7 +9,7 @@ use rig_model::{
     DriveLevel, Impedance, PointResult, Reading, RigTime, SweepMethod, SweepPoint, SweepRequest,
     Window,
 };
-use rig_resonance::Circuit;
+use rig_resonance::{Circuit, Resonance};
 
 /// Random numbers from a seed that a failing test prints.
 #[derive(Debug)]
@@ -57,6 +57,16 @@ impl Random {
 pub(crate) fn circuit(q: f64, k_eff_squared: f64) -> Circuit {
     let c1_farad = 27e-9 * k_eff_squared / (1.0 - k_eff_squared);
     Circuit { resonance_hz: 140.0, q, c0_farad: 27e-9, c1_farad, loss_tangent: 0.0 }
+}
+
+/// Errors of Q, C₀ and C₁/C₀ of a fit, in the standard deviations that it states.
+pub(crate) fn circuit_scores(found: &Resonance, truth: &Circuit) -> [f64; 3] {
+    let ratio = |circuit: &Circuit| circuit.c1_farad / circuit.c0_farad;
+    [
+        (found.q - truth.q) / found.q_sigma(),
+        (found.c0_farad - truth.c0_farad) / found.c0_sigma_farad(),
+        (ratio(&found.circuit()) - ratio(truth)) / found.capacitance_ratio_sigma(),
+    ]
 }
 
 pub(crate) fn measured(impedance: Complex64) -> PointResult {

@@ -37,13 +37,19 @@ struct FoundView {
     effective_time_s: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     q: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    q_sigma: Option<f64>,
     /// Q times the ratio of the capacitances. Below 2 the phase does not cross zero.
     #[serde(skip_serializing_if = "Option::is_none")]
     figure_of_merit: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     k_eff_squared: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    k_eff_squared_sigma: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     static_capacitance_f: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    static_capacitance_sigma_f: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     loss_tangent: Option<f64>,
     /// None where the loss was not fitted.
@@ -125,14 +131,20 @@ impl FoundView {
             self.effective_time_s
                 .map(|effective_time_s| ("at the time", format!("{effective_time_s:.3} s"))),
         );
-        rows.extend(self.q.map(|q| ("Q", format!("{q:.1}"))));
-        rows.extend(self.figure_of_merit.map(|merit| ("figure of merit", format!("{merit:.2}"))));
-        rows.extend(self.k_eff_squared.map(|k| ("coupling k_eff²", format!("{k:.5}"))));
-        rows.extend(
-            self.static_capacitance_f.map(|farad| ("static capacitance", capacitance(farad))),
-        );
-        let sigma = self.loss_tangent_sigma.map_or_else(String::new, |s| format!(" ± {s:.4}"));
-        rows.extend(self.loss_tangent.map(|loss| ("loss tangent", format!("{loss:.4}{sigma}"))));
+        let mut row = |name, value: Option<f64>, sigma: Option<f64>, text: fn(f64) -> String| {
+            rows.extend(value.map(|value| (name, with_sigma(text(value), sigma.map(text)))));
+        };
+        row("Q", self.q, self.q_sigma, |q| format!("{q:.1}"));
+        row("figure of merit", self.figure_of_merit, None, |merit| format!("{merit:.2}"));
+        row("coupling k_eff²", self.k_eff_squared, self.k_eff_squared_sigma, |k| {
+            format!("{k:.5}")
+        });
+        let c0 = self.static_capacitance_f;
+        let farad = if c0.is_some_and(|c0| c0 < 1e-9) { picofarad } else { nanofarad };
+        row("static capacitance", c0, self.static_capacitance_sigma_f, farad);
+        row("loss tangent", self.loss_tangent, self.loss_tangent_sigma, |loss| {
+            format!("{loss:.4}")
+        });
         if let Some(fit) = &self.fit {
             rows.push(("model", fit.model_order.to_owned()));
             rows.push(("readings used", fit.points.to_string()));
@@ -143,8 +155,29 @@ impl FoundView {
     }
 }
 
-fn capacitance(farad: f64) -> String {
-    if farad < 1e-9 { format!("{:.4} pF", farad * 1e12) } else { format!("{:.3} nF", farad * 1e9) }
+fn picofarad(farad: f64) -> String {
+    format!("{:.4} pF", farad * 1e12)
+}
+
+fn nanofarad(farad: f64) -> String {
+    format!("{:.3} nF", farad * 1e9)
+}
+
+/// A value with its standard deviation, if it has one.
+fn with_sigma(value: String, sigma: Option<String>) -> String {
+    match sigma {
+        Some(sigma) => format!("{value} ± {sigma}"),
+        None => value,
+    }
+}
+
+fn k_eff_squared(circuit: &Circuit) -> f64 {
+    circuit.capacitance_ratio / (1.0 + circuit.capacitance_ratio)
+}
+
+/// Standard deviation of k² = m/(1 + m) from that of m, the ratio of the capacitances: dk²/dm = (1 − k²)².
+fn k_eff_squared_sigma(k_eff_squared: f64, ratio_sigma: f64) -> f64 {
+    (1.0 - k_eff_squared).powi(2) * ratio_sigma
 }
 
 impl From<&Resonance> for FoundView {
@@ -154,9 +187,15 @@ impl From<&Resonance> for FoundView {
             sigma_hz: found.sigma_hz,
             effective_time_s: None,
             q: Some(found.q),
+            q_sigma: Some(found.q_sigma()),
             figure_of_merit: Some(found.figure_of_merit),
             k_eff_squared: Some(found.k_eff_squared),
+            k_eff_squared_sigma: Some(k_eff_squared_sigma(
+                found.k_eff_squared,
+                found.capacitance_ratio_sigma(),
+            )),
             static_capacitance_f: Some(found.c0_farad),
+            static_capacitance_sigma_f: Some(found.c0_sigma_farad()),
             loss_tangent: Some(found.loss_tangent),
             loss_tangent_sigma: found.loss_tangent_sigma(),
             fit: Some(FitView {
@@ -198,20 +237,28 @@ impl From<&SweepOutcome> for OutcomeView {
                 resonance_hz, sigma_hz, effective_time_s, circuit, ..
             } => {
                 let of = |value: fn(&Circuit) -> f64| circuit.as_ref().map(value);
+                let sigma_of =
+                    |sigma: fn(&Circuit) -> Option<f64>| circuit.as_ref().and_then(sigma);
                 let found = FoundView {
                     resonance_hz: *resonance_hz,
                     sigma_hz: *sigma_hz,
                     effective_time_s: *effective_time_s,
                     q: of(|circuit| circuit.quality_factor),
+                    q_sigma: sigma_of(|circuit| circuit.quality_factor_sigma),
                     figure_of_merit: of(|circuit| {
                         circuit.quality_factor * circuit.capacitance_ratio
                     }),
-                    k_eff_squared: of(|circuit| {
-                        circuit.capacitance_ratio / (1.0 + circuit.capacitance_ratio)
+                    k_eff_squared: of(k_eff_squared),
+                    k_eff_squared_sigma: sigma_of(|circuit| {
+                        let ratio_sigma = circuit.capacitance_ratio_sigma?;
+                        Some(k_eff_squared_sigma(k_eff_squared(circuit), ratio_sigma))
                     }),
                     static_capacitance_f: of(|circuit| circuit.static_capacitance_f),
+                    static_capacitance_sigma_f: sigma_of(|circuit| {
+                        circuit.static_capacitance_sigma_f
+                    }),
                     loss_tangent: of(|circuit| circuit.loss_tangent),
-                    loss_tangent_sigma: circuit.as_ref().and_then(|c| c.loss_tangent_sigma),
+                    loss_tangent_sigma: sigma_of(|circuit| circuit.loss_tangent_sigma),
                     fit: None,
                 };
                 Self { status: "accepted", accepted: Some(found), ..Self::default() }

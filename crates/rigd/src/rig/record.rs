@@ -332,6 +332,9 @@ impl Recorder {
                 circuit: Some(store::Circuit {
                     loss_tangent: resonance.loss_tangent,
                     loss_tangent_sigma: resonance.loss_tangent_sigma(),
+                    quality_factor_sigma: Some(resonance.q_sigma()),
+                    static_capacitance_sigma_f: Some(resonance.c0_sigma_farad()),
+                    capacitance_ratio_sigma: Some(resonance.capacitance_ratio_sigma()),
                     ..circuit_of(&resonance.circuit())
                 }),
                 extra: resonance.extra.as_ref().map(extra_of),

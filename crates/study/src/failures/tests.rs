@@ -17,13 +17,7 @@ fn counts_of(estimator: Estimator, cells: &[Cell]) -> Counts {
 /// Some axes on which neither path has ever been found silently wrong. The page has the others.
 #[test]
 fn fit_and_planner_are_not_silently_wrong_and_a_peak_pick_often() {
-    let axes = [
-        Axis::Noise,
-        Axis::WindowOffset,
-        Axis::Target,
-        Axis::Drift,
-        Axis::SettlingUnknown,
-    ];
+    let axes = [Axis::Noise, Axis::WindowOffset, Axis::Target, Axis::Drift, Axis::SettlingUnknown];
     let cells = judge_all(&axes, 1, 1, 11..12);
     let wrong = document::where_wrong(cells.iter());
     assert!(wrong.is_empty(), "{wrong:?}");

@@ -77,6 +77,9 @@ pub(super) fn circuit_of(circuit: &Circuit) -> store::Circuit {
         capacitance_ratio: circuit.c1_farad / circuit.c0_farad,
         loss_tangent: circuit.loss_tangent,
         loss_tangent_sigma: None,
+        quality_factor_sigma: None,
+        static_capacitance_sigma_f: None,
+        capacitance_ratio_sigma: None,
     }
 }
 
