@@ -73,3 +73,24 @@ async fn stops_during_a_retract_neither_delay_it_nor_reach_the_drives_again() {
     assert_eq!(way_out(1).await, (took, heard));
     assert_eq!(way_out(1000).await, (took, heard));
 }
+
+#[tokio::test(start_paused = true)]
+async fn a_stop_is_served_while_the_rig_closes() {
+    let rig = LoadedRig::load(&shipped("config/rigs/simulated.toml")).unwrap();
+    let (handle, rig) = rig::open_in_memory(rig, &MemoryDisk::new().unwrap(), None).await.unwrap();
+    let act = async {
+        let mut status = handle.status();
+        status.wait_for(|status| status.snapshot.state == RigState::Preparing).await.unwrap();
+        sleep(Duration::from_millis(100)).await;
+        let begun = Instant::now();
+        let stop = async {
+            sleep(Duration::from_millis(100)).await;
+            handle.command(Command::Stop, None, "a person").await.unwrap();
+            status.wait_for(|status| status.snapshot.state != RigState::Preparing).await.unwrap();
+            assert!(begun.elapsed() < Duration::from_secs(1), "{:?}", begun.elapsed());
+        };
+        tokio::join!(handle.close(), handle.close(), stop);
+        assert_eq!(status.borrow().snapshot.state, RigState::Latched);
+    };
+    tokio::join!(rig.serve(), act);
+}

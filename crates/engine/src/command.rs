@@ -155,4 +155,14 @@ pub enum CommandRefusal {
         /// The lowest position allowed at this tilt.
         floor: Position<Mm>,
     },
+    /// The target is further below the highest surface than one move may lead.
+    #[error(
+        "linear stage: target {wanted} is below {lowest}, the lowest target of one move from here"
+    )]
+    TooFar {
+        /// The requested position.
+        wanted: Position<Mm>,
+        /// The lowest target of one move from here.
+        lowest: Position<Mm>,
+    },
 }

@@ -148,6 +148,8 @@ pub(crate) struct Descent {
     /// Longest time without a reading, and the same at the beginning.
     silence: Duration,
     first_silence: Duration,
+    /// The time of one reading.
+    reading: Duration,
     watch: ContactWatch,
     end: Option<DescentEnd>,
     from: Position<Mm>,
@@ -183,6 +185,7 @@ impl Descent {
             baseline: setting.baseline,
             silence: Duration::from_secs_f64(silence_s),
             first_silence: Duration::from_secs_f64(silence_s + references_s),
+            reading: Duration::from_secs_f64(setting.reading_s),
             watch: ContactWatch::new(no_load, cycles.into(), approach.contact_threshold),
             end: None,
             from: begin,
@@ -336,6 +339,8 @@ impl Descent {
             (true, ..) => {
                 self.alarms_left -= 1;
                 self.watch.forget();
+                // It goes on where a contact was suspected, with no room above the surface.
+                self.first_silence = self.silence + self.reading;
                 self.go_down()
             }
             (false, ..) => self.fit(),

@@ -178,7 +178,7 @@ pub enum Fault {
         missing: String,
     },
     /// The host was held up again and again during one measurement.
-    #[error("the computer was held up during {attempts} attempts of one measurement, the last time for {:.1} s", .lasted.as_secs_f64())]
+    #[error("rigd was held up during {attempts} attempts of one measurement, the last time for {:.1} s", .lasted.as_secs_f64())]
     HeldUp {
         /// Number of attempts.
         attempts: u32,

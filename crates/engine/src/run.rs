@@ -133,7 +133,8 @@ impl Run {
 
     /// Where a touch is; `None` if the plan does not have it.
     pub(crate) fn place_of(&self, step: &StepId) -> Option<TouchPlace> {
-        let next = self.index + usize::from(!matches!(self.machine, Machine::Between));
+        let has_begun = !matches!(self.machine, Machine::Between | Machine::Rising);
+        let next = self.index + usize::from(has_begun);
         let is_it = |one: &Step| one.id == *step && matches!(one.action, Action::Touch(_));
         let index = self.plan.steps.iter().position(is_it)?;
         Some(if self.skipped.contains(step) {

@@ -358,7 +358,9 @@ impl Search {
         }
         (self.near, self.is_first_pass) = (None, false);
         self.step_mm = (self.step_mm / REFINEMENT).max(self.approach.fine_step_mm);
-        self.after_take_up = Some(clear.offset(-self.step_mm));
+        let (next, floor) =
+            (clear.offset(-self.step_mm), Self::floor(&self.approach, self.expected));
+        self.after_take_up = Some(if next < floor { floor } else { next });
         self.is_after_contact = true;
         // A position far enough above to take up the backlash, even if it is above the start.
         self.go(clear.offset(self.approach.coarse_step_mm))
@@ -450,6 +452,7 @@ mod tests {
         for _ in 0..200 {
             step = match step {
                 SearchStep::MoveTo(target) => {
+                    assert!(Search::floor(&search.approach, search.expected) <= target, "{target}");
                     slack = if target.value() > there { backlash_mm } else { slack };
                     let moved_down = (there - target.value()).max(0.0);
                     slack = f64::max(0.0, slack - moved_down);
@@ -476,6 +479,20 @@ mod tests {
             assert!(error.abs() <= 0.0025 + 1e-9, "{surface}: {error}");
             assert!((found.sigma_mm - 0.005 / 12.0_f64.sqrt()).abs() < 1e-9);
             assert!(readings <= 32, "{surface}: {readings} readings");
+        }
+    }
+
+    /// The floor is no multiple of the steps.
+    #[test]
+    fn a_surface_just_above_the_floor_is_found_and_nothing_goes_below() {
+        let approach = Approach { give_up_below_mm: 0.6034, ..APPROACH };
+        for tenth_of_micron in (-6033..-5900).step_by(3) {
+            let surface = 20.0 + f64::from(tenth_of_micron) * 1e-4;
+            let begun = Search::begin(approach, Position::new(20.0), impedance(1000.0));
+            let (end, _) = play(begun, surface, 0.02);
+            let SearchStep::Found(found) = end else { panic!("{surface}: {end:?}") };
+            let error = found.position.value() - surface;
+            assert!(error.abs() <= 0.0025 + 1e-9, "{surface}: {error}");
         }
     }
 

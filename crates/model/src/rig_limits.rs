@@ -259,6 +259,19 @@ impl RigLimits {
         let below_mm = self.geometry.surface_tolerance_mm + self.motion.max_indentation_mm;
         self.geometry.surface_at_tilt(tilt).offset(-below_mm)
     }
+
+    /// The lowest target of one move of the linear stage at this tilt, from a position or from above the highest surface:
+    /// further below the highest surface than a touch needs may go no single move.
+    pub fn lowest_of_one_move(
+        &self,
+        from: Option<Position<Mm>>,
+        tilt: Position<Deg>,
+    ) -> Position<Mm> {
+        let tolerance_mm = self.geometry.surface_tolerance_mm;
+        let highest = self.geometry.surface_at_tilt(tilt).offset(tolerance_mm);
+        let from = from.filter(|from| *from < highest).unwrap_or(highest);
+        from.offset(-tolerance_mm - self.motion.max_indentation_mm)
+    }
 }
 
 #[cfg(test)]

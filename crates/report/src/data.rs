@@ -491,7 +491,7 @@ fn clock_set(ClockJumped { jump_s }: ClockJumped) -> String {
 
 fn held_up(stalled: &Stalled) -> String {
     let again = if stalled.is_measured_again { "; its readings were measured again" } else { "" };
-    format!("the computer was held up for {:.1} s{again}", stalled.stalled_s)
+    format!("rigd was held up for {:.1} s{again}", stalled.stalled_s)
 }
 
 /// A prompt in words.

@@ -243,7 +243,9 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
             "check the cable of the sensor and the no-load window of the protocol"
         }
         Fault::Stopped { .. } => "make sure that the bench is safe",
-        Fault::HeldUp { .. } => "look for the load of the computer, and keep it from sleeping",
+        Fault::HeldUp { .. } => {
+            "look for the load of the computer and of its disk, and keep it from sleeping"
+        }
         Fault::Panicked { .. } => return Hint { text: MAINTAINER, then: NextAction::Restart },
         Fault::PositionJumped { .. }
         | Fault::LinearTarget(_)

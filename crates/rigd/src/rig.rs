@@ -266,6 +266,13 @@ enum Request {
     PanicAt(u64),
 }
 
+impl Request {
+    /// Whether it asks for what is under way to end.
+    const fn is_stop(&self) -> bool {
+        matches!(self, Self::Command { command: Command::Stop | Command::Abort, .. })
+    }
+}
+
 /// Opens a rig on a thread of its own, and brings it into service.
 ///
 /// Returns when every device has answered; homing and the proof that the probe is clear continue,

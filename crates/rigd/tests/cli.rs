@@ -224,9 +224,10 @@ fn an_axis_is_moved_by_hand_and_read_back() {
 fn nothing_by_hand_goes_beyond_the_limits() {
     let data = TempDir::new().unwrap();
     let window = ["measure", "--min-hz", "120", "--max-hz", "165"];
-    let refused: [(&[&str], &str); 8] = [
+    let refused: [(&[&str], &str); 9] = [
         (&["move", "linear", "46"], "outside the soft limits [8.000 mm, 45.000 mm]"),
         (&["move", "linear", "8.5"], "below 8.900 mm, the deepest that a touch may go here"),
+        (&["move", "linear", "9.1"], "below 9.200 mm, the lowest target of one move from here"),
         (&["move", "rotary", "51"], "outside the soft limits [-50.000 °, 50.000 °]"),
         (&[window.as_slice(), &["--at-mm", "8.5"]].concat(), "the deepest that a touch may go"),
         (&[window.as_slice(), &["--level-v", "6"]].concat(), "level_v = 6 is outside [0.01, 5]"),

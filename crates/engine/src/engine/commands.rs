@@ -116,6 +116,10 @@ impl Engine {
                 if to < floor {
                     return Err(CommandRefusal::TooDeep { wanted: to, floor });
                 }
+                let lowest = self.limits.lowest_of_one_move(self.linear, tilt);
+                if to < lowest {
+                    return Err(CommandRefusal::TooFar { wanted: to, lowest });
+                }
                 let is_lowering = to < linear.rest_target().position();
                 let speed_mm_per_s = if is_lowering {
                     motion.contact_speed_mm_per_s

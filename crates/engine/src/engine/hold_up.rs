@@ -22,6 +22,10 @@ const SETTLE_S: f64 = 2.0;
 impl Engine {
     pub(super) fn stalled(&mut self, now: RigTime, lasted: Duration, effects: &mut Vec<Effect>) {
         self.spoil_stream(effects);
+        if let Some(pending) = &mut self.pending {
+            // In this time its report could not be taken.
+            pending.deadline = pending.deadline + lasted;
+        }
         let mut attempts = 0;
         let measuring = self.pending.as_mut().filter(|pending| {
             matches!(pending.operation, Operation::Measure { .. }) && !pending.is_interrupted

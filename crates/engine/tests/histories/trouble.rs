@@ -84,7 +84,11 @@ impl World {
 
     /// The host is held up, and a measurement that is under way is nonsense.
     pub(super) fn hold_up(&mut self, id: OperationId, operation: &Operation, repeats: u32) {
-        self.handle(Input::Stalled(Duration::from_secs(10)));
+        // Longer than any operation may take. The time is looked at before its report.
+        let lasted = Duration::from_secs(3600);
+        self.now = self.now + lasted;
+        self.handle(Input::Stalled(lasted));
+        self.handle(Input::Tick);
         let mut report = self.perform(operation);
         if let Report::Measured(readings) = &mut report {
             for reading in readings {

@@ -285,7 +285,8 @@ fn code_of(refusal: &RequestRefusal) -> u8 {
         RequestRefusal::Command(
             CommandRefusal::LinearTarget(_)
             | CommandRefusal::RotaryTarget(_)
-            | CommandRefusal::TooDeep { .. },
+            | CommandRefusal::TooDeep { .. }
+            | CommandRefusal::TooFar { .. },
         ) => 2,
         _ => 1,
     }

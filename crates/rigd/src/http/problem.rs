@@ -289,7 +289,8 @@ impl From<RequestRefusal> for Problem {
             RequestRefusal::Command(
                 CommandRefusal::LinearTarget(_)
                 | CommandRefusal::RotaryTarget(_)
-                | CommandRefusal::TooDeep { .. },
+                | CommandRefusal::TooDeep { .. }
+                | CommandRefusal::TooFar { .. },
             ) => Self::unprocessable(detail),
             RequestRefusal::NotUnderWay { .. } => {
                 Self::new(StatusCode::CONFLICT, "not under way", detail)

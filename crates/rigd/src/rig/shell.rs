@@ -52,7 +52,7 @@ const SIMULATED_PERSON: &str = "simulated person";
 
 /// What a person reads after a hold-up.
 pub(crate) const HELD_UP: &str =
-    "the computer was held up; readings of that time are measured again";
+    "rigd was held up; what it was measuring in that time is measured again";
 
 /// What a person reads after a jump of the wall clock.
 pub(crate) const CLOCK_WAS_SET: &str = "the wall clock was set; nothing depends on it";
@@ -67,8 +67,8 @@ enum Wake {
 
 /// The rig is being closed.
 struct Closing {
-    /// Receiver of the result.
-    reply: Option<oneshot::Sender<()>>,
+    /// Who waits for it.
+    replies: Vec<oneshot::Sender<()>>,
 }
 
 pub(super) struct Shell {
@@ -173,10 +173,11 @@ impl Shell {
     pub(super) async fn serve(&mut self, inbox: &mut mpsc::Receiver<Request>) {
         self.begin_service();
         let mut closing: Option<Closing> = None;
+        let mut is_open = true;
         loop {
             if let Some(closing) = closing.take_if(|_| self.is_at_rest()) {
                 self.log.end_session();
-                if let Some(reply) = closing.reply {
+                for reply in closing.replies {
                     _ = reply.send(());
                 }
                 return;
@@ -194,7 +195,7 @@ impl Shell {
             // The order is fixed, so that a run replays: people first, then devices, then time.
             let wake = tokio::select! {
                 biased;
-                request = inbox.recv(), if closing.is_none() => Wake::Request(request),
+                request = inbox.recv(), if is_open => Wake::Request(request),
                 said = self.owners.said() => match said {
                     Said::Free => Wake::Beat,
                     Said::Ended(id, ended) => {
@@ -214,14 +215,19 @@ impl Shell {
             self.notice_hold_ups();
             match wake {
                 Wake::Request(Some(Request::Close { reply })) => {
-                    closing = Some(self.begin_to_close(Some(reply)));
+                    closing.get_or_insert_with(|| self.begin_to_close()).replies.push(reply);
                 }
-                Wake::Request(Some(request)) => {
+                // Only a stop is served to the end: the axes may be homing still.
+                Wake::Request(Some(request)) if closing.is_none() || request.is_stop() => {
                     self.halt_if_asked(&request).await;
                     self.take(request);
                 }
-                // All handles are closed, and the probe must not stay in the sample.
-                Wake::Request(None) => closing = Some(self.begin_to_close(None)),
+                Wake::Request(Some(_)) => {}
+                Wake::Request(None) => {
+                    is_open = false;
+                    // All handles are closed, and the probe must not stay in the sample.
+                    closing.get_or_insert_with(|| self.begin_to_close());
+                }
                 Wake::Input(input) => self.handle(input),
                 Wake::Beat => {}
             }
@@ -258,24 +264,29 @@ impl Shell {
 
     /// In virtual time no time passes while the computer is held up.
     fn notice_hold_ups(&mut self) {
-        let Noticed { stalled, jump_s } = self.heartbeat.beat();
-        if let Some(lasted) = stalled.filter(|_| !self.is_virtual_time) {
+        if let Some(lasted) = self.notice_jump().filter(|_| !self.is_virtual_time) {
             tracing::warn!(seconds = lasted.as_secs_f64(), "{HELD_UP}");
             self.handle(Input::Stalled(lasted));
         }
+    }
+
+    /// Notes a jump of the wall clock since the last beat. Returns for how long nothing was done, if it was long.
+    fn notice_jump(&mut self) -> Option<Duration> {
+        let Noticed { stalled, jump_s } = self.heartbeat.beat();
         if let Some(jump_s) = jump_s {
             tracing::warn!(jump_s, "{CLOCK_WAS_SET}");
             self.log.append(&Record::ClockJumped(ClockJumped { jump_s }));
         }
+        stalled
     }
 
-    fn begin_to_close(&mut self, reply: Option<oneshot::Sender<()>>) -> Closing {
+    fn begin_to_close(&mut self) -> Closing {
         if self.uncommissioned.is_some() {
             self.stop_step();
         }
-        // It is refused if nothing is in progress, which has no consequence.
+        // It is refused if nothing is in progress, and while the rig is prepared, which is then waited for.
         _ = self.command(Command::Abort, "rigd");
-        Closing { reply }
+        Closing { replies: Vec::new() }
     }
 
     fn is_idle(&self) -> bool {
@@ -326,6 +337,7 @@ impl Shell {
 
     fn carry_out(&mut self, effects: Vec<Effect>) {
         let had_ended = self.view.has_ended();
+        let begins = effects.iter().any(|effect| matches!(effect, Effect::Do(..)));
         for effect in effects {
             match effect {
                 Effect::Note(event) => self.note(&event),
@@ -343,6 +355,10 @@ impl Shell {
             || self.log.since_commit() >= COMMIT_INTERVAL;
         if !is_busy || is_due {
             self.commit();
+        }
+        if begins {
+            // What begins here has not waited for a slow disk: it runs from the next wake on.
+            self.notice_jump();
         }
         if self.log.error().is_some() && !had_ended && self.view.has_ended() {
             self.view.run_is_incomplete();
