@@ -31,16 +31,17 @@ use crate::{
 pub(super) const EXIT_CODES: &str = "\
 Exit codes:
   0  done
-  1  something failed: a file, a directory, a device
+  1  something failed: a file, a directory, a device, a daemon, a check
   2  a bad command line, protocol, rig or sweep file, a target beyond the
      limits, or a change since a run that nobody confirmed
-  3  no such run, or no resonance
+  3  no such run, no run under way, or no resonance
   4  the rig is latched after a fault
-  5  a run, a move or a sweep was aborted
+  5  a run, a move or a sweep was aborted, also by one signal to end
   6  a run came to its end, and some of its touches were refused
   7  the journal or the folder of a run is not sound
   8  the daily check of the bench says look, or not to be trusted
-130  interrupted by Ctrl-C or by another signal to end";
+130  ended by a signal before the rig was ready, or at once by the last
+     one, with the rig left as it was";
 
 /// Why a command failed, with its exit code.
 #[derive(Debug, thiserror::Error)]

@@ -23,7 +23,7 @@ fn fit_and_planner_are_not_silently_wrong_and_a_peak_pick_often() {
     assert!(wrong.is_empty(), "{wrong:?}");
     for path in Path::ALL {
         let all = counts(path, &cells);
-        assert!(all.sweeps() > 250 && all.right > 150, "{path:?}: {all:?}");
+        assert!(all.sweeps() > 150 && all.right > 100, "{path:?}: {all:?}");
     }
     let peak = counts_of(Estimator::MagnitudeMinimum, &cells);
     assert!(2 * peak.wrong > peak.sweeps(), "{peak:?}");
