@@ -116,10 +116,9 @@ impl OutcomeView {
 }
 
 impl FoundView {
-    /// Number of decimals of a resonance: as many as two digits of its uncertainty need.
+    /// Number of decimals of a resonance.
     fn digits(&self) -> usize {
-        let is_short = |digits: &i32| self.sigma_hz * 10_f64.powi(*digits) < 10.0;
-        (0..12).take_while(is_short).count()
+        decimals(self.sigma_hz)
     }
 
     fn rows(&self, name: &'static str, comment: &str) -> Vec<(&'static str, String)> {
@@ -131,20 +130,17 @@ impl FoundView {
             self.effective_time_s
                 .map(|effective_time_s| ("at the time", format!("{effective_time_s:.3} s"))),
         );
-        let mut row = |name, value: Option<f64>, sigma: Option<f64>, text: fn(f64) -> String| {
-            rows.extend(value.map(|value| (name, with_sigma(text(value), sigma.map(text)))));
+        let mut row = |name, value: Option<f64>, sigma: Option<f64>, digits: usize| {
+            rows.extend(value.map(|value| (name, with_sigma(value, sigma, digits))));
         };
-        row("Q", self.q, self.q_sigma, |q| format!("{q:.1}"));
-        row("figure of merit", self.figure_of_merit, None, |merit| format!("{merit:.2}"));
-        row("coupling k_eff²", self.k_eff_squared, self.k_eff_squared_sigma, |k| {
-            format!("{k:.5}")
-        });
-        let c0 = self.static_capacitance_f;
-        let farad = if c0.is_some_and(|c0| c0 < 1e-9) { picofarad } else { nanofarad };
-        row("static capacitance", c0, self.static_capacitance_sigma_f, farad);
-        row("loss tangent", self.loss_tangent, self.loss_tangent_sigma, |loss| {
-            format!("{loss:.4}")
-        });
+        row("Q", self.q, self.q_sigma, 1);
+        row("figure of merit", self.figure_of_merit, None, 2);
+        row("coupling k_eff²", self.k_eff_squared, self.k_eff_squared_sigma, 5);
+        row("loss tangent", self.loss_tangent, self.loss_tangent_sigma, 4);
+        rows.extend(self.static_capacitance_f.map(|farad| {
+            let capacitance = capacitance(farad, self.static_capacitance_sigma_f);
+            ("static capacitance", capacitance)
+        }));
         if let Some(fit) = &self.fit {
             rows.push(("model", fit.model_order.to_owned()));
             rows.push(("readings used", fit.points.to_string()));
@@ -155,20 +151,28 @@ impl FoundView {
     }
 }
 
-fn picofarad(farad: f64) -> String {
-    format!("{:.4} pF", farad * 1e12)
+/// A capacitance with its standard deviation, F.
+fn capacitance(farad: f64, sigma_farad: Option<f64>) -> String {
+    let (unit, in_unit, digits) = if farad < 1e-9 { ("pF", 1e12, 4) } else { ("nF", 1e9, 3) };
+    let sigma = sigma_farad.map(|sigma| sigma * in_unit);
+    format!("{} {unit}", with_sigma(farad * in_unit, sigma, digits))
 }
 
-fn nanofarad(farad: f64) -> String {
-    format!("{:.3} nF", farad * 1e9)
-}
-
-/// A value with its standard deviation, if it has one.
-fn with_sigma(value: String, sigma: Option<String>) -> String {
-    match sigma {
-        Some(sigma) => format!("{value} ± {sigma}"),
-        None => value,
+/// A value with its standard deviation, both to two digits of the latter. One without has `digits` decimals.
+fn with_sigma(value: f64, sigma: Option<f64>, digits: usize) -> String {
+    match sigma.filter(|sigma| *sigma > 0.0) {
+        Some(sigma) => {
+            let digits = decimals(sigma);
+            format!("{value:.digits$} ± {sigma:.digits$}")
+        }
+        None => format!("{value:.digits$}"),
     }
+}
+
+/// Number of decimals of a standard deviation with two digits.
+fn decimals(sigma: f64) -> usize {
+    let is_short = |digits: &i32| sigma * 10_f64.powi(*digits) < 10.0;
+    (0..12).take_while(is_short).count()
 }
 
 fn k_eff_squared(circuit: &Circuit) -> f64 {
