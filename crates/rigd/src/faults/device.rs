@@ -207,7 +207,7 @@ pub(super) const FAULTS: [ListedFault; 14] = [
         tests: &[
             (SENSE, "a_blind_contact_sense_leaves_no_wrong_shift"),
             (
-                "crates/engine/src/search.rs",
+                "crates/engine/src/search/tests.rs",
                 "a_surface_beyond_the_range_is_a_fault_and_the_depth_stays_limited",
             ),
         ],
@@ -239,7 +239,7 @@ pub(super) const FAULTS: [ListedFault; 14] = [
         tests: &[
             (SENSE, "lost_steps_refuse_the_touch_or_are_noticed_at_the_next_surface"),
             (
-                "crates/engine/src/search.rs",
+                "crates/engine/src/search/tests.rs",
                 "a_surface_beyond_the_range_is_a_fault_and_the_depth_stays_limited",
             ),
         ],
