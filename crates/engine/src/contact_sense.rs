@@ -6,7 +6,7 @@
 
 pub(crate) mod response;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 use rig_model::{ContactAngle, Impedance, Mm, PointResult, Position, Reading, RigLimits};
 use rig_protocol::Approach;

@@ -297,7 +297,7 @@ pub enum Event {
     TouchFinished(Box<TouchResult>),
     /// No drift explains the last reference: the resonance has jumped in the time since the one before it.
     ReferenceJumped {
-        /// How far it is from where the drift lets it be expected, Hz.
+        /// How far it, or a vague one before it, is from where the drift lets it be expected, Hz.
         off_hz: f64,
         /// Its standard deviation there, Hz.
         sigma_hz: f64,

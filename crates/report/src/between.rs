@@ -43,8 +43,9 @@ pub(crate) struct Between {
     contact: Option<Measured>,
     /// The sweeps in contact of the measured touches since the last reference.
     open: Vec<Measured>,
-    /// The reference that closes them, until the next record says that it is no jump.
-    next: Option<Measured>,
+    /// The reference that closes them, until the next record says that it is no jump. A vague one is measured again: the
+    /// first one closes them, and the last one is that of the touches that follow.
+    next: Option<[Measured; 2]>,
     /// The reference of each measured touch, by its sweep in contact.
     of_touches: BTreeMap<u64, Reference>,
     /// The references after which the resonance has jumped.
@@ -61,8 +62,9 @@ impl Between {
                 self.close_at_jump();
             }
             Record::Sweep(sweep) if sweep.purpose == SweepPurpose::NoLoad => {
-                self.close(touches);
-                self.next = Measured::of(sweep);
+                let first = self.next.map(|[first, _]| first);
+                let found = Measured::of(sweep);
+                self.next = found.map(|last| [first.unwrap_or(last), last]).or(self.next);
             }
             Record::Sweep(sweep) => {
                 self.close(touches);
@@ -107,13 +109,13 @@ impl Between {
     }
 
     fn close_at_jump(&mut self) {
-        self.before = self.next.take();
+        self.before = self.next.take().map(|[_, last]| last);
         self.open.clear();
     }
 
     /// The last reference closes the touches before it.
     fn close(&mut self, touches: &mut [Touch]) {
-        let Some(next) = self.next.take() else { return };
+        let Some([next, last]) = self.next.take() else { return };
         for contact in std::mem::take(&mut self.open) {
             let touch = touches.iter_mut().find(|touch| touch.sweep == contact.number);
             if let (Some(before), Some(touch)) = (self.before, touch)
@@ -123,7 +125,7 @@ impl Between {
                 reference.next = move_reference(touch, (before, contact.at_s, next));
             }
         }
-        self.before = Some(next);
+        self.before = Some(last);
     }
 }
 

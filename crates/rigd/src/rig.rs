@@ -71,7 +71,7 @@ pub use open::{DeviceError, OpenError};
 pub(crate) use open::{Ports, analyzer_on, bus_settings, runtime_of};
 pub use pace::{Pace, Remaining};
 pub use pulse::{Doing, Silence};
-pub(crate) use resume::{Outcomes, changes_since};
+pub(crate) use resume::{Outcomes, Present, changes_since, cited};
 pub use resume::{ResumeRefusal, SOFTWARE};
 #[cfg(test)]
 pub(crate) use rig_loop::open_in;

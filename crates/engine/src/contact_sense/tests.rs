@@ -167,7 +167,7 @@ const LOOSE_SWEEP: [(f64, f64, f64, f64, f64, f64); 9] = [
 ];
 
 /// The fit of that sweep. It states a quality factor of 51 and no loss; in truth they are 66 and 0.018.
-fn loose_sweep() -> Resonance {
+pub(crate) fn loose_sweep() -> Resonance {
     let reading = |&(frequency_hz, r, x, started_s, settle_s, integration_s): &_| Reading {
         started: RigTime::ZERO + Duration::from_secs_f64(started_s),
         settle_s,
@@ -369,7 +369,7 @@ fn a_reference_that_was_measured_again_keeps_its_place_among_the_others() {
 }
 
 /// A plan without steps.
-fn plan() -> Plan {
+pub(crate) fn plan() -> Plan {
     let sweep = SweepRequest {
         window: Window { min_hz: 125.0, max_hz: 160.0 },
         method: SweepMethod::Adaptive,

@@ -38,9 +38,10 @@ pub struct Resumed {
 /// A difference between two parts of a run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Change {
-    /// The changes: `rig file`, `scene file`, `software`, or the role of a device.
+    /// The changes: `rig file`, `scene file`, `software`, the role of a device, or a calibration or correction, such as
+    /// `calibration (scale)`.
     pub what: String,
-    /// Before; of a file, its name.
+    /// Before; of a file, its name. Of a calibration, the one that the run cites: its results rest on that one.
     pub was: String,
     /// Now; of a file, its name.
     pub is: String,

@@ -160,7 +160,8 @@ pub struct ReferenceJumped {
     pub no_load_sweep: u64,
     /// Number of the sweep that gave this one.
     pub next_no_load_sweep: u64,
-    /// How far this one is from where the drift lets it be expected, Hz.
+    /// How far this one is from where the drift lets it be expected, Hz. If the sensor was measured more than once for it
+    /// (a sweep was too vague, or the level was checked), the first of these resonances that is a jump.
     pub off_hz: f64,
     /// Its standard deviation there, Hz.
     pub sigma_hz: f64,

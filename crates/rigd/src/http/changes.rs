@@ -14,7 +14,7 @@ use crate::rig;
 /// The present setting beside that of a run.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct ChangesView {
-    /// Rig file, scene file, software and devices, where they are others than in the run.
+    /// Rig file, scene file, software, devices, calibrations and corrections, where they are others than in the run.
     changes: Vec<Change>,
     /// Free space of the data directory, bytes; none if the system does not say.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -27,10 +27,13 @@ pub(super) async fn show(
 ) -> Result<Json<ChangesView>, Problem> {
     let id = shared.run(&id).await?;
     let setting = shared.inner.rig.status().borrow().setting.clone();
-    let free_bytes = rig::free_bytes(&shared.inner.data);
+    let data = shared.inner.data.clone();
+    let free_bytes = rig::free_bytes(&data);
     let changes = shared.read(move |reader| {
         reader.run(id)?;
-        Ok(rig::changes_since(&reader.records(id)?, &setting)?)
+        let calibrations = &rig::cited(&data, &setting);
+        let now = rig::Present { setting: &setting, calibrations };
+        Ok(rig::changes_since(&reader.records(id)?, now)?)
     });
     Ok(Json(ChangesView { changes: changes.await?, free_bytes }))
 }

@@ -134,6 +134,7 @@ pub(super) async fn open_rig(
     proven: Proven,
 ) -> Result<Opened, OpenError> {
     let known_samples = rig.known_samples();
+    let rests_on = Arc::new(rig.basis());
     let LoadedRig { file, instruments, source, scene, .. } = rig;
     let scene_source = scene.as_ref().map(|scene| scene.source().clone());
     let Ports { analyzer, bus, simulation } =
@@ -160,6 +161,7 @@ pub(super) async fn open_rig(
         rig: source,
         scene: scene_source,
         devices,
+        rests_on,
         meters: Meters::default(),
     };
     let is_homing_up = file.linear.is_homing_up;

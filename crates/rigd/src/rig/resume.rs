@@ -6,17 +6,18 @@
 //!  └──────────── as it is ────────┘ └─ seam: new clock, what changed, who went on
 //! ```
 
-use std::collections::BTreeSet;
+use std::{collections::BTreeSet, path::Path};
 
 use rig_files::{Faults, rig_file::RigFile, settings::InForce};
+use rig_model::with_causes;
 use rig_protocol::{Action, Plan};
 use rig_store::{
-    Change, Device, Reader, Record, Resumed, Run, RunId, RunStarted, RunStatus, Source, StoreError,
-    StoredRecord,
+    Change, CitedCalibration, Device, Reader, Record, Resumed, Run, RunId, RunStarted, RunStatus,
+    Source, StoreError, StoredRecord,
 };
 
-use super::Setting;
-use crate::protocol_file::LoadedProtocol;
+use super::{DeviceIdentity, Setting};
+use crate::{calibrations, corrections, protocol_file::LoadedProtocol};
 
 /// Why a run cannot be resumed. Nothing has changed.
 #[derive(Debug, thiserror::Error)]
@@ -127,7 +128,7 @@ impl Known {
     pub(super) fn read(
         reader: &Reader,
         id: RunId,
-        setting: &Setting,
+        now: Present<'_>,
         samples: &[(String, f64)],
     ) -> Result<Self, ResumeRefusal> {
         let run = reader.run(id)?;
@@ -135,6 +136,7 @@ impl Known {
         let Some(started) = started(&records)? else {
             return Err(ResumeRefusal::NoBeginning { run: run.to_string() });
         };
+        let setting = now.setting;
         let is_simulated = setting.scene.is_some();
         if started.is_simulated != is_simulated {
             let word = |is_simulated| if is_simulated { "simulated" } else { "real" };
@@ -148,7 +150,7 @@ impl Known {
             is_simulated.then(|| samples.iter().map(|(name, _)| name.clone()).collect());
         let protocol = LoadedProtocol::of_run(&started, &setting.limits, known.as_deref())
             .map_err(ResumeRefusal::Protocol)?;
-        let changes = changes(&records, &started, setting)?;
+        let changes = changes(&records, &started, now)?;
         Ok(Self { run, records, protocol, changes })
     }
 
@@ -216,6 +218,34 @@ pub(super) fn devices(setting: &Setting) -> Vec<Device> {
     setting.devices.iter().map(device).collect()
 }
 
+/// What a run is compared with.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Present<'a> {
+    pub(crate) setting: &'a Setting,
+    /// What a run would cite that began now.
+    pub(crate) calibrations: &'a [CitedCalibration],
+}
+
+/// The calibrations that hold now, the last daily check, and the corrections that were made last for this analyzer.
+/// Those that cannot be read are not cited.
+pub(crate) fn cited(data: &Path, setting: &Setting) -> Vec<CitedCalibration> {
+    let mut cited = calibrations::cited(&setting.rests_on, data).unwrap_or_else(|error| {
+        let error = with_causes(&error);
+        tracing::warn!(error, "the calibrations cannot be read, and the run cites none");
+        Vec::new()
+    });
+    let is_analyzer = |device: &&DeviceIdentity| device.role == "analyzer";
+    if let Some(analyzer) = setting.devices.iter().find(is_analyzer) {
+        match corrections::cited(data, &analyzer.identity) {
+            Ok(corrections) => cited.extend(corrections),
+            Err(error) => {
+                tracing::warn!(%error, "the corrections cannot be read, and the run cites none");
+            }
+        }
+    }
+    cited
+}
+
 pub(super) fn started(records: &[StoredRecord]) -> Result<Option<RunStarted>, StoreError> {
     match records.first().map(StoredRecord::record).transpose()? {
         Some(Record::RunStarted(started)) => Ok(Some(started)),
@@ -229,10 +259,10 @@ pub(super) fn started(records: &[StoredRecord]) -> Result<Option<RunStarted>, St
 /// [`StoreError`] if a record cannot be understood.
 pub(crate) fn changes_since(
     records: &[StoredRecord],
-    setting: &Setting,
+    now: Present<'_>,
 ) -> Result<Vec<Change>, StoreError> {
     match started(records)? {
-        Some(started) => changes(records, &started, setting),
+        Some(started) => changes(records, &started, now),
         None => Ok(Vec::new()),
     }
 }
@@ -241,7 +271,7 @@ pub(crate) fn changes_since(
 fn changes(
     records: &[StoredRecord],
     started: &RunStarted,
-    setting: &Setting,
+    Present { setting, calibrations }: Present<'_>,
 ) -> Result<Vec<Change>, StoreError> {
     let (mut rig, mut scene) = (&started.rig, started.scene.as_ref());
     let (mut software, mut known) = (&started.software, &started.devices);
@@ -277,7 +307,35 @@ fn changes(
         let was = was.map_or("none", |was| was.identity.as_str());
         compare(&role, was, &identity, was == identity);
     }
+    for (kind, was, is) in both(&started.calibrations, calibrations) {
+        let text = |cited: Option<&CitedCalibration>| {
+            cited.map_or_else(|| "none".to_owned(), |of| format!("{} of {}", of.file, of.made))
+        };
+        let digest = |cited: Option<&CitedCalibration>| cited.map(|of| of.sha256.clone());
+        compare(&kind, &text(was), &text(is), digest(was) == digest(is));
+    }
     Ok(changes)
+}
+
+/// The calibrations and corrections of a run beside those of now, with what each is. A daily check is made each day, and is
+/// none of them.
+fn both<'a>(
+    were: &'a [CitedCalibration],
+    are: &'a [CitedCalibration],
+) -> Vec<(String, Option<&'a CitedCalibration>, Option<&'a CitedCalibration>)> {
+    let of = |all: &'a [CitedCalibration], kind: &str| all.iter().find(|cited| cited.kind == kind);
+    let mut kinds: Vec<&CitedCalibration> = Vec::new();
+    for cited in were.iter().chain(are).filter(|cited| cited.verdict.is_none()) {
+        if kinds.iter().all(|known| known.kind != cited.kind) {
+            kinds.push(cited);
+        }
+    }
+    let named = |cited: &CitedCalibration| {
+        let group = if cited.cable.is_some() { "correction" } else { "calibration" };
+        let kind = &cited.kind;
+        (format!("{group} ({kind})"), of(were, kind), of(are, kind))
+    };
+    kinds.into_iter().map(named).collect()
 }
 
 /// The names of two rig files, and the first keys in which they differ.

@@ -11,7 +11,6 @@ use std::{
     time::{Duration, Instant},
 };
 
-use rig_commission::Basis;
 use rig_engine::{
     Admitted, Command, Effect, Engine, Event, Fault, Input, Operation, OperationId, RefusalAnswer,
     RigState,
@@ -79,7 +78,6 @@ pub(super) struct Shell {
     /// The intent that is noted and not yet durable.
     intent: Option<Position<Mm>>,
     /// What calibrations of the rig rest on.
-    rests_on: Basis,
     /// `None` for a rig that is commissioned.
     uncommissioned: Option<Uncommissioned>,
     /// The simulated person, while the rig is commissioned.
@@ -118,7 +116,6 @@ impl Shell {
         let left = InterruptedRig::left(&store.reader().map_err(data_error)?, &name);
         let clock = Clock::start();
         let proof = Proof::of(&rig, store.directory());
-        let rests_on = rig.basis();
         let uncommissioned = Uncommissioned::new(rig.basis(), store.directory(), purpose, &proof);
         let proven = match purpose {
             Purpose::Service => proof.proven,
@@ -143,7 +140,6 @@ impl Shell {
                 .as_ref()
                 .zip(simulation.as_ref())
                 .and_then(|(rig, simulation)| simulation.person(rig.attempts())),
-            rests_on,
             uncommissioned,
             simulation,
             black_boxes,

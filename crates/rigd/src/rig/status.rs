@@ -2,6 +2,7 @@
 
 use std::{sync::Arc, time::Instant};
 
+use rig_commission::Basis;
 use rig_engine::Snapshot;
 use rig_link::{HealthMeter, Transcript};
 use rig_model::{RigLimits, RigTime};
@@ -163,6 +164,8 @@ pub(crate) struct Setting {
     pub(super) rig: rig_store::Source,
     pub(super) scene: Option<rig_store::Source>,
     pub(super) devices: Arc<[DeviceIdentity; 3]>,
+    /// What calibrations rest on.
+    pub(super) rests_on: Arc<Basis>,
     /// Durations of the rig thread.
     pub(crate) meters: Meters,
 }

@@ -44,8 +44,11 @@ pub(crate) struct References {
     /// When the touch under way had to end so that it needed no reference, s; `None` if it has one of its own.
     left_out_until_s: Option<f64>,
     drift: Drift,
-    /// The record of the last reference, and how unexpected it was, until the next step.
-    unexpected: Option<(u64, Unexpected)>,
+    /// The records of the references of this step, and how unexpected each was. A vague one is measured again: all of them
+    /// follow the same touches.
+    unexpected: Vec<(u64, Unexpected)>,
+    /// Whether this step has a reference.
+    is_again: bool,
 }
 
 impl References {
@@ -61,6 +64,7 @@ impl References {
         self.is_after_touch = matches!(started.action, Action::Touch { .. });
         let until_s = self.begun_s + self.lasted_s.unwrap_or(FIRST_TOUCH_S);
         self.left_out_until_s = is_left_out.then_some(until_s);
+        self.is_again = false;
     }
 
     /// A reference was accepted: its record, its sweep, since when the sensor was free for it and when it ended, s, and
@@ -73,11 +77,14 @@ impl References {
         found: (f64, f64),
     ) {
         let last = self.last.replace((sweep, end_s));
-        self.before = last.map(|(sweep, _)| sweep);
-        self.between = std::mem::take(&mut self.since);
+        if !std::mem::replace(&mut self.is_again, true) {
+            self.before = last.map(|(sweep, _)| sweep);
+            self.between = std::mem::take(&mut self.since);
+            self.unexpected.clear();
+        }
         let unexpected =
             self.drift.reference(f64::midpoint(self.begun_s.max(free_s), end_s), found, JUMP);
-        self.unexpected = unexpected.filter(|_| !self.between.is_empty()).map(|of| (seq, of));
+        self.unexpected.extend(unexpected.filter(|_| !self.between.is_empty()).map(|of| (seq, of)));
     }
 
     /// A person has turned the sensor.
@@ -85,10 +92,11 @@ impl References {
         self.drift.turned();
     }
 
-    /// The last reference is no jump, because no record says so.
+    /// The references of the last step are no jump, because no record says so.
     pub(crate) fn no_jump(&mut self, findings: &mut Findings) {
-        let Some((seq, of)) = self.unexpected.take() else { return };
-        if of.is_jump(JUMP / EITHER, NEARLY * JUMP_SIGMAS) {
+        let is_certain =
+            |(_, of): &(u64, Unexpected)| of.is_jump(JUMP / EITHER, NEARLY * JUMP_SIGMAS);
+        if let Some((seq, of)) = std::mem::take(&mut self.unexpected).into_iter().find(is_certain) {
             let what = "a reference that no drift explains, and the record of a jump";
             findings.add(
                 Check::Reference,
@@ -149,7 +157,7 @@ impl References {
         self.lasted_s = Some(rig_us as f64 / 1e6 - self.begun_s);
     }
 
-    /// The last reference is said to be a jump.
+    /// The first of the last references that may be a jump is said to be one.
     pub(crate) fn jumped(&mut self, seq: u64, jumped: &ReferenceJumped, findings: &mut Findings) {
         let ReferenceJumped { no_load_sweep, next_no_load_sweep, off_hz, sigma_hz, touches } =
             jumped;
@@ -164,7 +172,12 @@ impl References {
             let what = "the touches before a jump of the resonance";
             findings.add(Check::Row, seq, what, self.between.join(", "), touches.join(", "));
         }
-        let Some((_, of)) = self.unexpected.take() else {
+        let may_be = |(_, of): &&(u64, Unexpected)| of.is_jump(JUMP * EITHER, JUMP_SIGMAS / NEARLY);
+        let all = std::mem::take(&mut self.unexpected);
+        let off_by = |(_, of): &&(u64, Unexpected)| (of.off_hz - off_hz).abs();
+        let nearest = |a: &&_, b: &&_| off_by(a).total_cmp(&off_by(b));
+        let of = all.iter().filter(may_be).min_by(nearest).or_else(|| all.first());
+        let Some((_, of)) = of else {
             let what = "a jump of the resonance without a reference and touches before it";
             findings.add(Check::Reference, seq, what, "none", off_hz);
             return;
@@ -178,5 +191,71 @@ impl References {
         findings.agree(Check::Reference, seq, what, (of.off_hz, *off_hz), SAME * of.off_hz.abs());
         let what = "the standard deviation of a jump of the resonance, Hz";
         findings.agree(Check::Reference, seq, what, (of.sigma_hz, *sigma_hz), SAME * of.sigma_hz);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::{Pose, StepStarted};
+
+    const KNOCK_HZ: f64 = 0.6;
+
+    /// Steady references, a touch, and a reference that was measured twice: at first too vaguely.
+    fn measured_twice(vague: (f64, f64), good_hz: f64) -> References {
+        let mut references = References::default();
+        let pose = Pose { direction: "front".to_owned(), angle_deg: 0.0 };
+        let step = StepStarted {
+            step: "no-load".to_owned(),
+            index: 1,
+            count: 100,
+            action: Action::NoLoad { pose },
+        };
+        for minute in 0..20_u32 {
+            let at_s = 60.0 * f64::from(minute);
+            references.step_started((at_s * 1e6) as u64, &step, false);
+            let number = u64::from(minute);
+            references.measured(number, number, (at_s, at_s + 1.0), (140.0, 0.02));
+        }
+        references.since.push("main/1/front/0/1".to_owned());
+        references.step_started(1_200_000_000, &step, false);
+        references.measured(20, 20, (1200.0, 1201.0), (140.0 + vague.0, vague.1));
+        references.measured(21, 21, (1201.0, 1202.0), (140.0 + good_hz, 0.02));
+        references
+    }
+
+    fn said(number: u64, off_hz: f64, sigma_hz: f64) -> ReferenceJumped {
+        let touches = vec!["main/1/front/0/1".to_owned()];
+        ReferenceJumped { no_load_sweep: 19, next_no_load_sweep: number, off_hz, sigma_hz, touches }
+    }
+
+    #[test]
+    fn a_jump_is_one_whichever_of_the_sweeps_of_a_reference_shows_it() {
+        for (vague, good_hz) in [((KNOCK_HZ, 0.02), KNOCK_HZ), ((0.0, 1.0), KNOCK_HZ)] {
+            let mut left_out = Findings::default();
+            measured_twice(vague, good_hz).no_jump(&mut left_out);
+            assert_eq!(left_out.0.len(), 1, "{left_out:?}");
+
+            let mut references = measured_twice(vague, good_hz);
+            let is_jump = |(_, of): &&(u64, Unexpected)| of.is_jump(JUMP, JUMP_SIGMAS);
+            let of = references.unexpected.iter().find(is_jump).expect("a jump").1;
+            let mut findings = Findings::default();
+            references.jumped(22, &said(21, of.off_hz, of.sigma_hz), &mut findings);
+            assert!(findings.0.is_empty(), "{findings:?}");
+
+            let mut findings = Findings::default();
+            let mut references = measured_twice(vague, good_hz);
+            references.jumped(22, &said(20, 0.5 * of.off_hz, of.sigma_hz), &mut findings);
+            assert_eq!(findings.0.len(), 2, "{findings:?}");
+        }
+    }
+
+    #[test]
+    fn two_sweeps_of_a_steady_resonance_are_no_jump() {
+        let mut findings = Findings::default();
+        measured_twice((0.01, 0.02), 0.0).no_jump(&mut findings);
+        assert!(findings.0.is_empty(), "{findings:?}");
+        measured_twice((0.01, 0.02), 0.0).jumped(22, &said(21, KNOCK_HZ, 0.02), &mut findings);
+        assert!(!findings.0.is_empty());
     }
 }

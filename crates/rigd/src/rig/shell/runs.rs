@@ -3,18 +3,16 @@
 use std::sync::Arc;
 
 use rig_engine::{Admitted, Command};
-use rig_model::with_causes;
 use rig_protocol::Plan;
-use rig_store::{CitedCalibration, Expected, Journal, Record, RunId, RunKind, RunStarted};
+use rig_store::{CitedCalibration, Expected, Journal, Reader, Record, RunId, RunKind, RunStarted};
 
 use super::Shell;
 use crate::{
-    calibrations, corrections,
     protocol_file::LoadedProtocol,
     rig::{
-        DeviceIdentity, History, Pace, RequestRefusal, ResumeRefusal, RunView, TouchOrder, amend,
+        History, Pace, RequestRefusal, ResumeRefusal, RunView, TouchOrder, amend,
         record::Recorder,
-        resume::{Known, resumable},
+        resume::{Known, Present, cited, resumable},
         space,
     },
 };
@@ -70,25 +68,15 @@ impl Shell {
         }
     }
 
-    /// The calibrations that hold now, the last daily check, and the corrections that were made last for this analyzer.
-    /// Those that cannot be read are not cited.
+    /// The calibrations that a run cites that begins now.
     fn cited(&self) -> Vec<CitedCalibration> {
-        let Some(data) = self.log.store().directory() else { return Vec::new() };
-        let mut cited = calibrations::cited(&self.rests_on, data).unwrap_or_else(|error| {
-            let error = with_causes(&error);
-            tracing::warn!(error, "the calibrations cannot be read, and the run cites none");
-            Vec::new()
-        });
-        let is_analyzer = |device: &&DeviceIdentity| device.role == "analyzer";
-        if let Some(analyzer) = self.setting.devices.iter().find(is_analyzer) {
-            match corrections::cited(data, &analyzer.identity) {
-                Ok(corrections) => cited.extend(corrections),
-                Err(error) => {
-                    tracing::warn!(%error, "the corrections cannot be read, and the run cites none");
-                }
-            }
-        }
-        cited
+        self.log.store().directory().map_or_else(Vec::new, |data| cited(data, &self.setting))
+    }
+
+    /// A run from the journal, beside what is now.
+    fn known(&self, reader: &Reader, id: RunId) -> Result<Known, ResumeRefusal> {
+        let now = Present { setting: &self.setting, calibrations: &self.cited() };
+        Known::read(reader, id, now, &self.known_samples)
     }
 
     /// What earlier runs took, read before a journal is begun: a journal in memory cannot be read while
@@ -112,7 +100,7 @@ impl Shell {
         self.is_commissioned()?;
         let reader = self.log.store().reader()?;
         resumable(&reader.run(id).map_err(ResumeRefusal::from)?)?;
-        let known = Known::read(&reader, id, &self.setting, &self.known_samples)?;
+        let known = self.known(&reader, id)?;
         let rest = known.rest()?;
         let command = Command::Continue {
             plan: Box::new(rest.plan.clone()),
@@ -145,12 +133,7 @@ impl Shell {
         by: &str,
     ) -> Result<RunId, RequestRefusal> {
         self.is_commissioned()?;
-        let known = Known::read(
-            &self.log.store().reader()?,
-            order.run,
-            &self.setting,
-            &self.known_samples,
-        )?;
+        let known = self.known(&self.log.store().reader()?, order.run)?;
         let (plan, sweeps) = (known.only(&order.step)?, known.rest()?.sweeps);
         let admitted = self.engine.admit(Command::Run(Box::new(plan.clone())));
         let admitted = admitted.map_err(|refusal| refusal.for_command("measure a touch again"))?;
