@@ -37,7 +37,8 @@ pub(super) struct RunArgs {
     /// `smoke-7`, its id or enough of it, or `latest`
     #[arg(long, value_name = "RUN")]
     resume: Option<String>,
-    /// With --resume: confirm that the rig file, the scene, the software or a device has changed
+    /// With --resume: confirm that the rig file, the scene, the software, a device, or a calibration or
+    /// correction has changed
     #[arg(long, requires = "resume")]
     accept_changes: bool,
     #[command(flatten)]
@@ -52,7 +53,8 @@ pub(super) struct RedoArgs {
     touch: TouchArgs,
     #[command(flatten)]
     rig: RigArgs,
-    /// Confirm that the rig file, the scene, the software or a device has changed since the run
+    /// Confirm that the rig file, the scene, the software, a device, or a calibration or correction has
+    /// changed since the run
     #[arg(long)]
     accept_changes: bool,
     #[command(flatten)]

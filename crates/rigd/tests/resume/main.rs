@@ -248,6 +248,42 @@ fn assert_sound(data: &Path) {
     }
 }
 
+/// A run cites the calibrations and corrections that hold when it begins, and its results rest on them.
+#[test]
+fn a_correction_that_was_made_since_has_to_be_confirmed() {
+    let bench = Interrupted::behind(88);
+    let reader = Reader::open(&bench.data).unwrap();
+    let run = reader.find("latest").unwrap();
+    let Record::RunStarted(started) = reader.records(run.id).unwrap()[0].record().unwrap() else {
+        panic!("no beginning");
+    };
+    drop(reader);
+    let analyzer = started.devices.iter().find(|device| device.role == "analyzer").unwrap();
+    let correction = serde_json::json!([{
+        "what": "open", "at": "2026-11-26T08:00:00Z", "cable": "RG174", "operator": "ada",
+        "analyzer": analyzer.identity,
+    }]);
+    fs::write(bench.data.join("corrections.json"), correction.to_string()).unwrap();
+    let go_on = ["run", "--resume", "latest", "--rig", &bench.rig];
+    let refused = bench.rigd(&go_on);
+    let said = String::from_utf8(refused.stderr).unwrap();
+    assert_eq!(refused.status.code(), Some(2), "{said}");
+    let expected = "correction (open) (none → corrections.json of 2026-11-26T08:00:00Z)";
+    assert!(said.contains(expected) && said.contains("--accept-changes"), "{said}");
+    let done = bench.rigd(&[&go_on[..], &["--accept-changes"]].concat());
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    assert_sound(&bench.data);
+    let reader = Reader::open(&bench.data).unwrap();
+    let records = reader.records(reader.find("latest").unwrap().id).unwrap();
+    let seam = records.iter().find_map(|stored| match stored.record() {
+        Ok(Record::Resumed(resumed)) => Some(resumed),
+        _ => None,
+    });
+    let changes = seam.unwrap().changes;
+    assert_eq!(changes.len(), 1, "{changes:?}");
+    assert_eq!((&*changes[0].what, &*changes[0].was), ("correction (open)", "none"));
+}
+
 #[test]
 fn the_sweeps_of_a_run_and_of_its_amendments_are_numbered_together() {
     let bench = Interrupted::behind(88);
