@@ -108,7 +108,7 @@ pub enum AnalyzerError {
     },
     /// The computer was held up while a message left, so that the time of its measurement is not known.
     #[error(
-        "{port}: the computer was held up for {:.4} s while it sent `{asked}`, so that the time of the \
+        "{port}: rigd was held up for {:.4} s while it sent `{asked}`, so that the time of the \
          measurement is unknown; at most {:.4} s are allowed",
         took.as_secs_f64(),
         noted_within.as_secs_f64()

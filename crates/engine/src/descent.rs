@@ -44,8 +44,10 @@ pub enum DescentEnd {
     Contact,
     /// The probe arrived at its target without a contact.
     Target,
-    /// No reading came for longer than the probe may go down without one, or the computer was held up.
+    /// No reading came for longer than the probe may go down without one.
     Late,
+    /// rigd was held up.
+    HeldUp,
     /// The analyzer flagged a reading.
     Flagged,
     /// Two readings were equal in every digit.
@@ -63,6 +65,7 @@ impl DescentEnd {
             Self::Contact => "contact",
             Self::Target => "target",
             Self::Late => "late",
+            Self::HeldUp => "held_up",
             Self::Flagged => "flagged",
             Self::Frozen => "frozen",
             Self::NotClear => "not_clear",
@@ -86,6 +89,16 @@ pub struct Descended {
     pub way: Vec<(RigTime, Position<Mm>)>,
     /// The readings, in order.
     pub readings: Vec<Reading>,
+}
+
+/// What comes of the stream of a descent.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Streamed {
+    Reading(Reading),
+    /// No reading in time.
+    Nothing,
+    /// rigd was held up, so that the times of the readings are not known.
+    HeldUp,
 }
 
 /// What follows from a reading of the stream, or from its absence.
@@ -223,8 +236,16 @@ impl Descent {
         now + self.first_silence
     }
 
+    pub(crate) fn streamed(&mut self, now: RigTime, streamed: Streamed) -> Vigil {
+        match streamed {
+            Streamed::Reading(reading) => self.read(now, reading),
+            Streamed::Nothing => self.halt(DescentEnd::Late),
+            Streamed::HeldUp => self.halt(DescentEnd::HeldUp),
+        }
+    }
+
     /// A reading of the stream has come.
-    pub(crate) fn read(&mut self, now: RigTime, reading: Reading) -> Vigil {
+    fn read(&mut self, now: RigTime, reading: Reading) -> Vigil {
         let before = self.readings.last().map(|last| last.measured);
         self.readings.push(reading);
         if self.end.is_some() {
@@ -247,11 +268,6 @@ impl Descent {
             return self.halt(DescentEnd::Contact);
         }
         Vigil::Until(now + self.silence)
-    }
-
-    /// No reading has come in time, or its time is wrong.
-    pub(crate) fn is_late(&mut self) -> Vigil {
-        self.halt(DescentEnd::Late)
     }
 
     fn halt(&mut self, end: DescentEnd) -> Vigil {
@@ -289,6 +305,7 @@ impl Descent {
                 "no reading came for {:.0} ms, in which the probe goes down by a coarse step",
                 self.silence.as_secs_f64() * 1e3
             )),
+            DescentEnd::HeldUp => DescentStep::GiveUp("rigd was held up".to_owned()),
             DescentEnd::Flagged => {
                 DescentStep::GiveUp("the analyzer flags its readings".to_owned())
             }

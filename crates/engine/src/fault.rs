@@ -42,6 +42,10 @@ pub enum FailureKind {
     Interrupted,
     /// The device refused a request.
     Refused,
+    /// The device has been switched off and on.
+    Restarted,
+    /// rigd was held up in it.
+    HeldUp,
     /// The axis was to move or to stop, and did not do so.
     Blocked,
     /// The drive has an alarm and does not move.

@@ -88,7 +88,10 @@ impl RecoveryReport {
     pub(crate) fn of(fault: &Fault) -> Self {
         match fault {
             Fault::Device(failure) if failure.device == Device::LinearStage => match failure.kind {
-                FailureKind::Line | FailureKind::Refused => Self::Unready,
+                FailureKind::Line
+                | FailureKind::Refused
+                | FailureKind::Restarted
+                | FailureKind::HeldUp => Self::Unready,
                 FailureKind::Alarmed { code } => Self::Alarmed(code),
                 FailureKind::EmergencyStopped => Self::EmergencyStopped,
                 FailureKind::Lost | FailureKind::Unhomed => Self::Lost,

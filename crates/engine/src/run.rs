@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeSet, time::Duration};
 
-use rig_model::{Clearance, DriveLevel, Reading, RigLimits, RigTime, SweepPoint, Window};
+use rig_model::{Clearance, DriveLevel, RigLimits, RigTime, SweepPoint, Window};
 use rig_protocol::{Action, NoLoadPolicy, Plan, Pose, Prompt, RefusalPolicy, Step, StepId, Touch};
 use rig_resonance::{Bench, Resonance};
 
@@ -10,7 +10,7 @@ use crate::{
     Event, Fault, Operation, RefusalAnswer, RefusedTouch, RunPhase, RunStatus, TouchOutcome,
     TouchPlace, TouchResult,
     contact_sense::{Neighbours, check_drift, check_free, check_reference},
-    descent::Vigil,
+    descent::{Streamed, Vigil},
     drift::{Drift, Jump},
     heights::{Change, Heights},
     interlock::Proven,
@@ -339,10 +339,9 @@ impl Run {
         machine.first_reading_by(now)
     }
 
-    /// A reading of a descent has come, or none has in time.
-    pub(crate) fn streamed(&mut self, now: RigTime, reading: Option<Reading>) -> Vigil {
+    pub(crate) fn streamed(&mut self, now: RigTime, streamed: Streamed) -> Vigil {
         let Machine::Touch(machine) = &mut self.machine else { return Vigil::Halt };
-        machine.streamed(now, reading)
+        machine.streamed(now, streamed)
     }
 
     /// The refused touch about which a person is asked.

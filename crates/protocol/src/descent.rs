@@ -44,6 +44,11 @@ pub(crate) fn check(protocol: &Protocol, limits: &RigLimits, faults: &mut Faults
     else {
         return;
     };
+    if let Some(halfway_mm) = &protocol.touch.halfway_mm {
+        halfway_mm.check(faults, |&halfway| {
+            (halfway < coarse).then_some(ProtocolFault::HalfwayAboveStop { halfway, coarse })
+        });
+    }
     let Some(reading_s) = protocol.reading_s(limits) else {
         return faults.refuse(method, &ProtocolFault::NoStream);
     };

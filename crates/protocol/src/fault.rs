@@ -101,6 +101,11 @@ pub(crate) enum ProtocolFault {
     )]
     HalfwayTooDeep { halfway: f64, indentation: f64 },
     #[error(
+        "halfway_mm = {halfway} is below coarse_step_mm = {coarse}, the depth at which a descent may \
+         stop: the probe would go up to it"
+    )]
+    HalfwayAboveStop { halfway: f64, coarse: f64 },
+    #[error(
         "fine_step_mm = {found} is below {limit} mm, the accuracy of the linear stage \
          (linear.tolerance_mm of the rig)"
     )]
@@ -232,6 +237,7 @@ impl Complaint for ProtocolFault {
             | Self::CoarseAboveIndentation { indentation, .. } => {
                 format!("use at most {indentation}")
             }
+            Self::HalfwayAboveStop { coarse, .. } => format!("use at least {coarse}"),
             Self::HalfwayTooDeep { indentation, .. } => {
                 format!("use less than {indentation}, such as {}", 0.5 * indentation)
             }

@@ -112,6 +112,10 @@ const UNHOMED: &str = "homing this stage may lead downwards: lift the probe by h
                        the sample away, and see with your own eyes that nothing is below the probe, down \
                        to the end of its travel";
 
+/// Advice for a rigd that was held up.
+const HELD_UP: &str =
+    "look for the load of the computer and of its disk, and keep it from sleeping";
+
 /// Advice for a bench that nobody has commissioned.
 const UNCOMMISSIONED: &str =
     "nothing moves until every step of the commissioning is shown, or shown again";
@@ -230,6 +234,8 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
         Fault::Device(failure) => match (failure.device, failure.kind) {
             (Device::Journal | Device::Interlock, _) => MAINTAINER,
             (_, FailureKind::Line) => "check the power and the cable of the device",
+            (_, FailureKind::HeldUp) => HELD_UP,
+            (_, FailureKind::Restarted) => "check the power of the device",
             (Device::Analyzer, _) => "read the display of the analyzer",
             (_, _) => "look for an alarm on the drive and for an obstacle in the way of the axis",
         },
@@ -243,9 +249,7 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
             "check the cable of the sensor and the no-load window of the protocol"
         }
         Fault::Stopped { .. } => "make sure that the bench is safe",
-        Fault::HeldUp { .. } => {
-            "look for the load of the computer and of its disk, and keep it from sleeping"
-        }
+        Fault::HeldUp { .. } => HELD_UP,
         Fault::Panicked { .. } => return Hint { text: MAINTAINER, then: NextAction::Restart },
         Fault::PositionJumped { .. }
         | Fault::LinearTarget(_)

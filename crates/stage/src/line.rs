@@ -27,6 +27,9 @@ const STRAY_FRAME_BYTES: usize = 4;
 /// milliseconds, and two frames at once would destroy each other.
 const UNHEARD_ANSWER: Duration = Duration::from_millis(15);
 
+/// Stops without an answer in a row, after which the request before which they were sent counts as not answered.
+const UNANSWERED_STOPS: u32 = 2;
+
 /// Registers with known values. They are read after a fault, before other answers of their device
 /// count again.
 ///
@@ -274,18 +277,23 @@ impl Line {
                 self.context = None;
             }
         }
-        if self.context.is_none() {
-            self.put_in_order().await.map_err(ExchangeFault::Fatal)?;
+        // A stop that is not answered is no fault of this request: the line is put in order again.
+        for _ in 0..=UNANSWERED_STOPS {
+            if self.context.is_none() {
+                self.put_in_order().await.map_err(ExchangeFault::Fatal)?;
+            }
+            if self.doubtful.contains(&unit) {
+                self.recognise(unit).await?;
+            }
+            self.send_halts().await;
+            if self.context.is_some() {
+                break;
+            }
         }
-        if self.doubtful.contains(&unit) {
-            self.recognise(unit).await?;
-        }
-        self.send_halts().await;
         if request.is_write() && halts < self.halts.taken() {
             return Err(ExchangeFault::Halted);
         }
         if self.context.is_none() {
-            // A stop was not answered.
             return Err(ExchangeFault::Unusable(Symptom::Silence, Vec::new()));
         }
         self.exchange(unit, request, None).await

@@ -2,13 +2,13 @@
 
 use std::time::Duration;
 
-use rig_model::{Impedance, Mm, Position, Reading, RigTime};
+use rig_model::{Impedance, Mm, Position, RigTime};
 use rig_protocol::{Approach, descent_speed};
 
 use super::{Phase, TouchMachine};
 use crate::{
     Event, Fault, Operation, TouchResult,
-    descent::{Descent, DescentSetting, DescentStep, Vigil},
+    descent::{Descent, DescentSetting, DescentStep, Streamed, Vigil},
     machine::{MachineContext, MachineEvent, MachineStep},
     search::{Near, Search},
 };
@@ -173,11 +173,9 @@ impl TouchMachine {
         }
     }
 
-    /// A reading of the stream has come, or none has in time.
-    pub(crate) fn streamed(&mut self, now: RigTime, reading: Option<Reading>) -> Vigil {
-        match (&mut self.phase, reading) {
-            (Phase::Descending(descent), Some(reading)) => descent.read(now, reading),
-            (Phase::Descending(descent), None) => descent.is_late(),
+    pub(crate) fn streamed(&mut self, now: RigTime, streamed: Streamed) -> Vigil {
+        match &mut self.phase {
+            Phase::Descending(descent) => descent.streamed(now, streamed),
             _ => Vigil::Halt,
         }
     }

@@ -115,7 +115,7 @@ fn a_stream_with_trouble_at_any_reading_ends_the_descent() {
     }
     for (trouble, end) in [
         ("Silent", "late"),
-        ("HeldUp", "late"),
+        ("HeldUp", "held_up"),
         ("BreaksOff", "broken_off"),
         ("Flagged", "flagged"),
         ("Stuck", "frozen"),

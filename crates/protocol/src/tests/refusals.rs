@@ -94,6 +94,13 @@ fn a_descent_is_as_fast_as_the_coarse_step_allows_and_needs_a_stream() {
         let found = asked(keys, &limits);
         assert!(found.contains(expected), "{keys}: {found}");
     }
+    let halfway = "\nindentation_mm = 0.5\nhalfway_mm = 0.05";
+    let changes = [
+        ("\nindentation_mm = 0.5", halfway),
+        ("[approach]\n", &format!("[approach]\n{descent}\n")),
+    ];
+    let found = complaints(&changes, &limits());
+    assert!(found.contains("the probe would go up to it; use at least 0.1"), "{found}");
     let text = changed(&[("[approach]\n", &format!("[approach]\n{descent}\n"))]);
     let plan = |limits: &RigLimits| {
         Plan::new(&Protocol::read("protocol.toml", &text), limits, None, &PaperLike).unwrap()

@@ -125,7 +125,7 @@ pub struct Descent {
     pub speed_mm_per_s: f64,
     /// Position of the linear stage at rest after it, mm.
     pub read_back_mm: f64,
-    /// Why it ended: "contact", "target", "late", "flagged", "frozen", `not_clear` or `broken_off`.
+    /// Why it ended: "contact", "target", "late", `held_up`, "flagged", "frozen", `not_clear` or `broken_off`.
     pub end: String,
     /// Positions that were read on the way.
     pub way: Vec<WayPoint>,

@@ -168,6 +168,8 @@ async fn measure(analyzer: &mut Analyzer, operation: &Operation, stop: &StopSign
 pub(crate) fn analyzer_failure(error: AnalyzerError) -> Failure {
     let kind = match &error {
         AnalyzerError::Stopped { .. } => FailureKind::Interrupted,
+        AnalyzerError::Restarted { .. } => FailureKind::Restarted,
+        AnalyzerError::HeldUp { .. } => FailureKind::HeldUp,
         error if error.is_line_failure() => FailureKind::Line,
         _ => FailureKind::Refused,
     };

@@ -24,8 +24,8 @@ impl Labels {
         if let Some(settings) = settings {
             descent::check(seq, rig_us, &descended, &settings.protocol, findings);
         }
-        // A computer that was held up ends the descent, so that its readings are not used.
-        if descended.end != "late" {
+        // A rigd that was held up ends the descent, so that its readings are not used. Earlier versions called that late.
+        if !["late", "held_up"].contains(&&*descended.end) {
             self.check_standstills(seq, &descended.readings, findings);
         }
         self.descended = Some(descended);
