@@ -76,12 +76,19 @@ impl Campaign {
         }
         failures.append(&mut judge::wrong_marks(&known.bench, &played));
         let undisturbed: &Touches = &known.undisturbed.touches;
-        let mut unnoticed = judge::differences(&known.bench, &played, undisturbed);
-        let why = judge::is_beyond_notice(&played);
-        if why.is_none() {
-            failures.append(&mut unnoticed);
+        let mut unnoticed = None;
+        for judge::Difference { step, what } in
+            judge::differences(&known.bench, &played, undisturbed)
+        {
+            match judge::is_beyond_notice(&played, &step) {
+                None => failures.push(what),
+                // Of several touches, one without a mark counts.
+                Some(why) => {
+                    let before: BeyondNotice = unnoticed.unwrap_or(why);
+                    unnoticed = Some(if before.is_marked { why } else { before });
+                }
+            }
         }
-        let unnoticed = why.filter(|_| !unnoticed.is_empty());
         let (story, planned) = (story(known.bench.makes), undisturbed.len());
         Ended { failures, unnoticed, story, played: Some(played), planned }
     }

@@ -112,25 +112,40 @@ pub(crate) fn findings(checker: &MemoryJournal, journals: &[RunId]) -> Vec<Strin
     }
 }
 
+/// A difference from the undisturbed run of the same bench.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Difference {
+    /// The touch.
+    pub(crate) step: String,
+    pub(crate) what: String,
+}
+
 /// Differences from the undisturbed run of the same bench.
-pub(crate) fn differences(bench: &Bench, played: &Played, undisturbed: &Touches) -> Vec<String> {
+pub(crate) fn differences(
+    bench: &Bench,
+    played: &Played,
+    undisturbed: &Touches,
+) -> Vec<Difference> {
     let mut differences = Vec::new();
+    let mut differs =
+        |step: &String, what| differences.push(Difference { step: step.clone(), what });
     for (step, expected) in undisturbed {
         let Outcome::Measured { shift_hz: true_hz, sigma_hz: true_sigma_hz, .. } = expected else {
             continue;
         };
         match played.touches.get(step) {
-            None => differences.push(format!("touch {step} is missing")),
+            None => differs(step, format!("touch {step} is missing")),
             Some(Outcome::Refused(_)) => {}
             Some(Outcome::Measured { shift_hz, sigma_hz, .. }) => {
                 let is_other = bench.is_uneven && played.is_placed_again;
                 let scatter_hz = if is_other { PLACED_AGAIN_REL * true_hz } else { 0.0 };
                 let allowed_hz = SIGMAS * sigma_hz.hypot(*true_sigma_hz).hypot(scatter_hz);
                 if (shift_hz - true_hz).abs() > allowed_hz {
-                    differences.push(format!(
+                    let what = format!(
                         "touch {step}: shift {shift_hz:.2} Hz, undisturbed {true_hz:.2} Hz, and \
                          {allowed_hz:.2} Hz are allowed"
-                    ));
+                    );
+                    differs(step, what);
                 }
             }
         }
@@ -153,15 +168,18 @@ pub(crate) fn wrong_marks(bench: &Bench, played: &Played) -> Vec<String> {
 /// A search presses by a coarse step, and by what the screw and the fit of a surface are wrong, mm.
 const SEARCH_MM: f64 = 0.13;
 
-/// With faults, it goes down to where it gives up, below a sample as high as the rig file allows on a tilted
-/// stage, mm.
+/// With faults of a drive, of the bus or of the analyzer, it goes down to where it gives up, below a sample as high as
+/// the rig file allows on a tilted stage, mm.
 const FAULTED_SEARCH_MM: f64 = 0.4 + 0.3 + 0.05;
 
 /// Whether the search for a surface went deeper than a search may, apart from the steps that were lost.
 pub(crate) fn is_search_deep(played: &Played) -> Option<String> {
-    let lost_mm = played.begun.iter().filter_map(|(row, _)| MENU[*row].1.lost_mm());
-    let sunk_mm: f64 = lost_mm.map(|mm| (-mm).max(0.0)).sum();
-    let limit_mm = if played.begun.is_empty() { SEARCH_MM } else { FAULTED_SEARCH_MM + sunk_mm };
+    let begun = || played.begun.iter().map(|(row, _)| MENU[*row].1);
+    let sunk_mm: f64 = begun().filter_map(Fault::lost_mm).map(|mm| (-mm).max(0.0)).sum();
+    let is_of_device =
+        |fault| matches!(fault, Fault::Frame(_) | Fault::Device(_) | Fault::Drives(_));
+    let may_be_deep = begun().any(is_of_device);
+    let limit_mm = if may_be_deep { FAULTED_SEARCH_MM + sunk_mm } else { SEARCH_MM };
     let deep_mm = played.searched_mm;
     (limit_mm < deep_mm).then(|| {
         format!("the search went {deep_mm:.3} mm into the sample; {limit_mm:.3} mm are allowed")
@@ -184,22 +202,22 @@ pub(crate) struct BeyondNotice {
     pub(crate) is_marked: bool,
 }
 
-/// Why a wrong shift is known not to be noticed: what would show it is measured after the touch, or not at
-/// all.
-pub(crate) fn is_beyond_notice(played: &Played) -> Option<BeyondNotice> {
+/// Why the wrong shift of a touch is known not to be noticed: what would show it is measured after the touch, or not at
+/// all. A touch that is missing is not excused, and neither is one by the mark of another.
+pub(crate) fn is_beyond_notice(played: &Played, step: &str) -> Option<BeyondNotice> {
+    let Some(&Outcome::Measured { is_confirmed, is_slip_checked, .. }) = played.touches.get(step)
+    else {
+        return None;
+    };
     let in_touch =
         played.begun.iter().filter(|(_, phase)| phase.is_in_touch()).map(|(row, _)| MENU[*row].1);
-    let mut touches = played.touches.values();
-    let is_unconfirmed =
-        |outcome: &Outcome| matches!(outcome, Outcome::Measured { is_confirmed: false, .. });
-    if touches.clone().any(is_unconfirmed) && in_touch.clone().any(is_of_sense) {
+    if !is_confirmed && in_touch.clone().any(is_of_sense) {
         let why = "a contact sense that fails in a touch, which is marked as not confirmed";
         return Some(BeyondNotice { why, is_marked: true });
     }
     // A confirmation follows the touch at once.
     let during = |words| played.begun.iter().any(|(row, _)| MENU[*row].1 == Fault::Device(words));
-    let is_unchecked =
-        touches.any(|one| matches!(one, Outcome::Measured { is_slip_checked: false, .. }));
+    let is_unchecked = !is_slip_checked;
     if in_touch.clone().any(is_of_sense) && CONTACT_SENSES.into_iter().all(during) {
         let why = if is_unchecked {
             "a contact sense that fails in a touch and the other way round before it is confirmed; the touch \
@@ -253,13 +271,17 @@ pub(crate) fn is_refuted(finding: &str, played: &Played) -> bool {
 /// A drive on a line that is back is found, homed and retracted within this time, s.
 const REACHED_S: f64 = 15.0;
 
-/// Whether the faults leave no way out of contact while they last: the drive is blocked or cannot be
-/// reached, or it has forgotten its position and may home downwards only.
-pub(crate) fn has_no_way_out(troubles: &[Trouble], bench: &Bench) -> bool {
-    let unplugged_s: f64 = troubles.iter().map(Trouble::unplugs_bus_s).sum();
+/// Whether the faults that have begun leave no way out of contact while they last: the linear drive is blocked or cannot
+/// be reached, or it has forgotten its position and may home downwards only.
+pub(crate) fn has_no_way_out(troubles: &[Trouble], played: &Played, bench: &Bench) -> bool {
+    let has_begun = |trouble: &&Trouble| played.begun.iter().any(|(row, _)| *row == trouble.row);
+    let troubles: Vec<&Trouble> = troubles.iter().filter(has_begun).collect();
+    let unplugged_s: f64 = troubles.iter().map(|trouble| trouble.unplugs_bus_s()).sum();
     unplugged_s + REACHED_S > PATIENCE_S
         || troubles.iter().any(|trouble| match trouble.fault() {
-            Fault::Frame(words) => words.starts_with("bus") && trouble.is_lasting(),
+            Fault::Frame(words) => {
+                words.starts_with("bus") && !words.ends_with("unit=2") && trouble.is_lasting()
+            }
             Fault::Device("bus jam unit=1") | Fault::Drives(["bus jam unit=1", _]) => true,
             Fault::Device("bus reboot unit=1") | Fault::Drives(["bus reboot unit=1", _]) => {
                 bench.forgets_position

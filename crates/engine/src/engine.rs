@@ -241,8 +241,13 @@ impl Engine {
                 self.attempt_ended(now, result.map_err(|(_, fault)| fault), effects);
             }
             (_, Err((_, fault))) => self.stop(now, StopReason::Fault(fault), effects),
-            (Activity::Preparing(_), Ok(report)) => {
+            (&mut Activity::Preparing(stage), Ok(report)) => {
                 if let Report::LinearAt(found) = report {
+                    if stage == Preparing::FindingLinear
+                        && let Err(fault) = self.refuse_jump(found)
+                    {
+                        return self.stop(now, StopReason::Fault(fault), effects);
+                    }
                     self.linear = Some(found);
                     self.reach = Some(Span { min: found, max: found });
                 }

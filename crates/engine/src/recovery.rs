@@ -87,15 +87,20 @@ impl RecoveryReport {
     /// The part of a fault about the linear stage.
     pub(crate) fn of(fault: &Fault) -> Self {
         match fault {
+            // The button of either drive: nothing moves until a person has acknowledged it (ISO 13850).
+            Fault::Device(failure) if failure.kind == FailureKind::EmergencyStopped => {
+                Self::EmergencyStopped
+            }
             Fault::Device(failure) if failure.device == Device::LinearStage => match failure.kind {
                 FailureKind::Line
                 | FailureKind::Refused
                 | FailureKind::Restarted
                 | FailureKind::HeldUp => Self::Unready,
                 FailureKind::Alarmed { code } => Self::Alarmed(code),
-                FailureKind::EmergencyStopped => Self::EmergencyStopped,
                 FailureKind::Lost | FailureKind::Unhomed => Self::Lost,
-                FailureKind::Blocked | FailureKind::Interrupted => Self::Blocked,
+                FailureKind::Blocked | FailureKind::Interrupted | FailureKind::EmergencyStopped => {
+                    Self::Blocked
+                }
             },
             Fault::PositionJumped { .. } => Self::Lost,
             _ => Self::Done,

@@ -193,8 +193,9 @@ enum Failure {
     Trial(#[from] TrialError),
     #[error("PostgreSQL refuses")]
     Refused(#[from] tokio_postgres::Error),
-    #[error("`--database {words}`")]
-    Words { words: String, source: tokio_postgres::Error },
+    /// The words may have a password, so that they are not repeated.
+    #[error("`--database`")]
+    Words(#[source] tokio_postgres::Error),
     #[error(transparent)]
     Prune(#[from] PruneError),
     #[error(transparent)]
@@ -222,7 +223,7 @@ enum Failure {
 impl Failure {
     fn exit_code(&self) -> u8 {
         match self {
-            Self::Words { .. } | Self::Open { .. } => 2,
+            Self::Words(_) | Self::Open { .. } => 2,
             Self::NoLive => 3,
             Self::Admin(
                 AdminError::NoSuchBench { .. }
@@ -293,9 +294,7 @@ async fn carry_out(command: HubCommand) -> Result<(), Failure> {
 
 impl DatabaseArgs {
     fn config(&self) -> Result<Config, Failure> {
-        self.database
-            .parse()
-            .map_err(|source| Failure::Words { words: self.database.clone(), source })
+        self.database.parse().map_err(Failure::Words)
     }
 
     /// Connects to a database with the version of this program.
@@ -393,4 +392,18 @@ fn say(text: &str) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     writeln!(out, "{text}")?;
     Ok(out.flush()?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_that_cannot_be_read_are_not_repeated() {
+        for words in ["password=secret port=high", "postgres://ada:secret@hub:high/rigd_hub"] {
+            let args = DatabaseArgs { database: words.to_owned() };
+            let said = with_causes(&args.config().unwrap_err());
+            assert!(said.contains("port") && !said.contains("secret"), "{said}");
+        }
+    }
 }

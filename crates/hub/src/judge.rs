@@ -50,7 +50,7 @@ async fn judge_run(client: &mut Client, row: &Row) -> Result<(), tokio_postgres:
     transaction.commit().await
 }
 
-/// The records of a run, and behind them those of its amendments.
+/// The records of a run, and behind them those of its amendments in the order in which the journal has these.
 const RECORDS: &str = "
     SELECT r.event, r.run::text, r.seq, r.rig_us, r.epoch,
            (extract(epoch FROM s.started_at::timestamptz - whole.started_at::timestamptz) * 1e6)::bigint
@@ -58,9 +58,10 @@ const RECORDS: &str = "
            r.kind, r.payload, r.digest
     FROM hub.run AS whole
     JOIN hub.record AS r ON r.run = whole.id
+    JOIN hub.record AS begun ON begun.run = whole.id AND begun.seq = 1
     JOIN hub.stretch AS s ON s.run = r.run AND s.epoch = r.epoch
     WHERE whole.id = $1::text::uuid OR whole.kind = 'amendment' AND whole.name = $1 AND whole.seal IS NOT NULL
-    ORDER BY whole.kind = 'amendment', whole.received_at, whole.id, r.seq";
+    ORDER BY whole.kind = 'amendment', begun.event, whole.id, r.seq";
 
 /// The results, or why there are none.
 fn results(run: &Row, records: &[Row]) -> Result<RunResults, String> {

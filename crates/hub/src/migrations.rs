@@ -17,7 +17,7 @@ pub struct Migration {
 }
 
 /// All steps, in order; the version of a database is the number of those that it has.
-pub const MIGRATIONS: [Migration; 10] = [
+pub const MIGRATIONS: [Migration; 11] = [
     Migration { name: "tables", sql: include_str!("../sql/01-tables.sql") },
     Migration { name: "digests", sql: include_str!("../sql/02-digests.sql") },
     Migration { name: "typed", sql: include_str!("../sql/03-typed.sql") },
@@ -28,6 +28,7 @@ pub const MIGRATIONS: [Migration; 10] = [
     Migration { name: "pruning", sql: include_str!("../sql/08-pruning.sql") },
     Migration { name: "links", sql: include_str!("../sql/09-links.sql") },
     Migration { name: "viewers", sql: include_str!("../sql/10-viewers.sql") },
+    Migration { name: "ends", sql: include_str!("../sql/11-ends.sql") },
 ];
 
 /// Why the database cannot be brought to the version of this program.

@@ -217,9 +217,11 @@ impl Complaint for ProtocolFault {
             Self::TooManyTouches { .. } => "use fewer repeats, angles or samples".into(),
             Self::UnknownSample { known, .. } => format!("it has {}", known.join(", ")),
             Self::TooDeep { limit, .. }
+            | Self::FineAboveCoarse { coarse: limit, .. }
+            | Self::SlipAboveIndentation { indentation: limit, .. }
+            | Self::CoarseAboveIndentation { indentation: limit, .. }
             | Self::DescentAboveContactSpeed { limit, .. }
             | Self::LevelTooHigh { limit, .. } => format!("use at most {limit}"),
-            Self::FineAboveCoarse { coarse, .. } => format!("use at most {coarse}"),
             Self::SlipBelowFine { fine, .. } => {
                 format!("use at least {fine}, or 0 for no check of slip")
             }
@@ -230,14 +232,10 @@ impl Complaint for ProtocolFault {
             Self::DescentTooFast { limit, .. } => {
                 format!("use at most {:.2}", (limit * 100.0).floor() / 100.0)
             }
-            Self::DescentTooSlow { limit, .. }
+            Self::HalfwayAboveStop { coarse: limit, .. }
+            | Self::DescentTooSlow { limit, .. }
             | Self::LevelTooLow { limit, .. }
             | Self::FinerThanStage { limit, .. } => format!("use at least {limit}"),
-            Self::SlipAboveIndentation { indentation, .. }
-            | Self::CoarseAboveIndentation { indentation, .. } => {
-                format!("use at most {indentation}")
-            }
-            Self::HalfwayAboveStop { coarse, .. } => format!("use at least {coarse}"),
             Self::HalfwayTooDeep { indentation, .. } => {
                 format!("use less than {indentation}, such as {}", 0.5 * indentation)
             }

@@ -107,6 +107,11 @@ pub(crate) const LOST: &str = "move nothing, not even with the tool of the drive
                                off, check by eye where the axis is, and correct the sign and the \
                                size of its step, its zero or its travel in the rig file";
 
+/// Advice for a linear stage that is not where its last moves can have led.
+const JUMPED: &str = "its position may be wrong, so that a move up may lead down: lift the probe by hand if it \
+                      touches, take the sample away, and see with your own eyes that nothing is below the \
+                      probe, down to the end of its travel";
+
 /// Advice for a linear stage that does not know its position and may home downwards.
 const UNHOMED: &str = "homing this stage may lead downwards: lift the probe by hand if it touches, take \
                        the sample away, and see with your own eyes that nothing is below the probe, down \
@@ -193,21 +198,29 @@ const fn after_interruption(may_touch: bool) -> Hint {
     Hint { text: "check the bench by eye", then: NextAction::Prepare }
 }
 
+/// Advice where the position of an axis cannot be relied on.
+fn without_position(fault: &Fault) -> Option<Hint> {
+    match fault {
+        _ if is_unhomed(fault) => Some(Hint { text: UNHOMED, then: NextAction::Home }),
+        Fault::PositionJumped { .. } => Some(Hint { text: JUMPED, then: NextAction::Home }),
+        Fault::Device(failure) if failure.kind == FailureKind::Lost => {
+            Some(Hint { text: LOST, then: NextAction::Restart })
+        }
+        _ => None,
+    }
+}
+
 /// Advice after a fault.
 pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
     let device = match fault {
         Fault::Device(failure) => Some((failure.device, failure.kind)),
         _ => None,
     };
-    if is_unhomed(fault) {
-        return Hint { text: UNHOMED, then: NextAction::Home };
+    if let Some(hint) = without_position(fault) {
+        return hint;
     }
     if matches!(fault, Fault::NotCommissioned { .. }) {
         return Hint { text: UNCOMMISSIONED, then: NextAction::Commission };
-    }
-    let is_lost = matches!(device, Some((_, FailureKind::Lost)));
-    if is_lost || matches!(fault, Fault::PositionJumped { .. }) {
-        return Hint { text: LOST, then: NextAction::Restart };
     }
     if let Fault::Interrupted { may_touch, .. } = fault {
         return after_interruption(*may_touch);

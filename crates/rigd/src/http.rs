@@ -150,7 +150,7 @@ struct Inner {
     /// that asking twice at once begins one.
     keyed: Mutex<()>,
     /// Held while a note is written.
-    noted: Mutex<()>,
+    noted: Arc<Mutex<()>>,
     /// Ends the event streams, which would otherwise keep the server from ending.
     closing: CancellationToken,
 }
@@ -172,7 +172,7 @@ impl Shared {
         let hub = hub::Hub::new(&rig.status().borrow());
         let streams = Places::new(room.streams, room.streams_of_token);
         let exports = Arc::new(Semaphore::new(export::EXPORTS_MAX));
-        let (keyed, noted) = (Mutex::new(()), Mutex::new(()));
+        let (keyed, noted) = (Mutex::new(()), Arc::default());
         let (happened, queue) = (Mutex::default(), queue::Keeper::default());
         let (results, lease) = (ResultsCache::default(), Lease::default());
         let inner = Inner {

@@ -251,8 +251,8 @@ async fn the_journal_says_who_asked() {
 }
 
 #[tokio::test]
-async fn a_sweep_that_was_aborted_is_not_taken_for_the_next_one() {
-    let daemon = Daemon::start().await;
+async fn a_sweep_that_was_aborted_is_not_taken_for_the_next_one_and_none_is_made_up() {
+    let mut daemon = Daemon::start().await;
     // Enough points that the sweep cannot end before the abort.
     let long = json!({
         "min_hz": 120, "max_hz": 165, "points": 10_000, "settle_s": 7, "time_limit_s": 86_400,
@@ -263,9 +263,20 @@ async fn a_sweep_that_was_aborted_is_not_taken_for_the_next_one() {
     daemon.wait_until_idle().await;
     let (_, second) = daemon.ask("POST", "sweeps", &json!({ "min_hz": 120, "max_hz": 165 })).await;
     daemon.wait_until_idle().await;
-    for (sweep, expected) in [(first, "failed"), (second, "accepted")] {
-        let path = format!("sweeps/{}", sweep["id"].as_str().unwrap());
-        assert_eq!(daemon.ask("GET", &path, &Value::Null).await.1["status"], expected);
+    let session = second["id"].as_str().unwrap().rsplit_once('-').unwrap().0;
+    for is_restarted in [false, true] {
+        if is_restarted {
+            daemon = daemon.restart().await;
+        }
+        for (sweep, expected) in [(&first, "failed"), (&second, "accepted")] {
+            let path = format!("sweeps/{}", sweep["id"].as_str().unwrap());
+            assert_eq!(daemon.ask("GET", &path, &Value::Null).await.1["status"], expected);
+        }
+        for number in [0, 3] {
+            let path = format!("sweeps/{session}-{number}");
+            let (status, problem) = daemon.ask("GET", &path, &Value::Null).await;
+            assert_eq!(status, StatusCode::NOT_FOUND, "{path}: {problem}");
+        }
     }
     daemon.close().await;
 }

@@ -244,6 +244,43 @@ fn a_stop_holds_the_queue_and_the_next_entry_waits() {
     end(daemon);
 }
 
+/// Waits until the rig is idle and the probe is so.
+#[track_caller]
+fn wait_for_probe(address: &str, probe: &str) {
+    let began = Instant::now();
+    loop {
+        let rig = answered(&request(address, "GET /api/v1/rig", ""), 200);
+        if rig["state"] == "idle" && rig["probe"] == probe {
+            return;
+        }
+        assert!(began.elapsed() < PATIENCE, "{rig}");
+    }
+}
+
+#[test]
+fn a_probe_that_was_lowered_by_hand_holds_the_queue() {
+    let folder = TempDir::new().unwrap();
+    let (daemon, address) = serve(folder.path(), false, &[]);
+    add(&address, "one");
+    wait_for_probe(&address, "clear");
+    answered(&post(&address, "moves", r#"{"axis": "linear", "to": 20.0}"#), 202);
+    wait_for_probe(&address, "in contact");
+    let ready = answered(&request(&address, "GET /readyz", ""), 503);
+    assert_eq!(ready["detail"], "the probe is not clear");
+    answered(&post(&address, "queue/release", ""), 200);
+    let held = wait_for(&address, |queue| queue["hold"]["kind"] == "fault");
+    let reason = held["hold"]["reason"].as_str().unwrap();
+    assert!(reason.contains("cannot run while the probe is lowered"), "{held}");
+    assert_eq!(names(&held), ["one"]);
+    assert!(runs(&daemon.data).is_empty());
+    answered(&post(&address, "moves", r#"{"axis": "linear", "to": 24.5}"#), 202);
+    wait_for_probe(&address, "clear");
+    answered(&post(&address, "queue/release", ""), 200);
+    wait_for(&address, |queue| queue["hold"]["kind"] == "empty");
+    assert_eq!(runs(&daemon.data), [("one".to_owned(), "completed")]);
+    end(daemon);
+}
+
 #[test]
 fn a_change_that_cannot_be_made_is_refused() {
     let folder = TempDir::new().unwrap();

@@ -18,11 +18,11 @@ use std::{
     time::{Duration, Instant},
 };
 
-use rig_store::{ProbeWord, Reader, Record};
+use rig_store::{Axis, ProbeWord, Reader, Record};
 use rustix::process::Signal;
 use tempfile::TempDir;
 
-use program::{Program, at_once, check_clear, real_time_rig, request};
+use program::{PATIENCE, Program, at_once, check_clear, real_time_rig, request};
 
 const SIGNALS: [Signal; 4] = [Signal::INT, Signal::TERM, Signal::HUP, Signal::QUIT];
 
@@ -137,6 +137,33 @@ fn clients_that_hold_half_a_request_do_not_hold_the_daemon() {
     assert!(status.success(), "{text}");
     assert!(began.elapsed() < Duration::from_secs(5), "{:?}", began.elapsed());
     check_clear(&data);
+}
+
+#[test]
+fn a_daemon_that_ends_says_of_a_probe_that_was_lowered_by_hand_that_it_is_not_clear() {
+    let folder = TempDir::new().unwrap();
+    let (program, address) = Program::serve(folder.path());
+    program.wait_for_record(
+        "service",
+        |record| matches!(record, Record::StateChanged(change) if change.state == "idle"),
+    );
+    let order = r#"{"axis": "linear", "to": 23.5}"#;
+    let length = order.len();
+    let headers = format!("content-type: application/json\r\ncontent-length: {length}\r\n");
+    let lowered = program::ask(&address, "POST /api/v1/moves", &headers, order);
+    assert!(lowered.starts_with("HTTP/1.1 202 "), "{lowered}");
+    program.wait_for_record("the move", |record| match record {
+        Record::Moved(moved) => moved.axis == Axis::LinearMm && moved.read_back < 23.6,
+        _ => false,
+    });
+    let began = Instant::now();
+    while !request(&address, "GET /api/v1/rig", "").contains("\"state\":\"idle\"") {
+        assert!(began.elapsed() < PATIENCE, "the move does not end");
+    }
+    program.signal(Signal::TERM);
+    let (status, text, _) = program.end();
+    assert!(status.success(), "{text}");
+    assert!(text.contains("the probe is not clear") && text.contains("`rigd safe`"), "{text}");
 }
 
 #[test]

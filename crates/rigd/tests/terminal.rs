@@ -110,6 +110,7 @@ fn a_terminal_that_is_closed_ends_the_daemon_in_it() {
     let mut terminal = Terminal::open(&[&args[..], &files].concat(), 80);
     terminal.wait_for_text("listening on");
     terminal.signal(Signal::HUP);
-    terminal.wait_for_text("leaving the probe clear");
+    terminal.wait_for_text("ending what is under way and closing");
+    terminal.wait_for_text("rigd: the probe is clear");
     assert_eq!(terminal.end(), Some(0), "{}", terminal.text());
 }

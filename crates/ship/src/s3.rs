@@ -29,7 +29,17 @@ pub(crate) struct S3 {
     bucket: AmazonS3,
     /// The beginning of all keys: empty, or with a slash at its end.
     prefix: String,
-    runtime: Runtime,
+    /// `None` only while it is dropped.
+    runtime: Option<Runtime>,
+}
+
+impl Drop for S3 {
+    fn drop(&mut self) {
+        // An async function may drop it, and a runtime that waits for its threads there panics.
+        if let Some(runtime) = self.runtime.take() {
+            runtime.shutdown_background();
+        }
+    }
 }
 
 impl S3 {
@@ -44,7 +54,12 @@ impl S3 {
             .map_err(Box::new)?;
         let runtime = Builder::new_current_thread().enable_all().build();
         let prefix = if prefix.is_empty() { String::new() } else { format!("{prefix}/") };
-        Ok(Self { bucket, prefix, runtime: runtime.map_err(StorageError::Runtime)? })
+        Ok(Self { bucket, prefix, runtime: Some(runtime.map_err(StorageError::Runtime)?) })
+    }
+
+    /// The output of a request.
+    fn block_on<T>(&self, request: impl Future<Output = T>) -> T {
+        self.runtime.as_ref().expect("it is there until it is dropped").block_on(request)
     }
 
     fn path(&self, name: &str) -> Path {
@@ -54,7 +69,7 @@ impl S3 {
     pub(crate) fn list(&self, below: &str) -> Result<Vec<String>, StorageError> {
         let below = self.path(below);
         let listed = self.bucket.list(Some(&below)).try_collect::<Vec<ObjectMeta>>();
-        let listed = self.runtime.block_on(listed).map_err(Box::new)?;
+        let listed = self.block_on(listed).map_err(Box::new)?;
         let name = |object: &ObjectMeta| {
             Some(object.location.as_ref().strip_prefix(&self.prefix)?.to_owned())
         };
@@ -66,17 +81,28 @@ impl S3 {
     pub(crate) fn get(&self, name: &str) -> Result<Bytes, StorageError> {
         let path = self.path(name);
         let get = async { self.bucket.get(&path).await?.bytes().await };
-        Ok(self.runtime.block_on(get).map_err(Box::new)?)
+        Ok(self.block_on(get).map_err(Box::new)?)
     }
 
     /// Puts an object unless there is one: `If-None-Match: *`.
     pub(crate) fn put_new(&self, name: &str, object: &Bytes) -> Result<bool, StorageError> {
         let path = self.path(name);
         let put = self.bucket.put_opts(&path, object.clone().into(), PutMode::Create.into());
-        match self.runtime.block_on(put) {
+        match self.block_on(put) {
             Ok(_) => Ok(true),
             Err(Error::AlreadyExists { .. }) => Ok(false),
             Err(error) => Err(Box::new(error).into()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bucket_may_be_dropped_by_an_async_function() {
+        let runtime = Builder::new_current_thread().build().unwrap();
+        runtime.block_on(async { drop(S3::new("bucket", "").unwrap()) });
     }
 }

@@ -216,6 +216,14 @@ pub enum StageError<U: Unit> {
         /// Mechanical travel.
         travel: Span<U>,
     },
+    /// The axis is elsewhere than where it came to rest, so that no move from there is safe. It was not sent.
+    #[error("came to rest at {was}, and is at {at} before its next move")]
+    Moved {
+        /// Position that the drive reported at rest.
+        was: Position<U>,
+        /// Position that it reports now.
+        at: Position<U>,
+    },
     /// The drive does not know where the axis is, so that no move from there is safe. It was not
     /// sent.
     #[error("not homed: its position {at} is meaningless")]

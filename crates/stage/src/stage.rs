@@ -32,6 +32,13 @@ const MOVE_SLACK: Duration = Duration::from_secs(2);
 /// Longest time for a measured position to settle into the tolerance after the end of the motion.
 const SETTLE_WITHIN: Duration = Duration::from_millis(500);
 
+/// A reading of a drive is read again before a move if it is older than this: a drive that was switched off and on in
+/// between has lost its position, and takes longer to start.
+const RECENT: Duration = Duration::from_millis(250);
+
+/// Largest distance of an axis from where it came to rest, in tolerances of its read-back.
+const REST_TOLERANCES: f64 = 10.0;
+
 /// Time limit of a stop.
 const STOP_WITHIN: Duration = Duration::from_secs(3);
 
@@ -50,6 +57,8 @@ pub struct Stage<U: Unit> {
     seen: Option<DriveReading>,
     /// When its position was read, if that is known: in the middle between question and answer.
     seen_at: Option<RigTime>,
+    /// When it was read.
+    read_at: Instant,
 }
 
 impl<U: Unit> Stage<U> {
@@ -61,7 +70,7 @@ impl<U: Unit> Stage<U> {
         scale: Scale<U>,
         axis: Axis<U>,
     ) -> Self {
-        Self { bus, map, unit, scale, axis, seen: None, seen_at: None }
+        Self { bus, map, unit, scale, axis, seen: None, seen_at: None, read_at: Instant::now() }
     }
 
     /// The counts of the drive.
@@ -109,6 +118,25 @@ impl<U: Unit> Stage<U> {
         Ok(at)
     }
 
+    /// The count from which a move starts now.
+    async fn start(&mut self) -> Result<i32, StageError<U>> {
+        let known = self.seen.ok_or(StageError::NotIdentified)?;
+        if RECENT < self.read_at.elapsed() {
+            let now = self.read_drive().await?;
+            let [was, at] = [known, now].map(|one| self.scale.position(one.position.into()));
+            self.refuse_alarm(&now, at).await?;
+            self.trusted_position()?;
+            let limit = REST_TOLERANCES * self.axis.tolerance();
+            let is_at_rest = !known.is_moving && !now.is_moving;
+            if is_at_rest && limit < (at.value() - was.value()).abs() {
+                return Err(StageError::Moved { was, at });
+            }
+            return Ok(now.position);
+        }
+        self.trusted_position()?;
+        Ok(known.position)
+    }
+
     /// Moves to a target and returns where the axis is, measured. Returns only when the drive has
     /// confirmed that it is at rest, at this target, without alarm.
     ///
@@ -116,7 +144,7 @@ impl<U: Unit> Stage<U> {
     /// [`StageError::Stopped`] after a requested stop: the stop was sent and the axis is at rest.
     /// [`StageError::Alarmed`], [`StageError::EmergencyStopped`], [`StageError::Ignored`],
     /// [`StageError::NotThere`], [`StageError::Overdue`]. Nothing is sent from a position that is unknown or impossible:
-    /// [`StageError::Unhomed`], [`StageError::BeyondTravel`]. After [`StageError::Bus`] it is not
+    /// [`StageError::Unhomed`], [`StageError::BeyondTravel`], [`StageError::Moved`]. After [`StageError::Bus`] it is not
     /// known whether the axis moves.
     pub async fn move_to(
         &mut self,
@@ -124,8 +152,7 @@ impl<U: Unit> Stage<U> {
         speed_per_s: f64,
         stop: &StopSignal,
     ) -> Result<Position<U>, StageError<U>> {
-        self.trusted_position()?;
-        let from = self.seen.ok_or(StageError::NotIdentified)?.position;
+        let from = self.start().await?;
         let wanted = target.position();
         let order = Order::to(wanted, speed_per_s, self.map, &self.scale, &self.axis)?;
         if stop.is_raised() {
@@ -356,7 +383,7 @@ impl<U: Unit> Stage<U> {
             }
         }
         let reading = DriveReading::new(self.map, &replies);
-        self.seen = Some(reading);
+        (self.seen, self.read_at) = (Some(reading), Instant::now());
         Ok(reading)
     }
 

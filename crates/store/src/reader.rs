@@ -16,7 +16,7 @@ use std::{path::Path, str};
 
 use rusqlite::{OptionalExtension, Params, Row, params};
 
-pub(crate) use archive::{has_no_content, is_archived};
+pub(crate) use archive::has_no_content;
 pub use interruption::{Interruption, ProbeWord};
 pub use shipment::{RunEnd, Shipment};
 pub use walk::Pages;

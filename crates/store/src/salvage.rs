@@ -1,5 +1,7 @@
 //! Copies out of a damaged journal what verifies.
 
+mod list;
+
 use std::path::Path;
 
 use rig_record::{ListEntry, Stretch, seal};
@@ -9,18 +11,19 @@ use crate::{
     Digest, Ending, Flaw, Record, RunKind, StoreError,
     journal::{ENTRY, entry_from, insert_entry, insert_stretch, stretches},
     lock::DirectoryLock,
-    reader::{has_no_content, is_archived},
+    reader::has_no_content,
     schema,
 };
+use list::List;
 
 /// The copied part of a run, a session or an amendment.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SalvagedRun {
-    /// Id of the run.
+    /// Id of the run; empty if its entry in the list of runs and that in the index of the ids cannot be read.
     pub id: String,
-    /// Name of the run.
+    /// Name of the run; empty if its entry in the list of runs cannot be read.
     pub name: String,
-    /// Its kind, as in the list of runs.
+    /// Its kind, as in the list of runs; empty if its entry there cannot be read.
     pub kind: String,
     /// Number of records copied, from the first on.
     pub records: u64,
@@ -40,7 +43,8 @@ struct Copied {
 
 /// Copies the intact part of the journal in `from` to a new journal in `to`: of each run the
 /// records before the first flaw, and its end and its seal if it has no flaw. A run that lost its
-/// end can be resumed from the copy. `from` is unchanged.
+/// end can be resumed from the copy. A run whose entry in the list cannot be read is named and not copied. `from`
+/// is unchanged.
 ///
 /// # Errors
 /// [`StoreError::NotEmpty`] if `to` has a journal already; [`StoreError::NoJournal`] or
@@ -51,8 +55,7 @@ pub fn salvage(from: &Path, to: &Path) -> Result<Vec<SalvagedRun>, StoreError> {
         return Err(StoreError::NoJournal);
     }
     let (old, _copy) = schema::open_to_salvage(&source)?;
-    let last_key: i64 =
-        old.query_row("SELECT coalesce(max(key), 0) FROM runs", [], |row| row.get(0))?;
+    let list = List::read(&old)?;
     let _lock = DirectoryLock::take(to)?;
     let target = schema::database(to);
     if target.exists() {
@@ -63,10 +66,10 @@ pub fn salvage(from: &Path, to: &Path) -> Result<Vec<SalvagedRun>, StoreError> {
     new.execute_batch("BEGIN IMMEDIATE")?;
     copy_meta(&old, &new)?;
     let mut salvaged = Vec::new();
-    for key in 1..=last_key {
-        // A row that cannot be read is damaged, or was never there.
-        if let Ok(run) = Found::read(&old, key) {
-            salvaged.push(run.write(&new)?);
+    for key in 1..=list.last_key {
+        match Found::read(&old, key, &list) {
+            Ok(run) => salvaged.push(run.write(&new)?),
+            Err(error) => salvaged.extend(list.lost(key, &error)),
         }
     }
     // The next opening must have a number of its own.
@@ -114,13 +117,13 @@ struct Found {
 }
 
 impl Found {
-    fn read(old: &Connection, key: i64) -> rusqlite::Result<Self> {
+    fn read(old: &Connection, key: i64, list: &List) -> rusqlite::Result<Self> {
         let (entry, finished_at, status, digest) = old.query_row(
             &format!("SELECT {ENTRY}, finished_at, status, digest FROM runs WHERE key = ?1"),
             [key],
             |row| Ok((entry_from(row)?, row.get(8)?, row.get(9)?, row.get::<_, Vec<u8>>(10)?)),
         )?;
-        let is_archived = is_archived(old, &entry.run).unwrap_or_default();
+        let is_archived = list.is_archived(&entry.run);
         let read = |order| read_records(old, key, is_archived, order);
         let (mut records, mut head, mut flaw) = read(BY_NUMBER);
         if matches!(flaw, Some(Flaw::Unreadable { .. })) {
@@ -249,11 +252,11 @@ const BY_NUMBER: &str = "records WHERE run = ?1 ORDER BY seq";
 const AS_WRITTEN: &str = "records NOT INDEXED WHERE run = ?1 ORDER BY id";
 
 /// The records before the first flaw, the digest of the last one, and the flaw. Of an archived run, the
-/// readings have their digests only.
+/// readings have their digests only. If it is not known whether the run is archived, the first of them is a flaw.
 fn read_records(
     old: &Connection,
     key: i64,
-    is_archived: bool,
+    is_archived: Result<bool, &str>,
     order: &str,
 ) -> (Vec<Copied>, Digest, Option<Flaw>) {
     let (mut records, mut head) = (Vec::new(), Digest::START);
@@ -288,10 +291,15 @@ fn read_records(
             return (records, head, Some(Flaw::Missing));
         }
         let rig_us = record.rig_us.cast_unsigned();
-        let next = if is_archived && has_no_content(&record.kind, &record.payload) {
-            Digest::from_bytes(record.digest)
-        } else {
-            head.next(expected, rig_us, &record.kind, &record.payload)
+        let next = match is_archived {
+            Ok(true) if has_no_content(&record.kind, &record.payload) => {
+                Digest::from_bytes(record.digest)
+            }
+            Err(damage) if has_no_content(&record.kind, &record.payload) => {
+                let reason = format!("the note of its archive may be {damage}");
+                return (records, head, Some(Flaw::Unreadable { reason }));
+            }
+            _ => head.next(expected, rig_us, &record.kind, &record.payload),
         };
         if seq.cast_unsigned() != expected || next.as_bytes() != &record.digest {
             return (records, head, Some(Flaw::Altered));

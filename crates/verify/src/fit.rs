@@ -18,9 +18,12 @@ mod trace;
 
 use std::f64::consts::TAU;
 
+use num_complex::Complex64;
+
+pub(crate) use self::trace::measured;
 use self::{
     beside::{Beside, Course},
-    trace::{BESIDE, CIRCUIT, Trace, Unknowns, impedance, stays},
+    trace::{BESIDE, CIRCUIT, Trace, Unknowns, stays},
 };
 use crate::{
     normal::Normal,
@@ -139,7 +142,7 @@ pub(crate) fn fit(
     };
     let is_noise_unknown = noise.is_none() && !is_ringing;
     let noise = noise.unwrap_or(if is_ringing { NOISE } else { NOISE_OF_SETTLED });
-    let unit = 1.0 / (TAU * first.frequency_hz * impedance(first).norm());
+    let unit = 1.0 / (TAU * first.frequency_hz * measured(first).norm());
     let beside = stated.beside((first, last), is_ringing, unit);
     let (beside, stated_beside) =
         beside.map_or((None, [0.0; BESIDE]), |(kind, at)| (Some(kind), at));
@@ -200,6 +203,16 @@ pub(crate) fn fit(
         effective_time_s,
     };
     (resonance_hz.is_finite() && sigma_hz.is_finite()).then_some(fitted)
+}
+
+/// The impedance of a circuit, ohm.
+pub(crate) fn impedance(circuit: &Circuit, resonance_hz: f64, at_hz: f64) -> Complex64 {
+    let Circuit { quality_factor, static_capacitance_f, capacitance_ratio, loss_tangent } =
+        *circuit;
+    let x = at_hz / resonance_hz;
+    let motional = capacitance_ratio / Complex64::new(1.0 - x * x, x / quality_factor);
+    let capacitance = static_capacitance_f * (Complex64::new(1.0, -loss_tangent) + motional);
+    (Complex64::I * TAU * at_hz * capacitance).inv()
 }
 
 /// A little beside the stated circuit: a stated value that is no minimum moves away from it.

@@ -123,6 +123,11 @@ fn check_one(accepted: &Accepted, findings: &mut Findings) {
     let Outcome::Accepted { left_out, .. } = sweep.outcome else { return };
     let most = left_out.min(readings.len().div_ceil(READINGS_PER_OUTLIER));
     let mut left = found.0.len();
+    // Two readings that are off by any factor keep each fit without one of them from converging: those that are
+    // farthest from the stated circuit go first, and the statement must follow from the others as well.
+    if let (1.., 1.., Some(rest)) = (left, most, nearest(&readings, &sweep.outcome, most)) {
+        left = check_readings(accepted, &rest).0.0.len();
+    }
     for _ in 0..most {
         if left == 0 {
             break;
@@ -150,6 +155,22 @@ fn check_one(accepted: &Accepted, findings: &mut Findings) {
     if left > 0 {
         findings.0.extend(found.0);
     }
+}
+
+/// The readings without the `most` ones whose impedance is farthest from that of a stated circuit, relative to it.
+fn nearest(readings: &[Reading], outcome: &Outcome, most: usize) -> Option<Vec<Reading>> {
+    let Outcome::Accepted { resonance_hz, circuit: Some(circuit), .. } = outcome else {
+        return None;
+    };
+    let off = |reading: &Reading| {
+        let stated = fit::impedance(circuit, *resonance_hz, reading.frequency_hz);
+        (fit::measured(reading) - stated).norm() / stated.norm()
+    };
+    let mut by_distance: Vec<usize> = (0..readings.len()).collect();
+    by_distance.sort_by(|a, b| off(&readings[*b]).total_cmp(&off(&readings[*a])));
+    let gone = by_distance.get(..most)?;
+    let rest = readings.iter().enumerate().filter(|(index, _)| !gone.contains(index));
+    Some(rest.map(|(_, reading)| *reading).collect())
 }
 
 /// The readings that can be wrong, by their index: those that differ most from the others at their

@@ -23,6 +23,10 @@ pub(crate) fn check(seq: u64, found: &SurfaceFound, protocol: &Protocol, finding
         return;
     };
     check_contacts(seq, &found.trail, protocol.approach.contact_threshold, findings);
+    if found.trail.last().and_then(parts).is_none() {
+        let what = "the last reading of a search that found a surface";
+        findings.add(Check::Surface, seq, what, "an impedance", "none");
+    }
     let middle = 0.5 * (clear + contact);
     let what = "the surface, mm: the middle of the last clear position and the contact";
     findings.agree(Check::Surface, seq, what, (middle, found.position_mm), ROUNDING);

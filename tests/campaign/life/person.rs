@@ -148,6 +148,7 @@ impl Life<'_> {
         if self.run.is_none() && status.snapshot.state == RigState::Idle {
             return None;
         }
+        self.is_left(status);
         if self.tries_left > 0 {
             self.tries_left -= 1;
             // Only a daemon that is started again opens its journal again.
@@ -163,7 +164,6 @@ impl Life<'_> {
             ));
             return Some(End::Finished);
         }
-        self.is_left(status);
         self.mend();
         status.journal_error.is_some().then_some(End::Restart)
     }
@@ -186,7 +186,10 @@ impl Life<'_> {
     pub(super) fn is_left(&mut self, status: &Status) {
         // A daemon that was started again waits for a person before it moves anything.
         let waits = matches!(status.snapshot.fault, Some(EngineFault::Interrupted { .. }));
-        if self.is_in_contact() && !waits && !judge::has_no_way_out(&self.all, self.bench) {
+        if self.is_in_contact()
+            && !waits
+            && !judge::has_no_way_out(&self.all, &self.played, self.bench)
+        {
             self.fail("ended in contact though a retract was possible");
         }
     }

@@ -186,7 +186,7 @@ impl Engine {
 
     /// A drive that was switched off may have a wrong position. A retract from it could go into the
     /// sample.
-    fn refuse_jump(&self, found: Position<Mm>) -> Result<(), Fault> {
+    pub(super) fn refuse_jump(&self, found: Position<Mm>) -> Result<(), Fault> {
         let Some(span) = self.reach else { return Ok(()) };
         let margin_mm = JUMP_TOLERANCES * self.limits.linear.tolerance();
         let (low, high) = (span.min.offset(-margin_mm), span.max.offset(margin_mm));

@@ -1,7 +1,7 @@
 //! What a bench ships is in the hub as its journal has it, and nothing else gets there.
 
 use rig_hub::{Batch, Inlet, InletError};
-use rig_store::{Ending, Reader, RunKind, Shipment, Store};
+use rig_store::{Ending, Reader, Record, Resumed, RunKind, Shipment, Store};
 use tempfile::TempDir;
 use tokio_postgres::Client;
 
@@ -38,6 +38,40 @@ async fn every_byte_of_a_journal_arrives() {
     assert_eq!(hub.alarms().await, [""; 0]);
     assert_eq!(hub.count("hub.run WHERE seal IS NOT NULL").await, 4);
     drop(store);
+}
+
+#[tokio::test]
+async fn a_run_that_is_resumed_is_running_again() {
+    let hub = Hub::new().await;
+    let role = hub.bench("left").await;
+    let data = TempDir::new().unwrap();
+    let store = Store::open(data.path()).unwrap();
+    let mut run = store.begin(RunKind::Run, "resumed").unwrap();
+    append(&mut run, &[command("begin"), finished(Ending::Aborted)]);
+    hub.ship(&role, data.path()).await.unwrap();
+    assert_eq!(hub.count("hub.run WHERE status = 'aborted' AND finished_at IS NOT NULL").await, 1);
+    let mut run = store.reopen(run.id()).unwrap();
+    let resumed = Record::Resumed(Resumed {
+        epoch: store.epoch().unwrap(),
+        who: "ada".to_owned(),
+        next: None,
+        touches_done: 0,
+        touches_left: 1,
+        changes: Vec::new(),
+        software: "rigd 0".to_owned(),
+        rig: None,
+        scene: None,
+        devices: Vec::new(),
+    });
+    append(&mut run, &[resumed]);
+    hub.ship(&role, data.path()).await.unwrap();
+    assert_eq!(hub.count("hub.run WHERE status = 'running' AND finished_at IS NULL").await, 1);
+    assert_same(&hub.contents().await, &contents_of(data.path()));
+    append(&mut run, &[finished(Ending::Completed)]);
+    hub.ship(&role, data.path()).await.unwrap();
+    assert_same(&hub.contents().await, &contents_of(data.path()));
+    assert_eq!(hub.count("hub.run WHERE seal IS NOT NULL").await, 1);
+    assert_eq!(hub.alarms().await, [""; 0]);
 }
 
 #[tokio::test]
@@ -145,6 +179,27 @@ async fn a_forged_seal_and_a_record_behind_a_seal_are_not_taken() {
         hub.count(&format!("hub.record WHERE run = '{run}'")).await,
         end.records.cast_signed()
     );
+}
+
+#[tokio::test]
+async fn a_seal_without_the_time_of_the_end_is_not_taken() {
+    let hub = Hub::new().await;
+    let role = hub.bench("left").await;
+    let (data, _store, _session) = journal();
+    let reader = Reader::open(data.path()).unwrap();
+    let (id, _) = reader.identity().unwrap();
+    let shipment = reader.shipment(0, 2000, usize::MAX).unwrap();
+    let batch = Batch::new(0, "", &shipment).unwrap();
+    let mut document: serde_json::Value = serde_json::from_str(batch.json()).unwrap();
+    let end = &mut document["ends"][0];
+    end["finished_at"] = serde_json::Value::Null;
+    end["seal"] = "00".repeat(32).into();
+    drop(Inlet::open(hub.as_role(&role).await, &reader, "rigd 0").await.unwrap());
+    let client = hub.as_role(&role).await;
+    let ingest = "SELECT hub.ingest($1::text::uuid, 0, $2::text::json)::text";
+    client.query_one(ingest, &[&id, &document.to_string()]).await.unwrap();
+    assert_eq!(hub.count("hub.run WHERE seal IS NOT NULL").await, 1, "the other run is sealed");
+    assert_eq!(hub.alarms().await, ["clash"]);
 }
 
 #[tokio::test]

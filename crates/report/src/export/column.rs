@@ -291,7 +291,7 @@ const TOUCH: [Column; 47] = [
 ];
 
 /// Of a value of the circuit.
-const OF_CIRCUIT: &str = "its standard deviation; empty in journals of before 2026-11-28";
+const OF_CIRCUIT: &str = "its standard deviation; empty in journals of earlier versions";
 
 const SWEEP: [Column; 19] = [
     whole("sweep", "number of the sweep in the run, from 1"),

@@ -1,6 +1,7 @@
 //! The full fit of unusual readings: other start values, other models, outliers.
 
 mod profile;
+mod start;
 mod weights;
 
 use std::f64::consts::TAU;
@@ -17,7 +18,6 @@ use crate::{
     diagnose::outliers::{self, GAIN_PER_OUTLIER, READINGS_PER_OUTLIER},
     diagnose::unknown_dwell,
     diagnose::unsettled_outliers::is_unsettled,
-    fit::grid::{CircuitPrior, Grid, Q_TYPICAL, are_apart},
     fit::robust,
     noise::{self, PooledVariance},
     numeric::dense::{Cholesky, condition, sandwich},
@@ -26,6 +26,7 @@ use crate::{
 };
 
 pub(crate) use profile::BROAD;
+use start::{from_nothing, weighed};
 
 /// The most likely model and the evidence against it.
 #[derive(Debug)]
@@ -66,10 +67,6 @@ impl Settling {
     }
 }
 
-/// Number of grid minima that are refined.
-const STARTS: usize = 4;
-/// Noise variance for ranking the trials of a grid; it only affects the weight of the prior.
-const GRID_VARIANCE: f64 = 0.005 * 0.005;
 /// Largest capacitance of a second mode relative to the first; above it the two modes are ambiguous.
 const EQUALS: f64 = 0.7;
 /// Largest stray relative to the impedance. The residue of an open and short correction is small; a
@@ -80,8 +77,6 @@ const STRAY_MAX: f64 = 0.05;
 const DISPERSION_MAX: f64 = 0.2;
 /// Largest phase error of an analyzer, rad.
 const PHASE_MAX: f64 = 0.1;
-/// Number of times that the readings are reweighted with the latest circuit.
-const WEIGHINGS: usize = 3;
 /// An error of the resonance below this many of its standard deviations is negligible.
 const SETTLED_SIGMAS: f64 = 0.5;
 
@@ -538,65 +533,4 @@ fn strongest(alternatives: &[(Alternative, f64)]) -> Option<Cause> {
             is_known(a.0).cmp(&is_known(b.0)).then(a.1.total_cmp(&b.1))
         })
         .map(|(cause, _)| cause)
-}
-
-/// The most likely circuit. If the noise is known, unsettled readings are down-weighted, with their
-/// residual motion as an additional error: that of the robust circuit, if some reading is far from it. The most likely circuit of
-/// all readings may then be of any quality, and nothing has settled for it.
-fn weighed(
-    mut trace: Trace,
-    (start, robust): (ModelEstimate, Option<ModelEstimate>),
-    free: usize,
-    options: &FitOptions,
-) -> (Trace, Minimum) {
-    let Some(noise) = options.noise.filter(|_| options.timing == Timing::Waited) else {
-        let found = trace.minimum(start, free);
-        return (trace, found);
-    };
-    let variance = noise.at_ten_cycles.powi(2);
-    if options.near.is_some() {
-        trace.weigh_settling(&start, variance);
-        let found = trace.minimum(start, free);
-        return (trace, found);
-    }
-    if let Some(at) = robust {
-        let found = Minimum { at, normal: trace.normal(&at), end: End::Converged, free };
-        if outliers::count(&trace, &found) > 0 {
-            trace.weigh_settling(&at, variance);
-            let found = trace.minimum(start, free);
-            return (trace, found);
-        }
-    }
-    let mut found = trace.minimum(start, free);
-    for _ in 0..WEIGHINGS {
-        trace.weigh_settling(&found.at, variance);
-        found = trace.minimum(found.at, free);
-    }
-    (trace, found)
-}
-
-/// A start value from a grid over the window and its surroundings.
-fn from_nothing(trace: &Trace, window: Window, free: usize) -> Result<ModelEstimate, Reason> {
-    let wider = Window { min_hz: window.min_hz * 0.8, max_hz: window.max_hz * 1.25 };
-    let mut grid = Grid::new(wider, trace.timing, None);
-    for sample in &trace.samples {
-        grid.add(sample);
-        grid.rest(sample.visit.rest_s);
-    }
-    let mut starts: Vec<ModelEstimate> = Vec::new();
-    for (_, start) in grid.ranked(CircuitPrior::any(Q_TYPICAL), GRID_VARIANCE) {
-        if starts.iter().all(|other| are_apart(other, &start, 2.5)) {
-            starts.push(start);
-        }
-        if starts.len() == STARTS {
-            break;
-        }
-    }
-    starts
-        .into_iter()
-        .map(|start| trace.minimum(start, free))
-        .filter(|found| found.at.c1 > 0.0)
-        .min_by(|a, b| a.normal.cost.total_cmp(&b.normal.cost))
-        .map(|found| found.at)
-        .ok_or(Reason::NoResonance { found: 0.0, needed: GAIN_MIN })
 }

@@ -150,7 +150,8 @@ pub(super) enum Failure {
     /// The daemon was ended, and the probe retracted.
     #[error("{because}; rigd was ended, and the probe was retracted")]
     Replaced { because: String },
-    #[error("the HTTP server ended by itself; the probe was left clear, and the rig closed")]
+    /// It has been said how the probe was left.
+    #[error("the HTTP server ended by itself, and the rig was closed")]
     HttpEnded,
     #[error("aborted; the probe was retracted")]
     Aborted,

@@ -12,6 +12,8 @@ use std::{
     time::Duration,
 };
 
+use rig_engine::Fault;
+use rig_model::Clearance;
 use rig_system::program::replace_by;
 use tokio::{
     runtime::{self, Handle},
@@ -19,7 +21,10 @@ use tokio::{
     time::{sleep, timeout},
 };
 
-use super::{Failure, screen::say};
+use super::{
+    Failure,
+    screen::{say, say_clearly},
+};
 use crate::{
     hint::WHILE_SILENT,
     rig::{Doing, RigHandle, Silence, Status},
@@ -90,10 +95,37 @@ pub(super) fn watch_over_http(http: Handle, rig: RigHandle) -> Result<(), Failur
         say("rigd: the HTTP server has not answered for 5 s; the rig is not affected");
         silent(&http, HTTP_GIVEN_UP_AFTER - HTTP_SILENT_AFTER, ASK).await;
         say("rigd: the HTTP server has not answered for 30 s, so that nobody can stop the rig \
-             through it; leaving the probe clear and closing");
+             through it; ending what is under way and closing");
         rig.close().await;
+        say_probe(&rig.status().borrow());
         process::exit(1);
     })
+}
+
+/// Says how the probe was left. One that was lowered by hand is not retracted when the rig is closed.
+pub(super) fn say_probe(status: &Status) {
+    say_clearly(&format!("rigd: {}", probe_left(status)));
+}
+
+/// What the last status of a rig says of its probe, for a person.
+fn probe_left(status: &Status) -> &'static str {
+    if status.silence.is_some() {
+        return "the rig loop does not answer, and where the probe is now is not known; `rigd safe` retracts it";
+    }
+    match (status.snapshot.clearance, &status.snapshot.fault) {
+        (Clearance::Clear, _) => "the probe is clear",
+        (_, Some(Fault::NotCommissioned { .. })) => {
+            "the probe is not shown to be clear, and stays where it is; the rig is not commissioned, so that `rigd safe` \
+             stops both axes and does not retract"
+        }
+        (Clearance::InContact, _) => {
+            "the probe is not clear: it was lowered, may be in contact, and stays where it is; `rigd safe` retracts \
+             it"
+        }
+        (Clearance::Unknown, _) => {
+            "the probe is not shown to be clear, and stays where it is; `rigd safe` retracts it"
+        }
+    }
 }
 
 /// Waits until a runtime has not answered several questions in a row.

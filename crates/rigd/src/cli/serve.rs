@@ -20,7 +20,7 @@ use super::{
     args::BenchArgs,
     door::{Door, Listening},
     ended_runs,
-    guard::watch_over_http,
+    guard::{say_probe, watch_over_http},
     hub::{Hub, Telling},
     manager,
     reload::{Flags, InForce, Reloader, Told},
@@ -117,6 +117,9 @@ struct Daemon {
     hub: Option<Hub>,
 }
 
+const CLOSING: &str =
+    "rigd: ending what is under way and closing; interrupt again to leave the rig as it is";
+
 impl Daemon {
     fn prepare(args: &ServeArgs) -> Result<Self, Failure> {
         let secret = Secret::new().map_err(|source| Failure::System { what: "secret", source })?;
@@ -187,14 +190,13 @@ impl Daemon {
         manager::stopping();
         telling.abort();
         nothing_more.cancel();
-        say_clearly(
-            "rigd: leaving the probe clear and closing; interrupt again to leave the rig as it is",
-        );
+        say_clearly(CLOSING);
         tokio::select! {
             () = handle.close() => {}
             () = signals.next() => return Err(left(&handle.status().borrow())),
         }
         thread.join();
+        say_probe(&handle.status().borrow());
         Telling::finish(to_hub).await;
         // The end of the last run is in the outbox then.
         drop(reloading.await);

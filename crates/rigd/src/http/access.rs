@@ -216,12 +216,23 @@ impl Access {
         }
         let cookie = session::cookie(headers, host).and_then(|secret| self.sessions.find(secret));
         match cookie {
-            Some(client) => match &client.token {
-                // The token may have been revoked since.
-                Some(token) => self.of_fingerprint(token).ok_or_else(Problem::session_is_over),
-                None => Ok(client),
-            },
+            Some(client) => self.kept(client),
             None => Err(Problem::unauthorized("this daemon requires a token".to_owned())),
+        }
+    }
+
+    /// The client to whom a cookie or a link was given, as it is now.
+    ///
+    /// # Errors
+    /// 401: its token has been revoked since, or it had none and needs one now.
+    pub(super) fn kept(&self, client: Client) -> Result<Client, Problem> {
+        match &client.token {
+            Some(token) => self.of_fingerprint(token).ok_or_else(Problem::session_is_over),
+            None if client.has_token || !self.needs_token() => Ok(client),
+            None => {
+                let detail = "this browser came in before the daemon required a token";
+                Err(Problem::unauthorized(detail.to_owned()))
+            }
         }
     }
 

@@ -3,9 +3,10 @@
 //! Tables of sweeps, readings and searches, and the records, are sent while they are made: a few records at a time
 //! are read from the journal, and the next ones only when the client has taken these. Memory and threads are used for
 //! no client that is slow, and the size of the run does not matter. The touches, the documents and HDF5 are made of
-//! the results of the run, and are built in one piece.
+//! the results of the run, and are built in one piece. Each export counts as under way until it is sent or given up.
 
 use std::{
+    convert::Infallible,
     io::{self, Write},
     mem,
     sync::{Arc, Mutex, PoisonError},
@@ -159,21 +160,26 @@ pub(super) async fn show(
             }
         }
         .map_err(|error| Problem::internal(&with_causes(&error)))?;
-        Ok((disposition, Begun::Whole(bytes)))
+        Ok((disposition, Begun::Whole(bytes, place)))
     });
     let (disposition, begun) = begun.await?;
     let headers =
         [(header::CONTENT_TYPE, media_type.to_owned()), (header::CONTENT_DISPOSITION, disposition)];
-    let body = match begun {
-        Begun::Whole(bytes) => Body::from(bytes),
-        Begun::Parts(export) => sent(export, shared.inner.builders.clone()),
-    };
-    Ok((headers, body).into_response())
+    Ok(match begun {
+        Begun::Whole(bytes, place) => {
+            let length = [(header::CONTENT_LENGTH, bytes.len().to_string())];
+            (headers, length, whole(bytes.into(), place)).into_response()
+        }
+        Begun::Parts(export) => {
+            (headers, sent(export, shared.inner.builders.clone())).into_response()
+        }
+    })
 }
 
 /// An export that can be sent.
 enum Begun {
-    Whole(Vec<u8>),
+    /// All of it, and its place among the exports that may be under way.
+    Whole(Vec<u8>, OwnedSemaphorePermit),
     Parts(Box<Export>),
 }
 
@@ -276,6 +282,15 @@ impl Write for Made {
     }
 }
 
+/// A document in parts as the client takes them. It keeps its place until the last one is taken, or the client is gone.
+fn whole(bytes: Bytes, place: OwnedSemaphorePermit) -> Body {
+    let parts = stream::unfold((bytes, place), |(mut bytes, place)| async move {
+        let part = bytes.split_to(PART.min(bytes.len()));
+        (!part.is_empty()).then_some((Ok::<_, Infallible>(part), (bytes, place)))
+    });
+    Body::from_stream(parts)
+}
+
 /// The parts as the client takes them. A part that cannot be made ends the connection, so that the client sees that
 /// something is missing.
 fn sent(export: Box<Export>, builders: Handle) -> Body {
@@ -295,4 +310,29 @@ fn sent(export: Box<Export>, builders: Handle) -> Body {
         }
     });
     Body::from_stream(parts)
+}
+
+#[cfg(test)]
+mod tests {
+    use axum::body::to_bytes;
+    use http_body_util::BodyExt;
+    use tokio::sync::Semaphore;
+
+    use super::*;
+
+    #[tokio::test]
+    async fn a_document_keeps_its_place_until_it_is_taken_or_given_up() {
+        let places = Arc::new(Semaphore::new(1));
+        let begin = || {
+            let place = Arc::clone(&places).try_acquire_owned().unwrap();
+            whole(vec![7_u8; 2 * PART + 1].into(), place)
+        };
+        let mut body = begin();
+        let first = body.frame().await.unwrap().unwrap().into_data().unwrap();
+        assert_eq!((first.len(), places.available_permits()), (PART, 0));
+        let rest = to_bytes(body, usize::MAX).await.unwrap();
+        assert_eq!((rest.len(), places.available_permits()), (PART + 1, 1));
+        drop(begin());
+        assert_eq!(places.available_permits(), 1);
+    }
 }

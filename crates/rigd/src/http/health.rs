@@ -4,6 +4,7 @@
 
 use axum::{Json, extract::State};
 use rig_engine::RigState;
+use rig_model::Clearance;
 use serde::Serialize;
 
 use super::{Problem, Shared};
@@ -61,6 +62,9 @@ fn obstacles(status: &Status) -> Vec<&'static str> {
         RigState::Latched => because.push("the rig is latched after a fault"),
         RigState::Preparing => because.push("the rig is being prepared"),
         RigState::Retracting => because.push("the probe is being retracted"),
+        RigState::Idle if status.snapshot.clearance != Clearance::Clear => {
+            because.push("the probe is not clear");
+        }
         _ => {}
     }
     if status.journal_error.is_some() {

@@ -6,7 +6,7 @@
 //! of another.
 
 use std::{
-    sync::{Mutex, PoisonError},
+    sync::{Mutex, MutexGuard, PoisonError},
     time::{Duration, SystemTime},
 };
 
@@ -61,41 +61,52 @@ enum Taken {
 impl Lease {
     /// Its holder, while it lasts.
     fn holder(&self, is_running: bool) -> Option<Holder> {
-        let mut holder = self.lock();
-        let is_over = |holder: &mut Holder| !is_running && holder.last.elapsed() >= IDLE;
-        // One that is over has no holder.
-        drop(holder.take_if(is_over));
-        holder.clone()
+        self.lasting(is_running).clone()
     }
 
-    /// Takes the lease for a command, if nobody else has it.
+    /// Takes the lease for a command, if nobody else has it. Of two first commands at once, one takes it.
     fn admit(&self, client: &Client, is_running: bool) -> Result<Taken, Holder> {
-        match self.holder(is_running) {
-            Some(holder) if !holder.is(client) => Err(holder),
-            _ => Ok(self.take(client)),
+        let mut holder = self.lasting(is_running);
+        match holder.as_ref().filter(|holder| !holder.is(client)) {
+            Some(other) => Err(other.clone()),
+            None => Ok(take_for(&mut holder, client)),
         }
     }
 
     /// Takes the lease, also from another holder.
     fn take(&self, client: &Client) -> Taken {
-        let (mut holder, last) = (self.lock(), Instant::now());
-        let taken = match &mut *holder {
-            Some(holder) if holder.is(client) => {
-                holder.last = last;
-                return Taken::Kept;
-            }
-            Some(holder) => Taken::From(holder.name.clone()),
-            None => Taken::Free,
-        };
-        let since = SystemTime::now();
-        *holder = client.is_named().then(|| Holder { name: client.name.clone(), since, last });
-        taken
+        take_for(&mut self.lock(), client)
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, Option<Holder>> {
+    /// The lock, after the end of a lease that is over.
+    fn lasting(&self, is_running: bool) -> MutexGuard<'_, Option<Holder>> {
+        let mut holder = self.lock();
+        let is_over = |holder: &mut Holder| !is_running && holder.last.elapsed() >= IDLE;
+        // One that is over has no holder.
+        drop(holder.take_if(is_over));
+        holder
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Option<Holder>> {
         // Nothing that holds it panics.
         self.holder.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// Makes a client the holder, if its token has a name.
+fn take_for(holder: &mut Option<Holder>, client: &Client) -> Taken {
+    let last = Instant::now();
+    let taken = match holder {
+        Some(holder) if holder.is(client) => {
+            holder.last = last;
+            return Taken::Kept;
+        }
+        Some(holder) => Taken::From(holder.name.clone()),
+        None => Taken::Free,
+    };
+    let since = SystemTime::now();
+    *holder = client.is_named().then(|| Holder { name: client.name.clone(), since, last });
+    taken
 }
 
 impl Shared {
@@ -154,16 +165,16 @@ pub(super) async fn take(
     form: ObjectBody<LeaseForm>,
 ) -> Result<Json<LeaseView>, Problem> {
     let Json(Object(LeaseForm { take_over })) = form?;
-    let (lease, is_running) = (&shared.inner.lease, shared.is_running());
-    if let Some(holder) = lease.holder(is_running).filter(|holder| !holder.is(&client)) {
+    let lease = &shared.inner.lease;
+    if let Err(holder) = lease.admit(&client, shared.is_running()) {
         if !take_over {
             return Err(Problem::not_your_lease(holder.name.as_str()));
         }
         // On record before it counts.
         let action = format!("take over from {}", holder.name);
         shared.inner.rig.note(action, client.name.as_str()).await?;
+        lease.take(&client);
     }
-    lease.take(&client);
     Ok(show(State(shared), Extension(client)).await)
 }
 
@@ -191,6 +202,8 @@ pub(super) fn needs_lease(method: &Method, path: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::{sync::Barrier, thread};
+
     use super::*;
 
     #[tokio::test(start_paused = true)]
@@ -216,6 +229,26 @@ mod tests {
         assert_eq!(lease.take(&claimed), Taken::From(ada.name));
         assert_eq!(lease.admit(&claimed, false).unwrap(), Taken::Free);
         assert_eq!(lease.admit(&bob, false).unwrap(), Taken::Free);
+    }
+
+    #[test]
+    fn of_many_first_commands_at_once_one_takes_the_lease() {
+        for _ in 0..100 {
+            let (lease, start) = (Lease::default(), Barrier::new(4));
+            let is_admitted = |number: usize| {
+                let (name, token) = (format!("client {number}"), Some(number.to_string()));
+                let client = Client::of(name.parse().unwrap(), Role::Operate, token);
+                start.wait();
+                lease.admit(&client, false).is_ok()
+            };
+            let admitted = thread::scope(|scope| {
+                let is_admitted = &is_admitted;
+                let asked: Vec<_> =
+                    (0..4).map(|number| scope.spawn(move || is_admitted(number))).collect();
+                asked.into_iter().filter_map(|asked| asked.join().ok()).filter(|is| *is).count()
+            });
+            assert_eq!(admitted, 1);
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Notes of people about runs. They are not in the journal: a person may change them at any time.
 
-use std::{collections::BTreeMap, fs, io, path::Path};
+use std::{collections::BTreeMap, fs, io, path::Path, sync::Arc};
 
 use axum::{
     Json,
@@ -47,10 +47,12 @@ pub(super) async fn write(
         return Err(Problem::bad_request(format!("a note has at most {LENGTH_MAX} characters")));
     }
     let data = shared.inner.data.clone();
-    // One writer at a time: each writes the whole file.
-    let _turn = shared.inner.noted.lock().await;
+    // One writer at a time: each writes the whole file. It has its turn until the file is written, also when its client
+    // goes away.
+    let turn = Arc::clone(&shared.inner.noted).lock_owned().await;
     shared
         .read(move |reader| {
+            let _turn = turn;
             reader.run(id)?;
             let path = data.join(FILE);
             let mut notes = read(&path)?;

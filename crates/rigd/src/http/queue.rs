@@ -12,7 +12,7 @@ use axum::{
     extract::{Path, State},
     http::{HeaderMap, StatusCode},
 };
-use rig_engine::RunStatus as Ended;
+use rig_engine::{CommandRefusal, RunStatus as Ended};
 use rig_model::with_causes;
 use rig_store::{Ending, RunId, RunStatus};
 use schemars::JsonSchema;
@@ -343,7 +343,7 @@ impl Shared {
                 let begun = self.inner.rig.keyed_run(protocol, &entry.by, Some(key)).await;
                 begun.map_err(|refusal| match refusal {
                     // A client was faster; the status will show it.
-                    RequestRefusal::Command(_) => None,
+                    RequestRefusal::Command(CommandRefusal::State { .. }) => None,
                     other => Some(with_causes(&other)),
                 })
             }

@@ -207,12 +207,12 @@ pub(super) async fn open(
     Extension(called): Extension<Called>,
     Path(secret): Path<String>,
 ) -> Result<Response, Problem> {
-    let sessions = &shared.inner.access.sessions;
-    let Some(client) = sessions.open(&secret) else {
-        shared.inner.access.guesses.was_wrong(called.peer);
+    let access = &shared.inner.access;
+    let Some(client) = access.sessions.open(&secret) else {
+        access.guesses.was_wrong(called.peer);
         return Err(Problem::link_is_over());
     };
-    let secret = sessions.begin(client).map_err(|error| no_random(&error))?;
+    let secret = access.sessions.begin(access.kept(client)?).map_err(|error| no_random(&error))?;
     let cookie = set_cookie(&called, secret.reveal(), SESSION_TIME)?;
     let to_page = [(header::LOCATION, HeaderValue::from_static("/")), (header::SET_COOKIE, cookie)];
     Ok((StatusCode::SEE_OTHER, to_page).into_response())

@@ -6,7 +6,7 @@ use axum::{
     http::{StatusCode, header},
     response::IntoResponse,
 };
-use rig_store::{Record, RunId, StoredRecord, Sweep, SweepOutcome};
+use rig_store::{Reader, Record, RunId, RunKind, StoreError, StoredRecord, Sweep, SweepOutcome};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -89,25 +89,55 @@ pub(super) async fn show(
     let (session, number) = id.rsplit_once('-').ok_or_else(unknown)?;
     let session: RunId = session.parse().map_err(|_| unknown())?;
     let number: u64 = number.parse().map_err(|_| unknown())?;
-    let (is_running, is_begun) = {
+    let (is_running, present) = {
         let status = shared.inner.rig.status();
         let status = status.borrow();
-        let is_present = status.session == session;
-        (is_present && status.sweep == Some(number), !is_present || number <= status.sweeps)
+        let is_running = status.session == session && status.sweep == Some(number);
+        (is_running, (status.session, status.sweeps))
     };
     if is_running {
         return Ok(Json(SweepView { id, status: "running", sweep: None }));
     }
-    let found = shared.read(move |reader| Ok(sweeps::find(reader, session, number)?));
+    let found = shared.read(move |reader| {
+        let found = sweeps::find(reader, session, number)?;
+        Ok((found, begun(reader, session, present)?))
+    });
     match found.await? {
-        Some(sweep) => {
+        (Some(sweep), _) => {
             let status = match sweep.outcome {
                 SweepOutcome::Accepted { .. } => "accepted",
                 SweepOutcome::Refused { .. } => "refused",
             };
             Ok(Json(SweepView { id, status, sweep: Some(sweep) }))
         }
-        None if is_begun && number > 0 => Ok(Json(SweepView { id, status: "failed", sweep: None })),
-        None => Err(unknown()),
+        (None, count) if (1..=count).contains(&number) => {
+            Ok(Json(SweepView { id, status: "failed", sweep: None }))
+        }
+        (None, _) => Err(unknown()),
     }
+}
+
+/// Number of single sweeps that the daemon of a session has begun. `present` has the session and the number of the
+/// present daemon, whose journal may not have the last one yet.
+fn begun(reader: &Reader, session: RunId, present: (RunId, u64)) -> Result<u64, StoreError> {
+    /// The command, as the journal has it.
+    const SWEEP: &str = "sweep";
+    let of = reader.run(session)?;
+    if of.kind != RunKind::Session {
+        return Ok(0);
+    }
+    if reader.run(present.0)?.epoch == of.epoch {
+        return Ok(present.1);
+    }
+    let mut count = 0;
+    for run in reader.runs()? {
+        if run.kind == RunKind::Session && run.epoch == of.epoch {
+            for stored in reader.unchecked(run.id, &["operator"])? {
+                let record = stored.record()?;
+                count +=
+                    u64::from(matches!(record, Record::Operator(done) if done.action == SWEEP));
+            }
+        }
+    }
+    Ok(count)
 }

@@ -108,7 +108,10 @@ impl Axes {
                 let stopped_rotary = self.rotary.stop().await;
                 let at_linear = stopped_linear.map_err(linear)?;
                 let at_rotary = stopped_rotary.map_err(rotary)?;
-                self.gate.read(Outcome::LinearAt(at_linear));
+                // A drive that was switched off and on may say that the probe is clear.
+                if self.linear.trusted_position().is_ok() {
+                    self.gate.read(Outcome::LinearAt(at_linear));
+                }
                 self.gate.read(Outcome::RotaryAt(at_rotary));
                 Ok(Report::Stopped)
             }
@@ -245,12 +248,14 @@ pub(crate) fn stage_failure<U: Unit>(device: Device, error: &StageError<U>) -> F
         | StageError::Bus(BusError::Failed(LineFault::Halted { .. })) => FailureKind::Interrupted,
         StageError::Bus(BusError::Failed(_)) => FailureKind::Line,
         StageError::BeyondTravel { .. } | StageError::HomesDownwards { .. } => FailureKind::Lost,
+        StageError::Moved { .. } if device == Device::LinearStage => FailureKind::Lost,
         StageError::Unhomed { .. } => FailureKind::Unhomed,
         StageError::EmergencyStopped { .. } => FailureKind::EmergencyStopped,
         StageError::Alarmed { alarm, .. } | StageError::AlarmPersists { alarm } => {
             FailureKind::Alarmed { code: alarm.code }
         }
-        StageError::Ignored { .. }
+        StageError::Moved { .. }
+        | StageError::Ignored { .. }
         | StageError::NotThere { .. }
         | StageError::Overdue { .. }
         | StageError::WillNotStop { .. }

@@ -75,9 +75,10 @@ pub(super) fn run(
                 let served = AssertUnwindSafe(shell.serve(&mut inbox)).catch_unwind().await;
                 if let Err(panic) = served {
                     let fault = Fault::Panicked { what: panic_message(&*panic).to_owned() };
+                    let missing = shell.missing();
                     // The ports and the journal are free for the way out.
                     drop(shell);
-                    let kept = Kept { file, instruments, data, simulation };
+                    let kept = Kept { file, instruments, data, simulation, missing };
                     leave_contact(kept, fault, &watched).await;
                     refuse_all(inbox).await;
                 }

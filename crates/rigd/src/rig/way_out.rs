@@ -101,22 +101,29 @@ pub(super) struct Kept {
     pub(super) instruments: Instruments,
     pub(super) data: PathBuf,
     pub(super) simulation: Option<Simulation>,
+    /// What is missing for a rig in service.
+    pub(super) missing: Option<Arc<str>>,
 }
 
 impl Kept {
-    /// Retracts after the devices and the journal of the rig thread were dropped.
+    /// Retracts after the devices and the journal of the rig thread were dropped; a rig that is not commissioned is
+    /// stopped.
     pub(super) async fn retract(self, fault: Fault) -> Result<WayOut, OpenError> {
-        let Self { file, instruments, data, simulation } = self;
+        let Self { file, instruments, data, simulation, missing } = self;
         let clock = Clock::start();
         let port = match simulation {
             Some(bench) => Port::open(bench.bus(&file), clock).await,
             None => wait_for_port(&file, clock).await,
         };
         let port = port.map_err(|source| OpenError::Port { role: "bus", source })?;
-        let log = Log::open(Some(&data), &file.name).unwrap_or_else(|error| Log {
+        let mut log = Log::open(Some(&data), &file.name).unwrap_or_else(|error| Log {
             journal: None,
             recorded: Err(with_causes(&error).into()),
         });
+        if let Some(missing) = missing {
+            log.note(clock, &Event::Faulted { fault, clearance: Clearance::Unknown });
+            return halt(&file, &instruments, port, clock, &missing, log).await;
+        }
         retract(&file, &instruments, port, clock, fault, log).await
     }
 }

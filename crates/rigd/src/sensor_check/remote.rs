@@ -196,9 +196,11 @@ impl FreeSensor for RemoteSensor {
         let session = tokio::select! {
             session = ended(&mut self.status, number) => session?,
             () = self.stop.cancelled() => {
-                // The sweep may have ended meanwhile, and then there is nothing to abort.
-                _ = self.watch.rig.command(Command::Abort, None, &self.by).await;
-                ended(&mut self.status, number).await?;
+                if self.is_sweeping(number) {
+                    // The sweep may end meanwhile, and then there is nothing to abort.
+                    _ = self.watch.rig.command(Command::Abort, None, &self.by).await;
+                    ended(&mut self.status, number).await?;
+                }
                 return Err(Ended::Aborted);
             }
         };
@@ -222,6 +224,12 @@ impl RemoteSensor {
             Clearance::Clear => Ok(()),
             other => Err(Ended::NotClear(other)),
         }
+    }
+
+    /// Whether this sweep of the check is under way, and no run: an abort ends either.
+    fn is_sweeping(&self, number: u64) -> bool {
+        let status = self.status.borrow();
+        status.sweep == Some(number) && status.snapshot.progress.is_none()
     }
 }
 

@@ -153,6 +153,27 @@ async fn a_browser_comes_in_by_a_link_once_and_its_cookie_is_no_door_for_other_s
 }
 
 #[tokio::test]
+async fn a_cookie_and_a_link_from_before_the_first_token_open_nothing_after_it() {
+    let daemon = Daemon::start_with(false, true).await;
+    let begun = daemon.send("POST", "/api/v1/session", &[], "").await;
+    let cookie = begun.headers()["set-cookie"].to_str().unwrap().split(';').next().unwrap();
+    let own = [("cookie", cookie), ("origin", "http://localhost:8137")];
+    assert_eq!(daemon.status("GET", "/api/v1/session", &own).await, StatusCode::OK);
+    let link = daemon.json("POST", "/api/v1/links", "", "").await.1;
+    let link = link["path"].as_str().unwrap();
+    let ada = daemon.token("ada", Role::View);
+    for (method, path) in [("GET", "/api/v1/rig"), ("POST", "/api/v1/identify"), ("GET", link)] {
+        let status = daemon.status(method, path, &own).await;
+        assert_eq!(status, StatusCode::UNAUTHORIZED, "{method} {path}");
+    }
+    // What was given for a token goes on.
+    let begun = daemon.send("POST", "/api/v1/session", &[("authorization", &*ada)], "").await;
+    let cookie = begun.headers()["set-cookie"].to_str().unwrap().split(';').next().unwrap();
+    let own = [("cookie", cookie)];
+    assert_eq!(daemon.status("GET", "/api/v1/rig", &own).await, StatusCode::OK);
+}
+
+#[tokio::test]
 async fn tokens_cannot_be_guessed_in_bulk_and_who_knows_one_is_not_shut_out() {
     let daemon = Daemon::start_with(true, true).await;
     let ada = daemon.token("ada", Role::View);

@@ -24,8 +24,7 @@ impl<U: Unit> Stage<U> {
         speed_per_s: f64,
         stop: &StopSignal,
     ) -> Result<(Position<U>, Vec<(RigTime, Position<U>)>), StageError<U>> {
-        self.trusted_position()?;
-        let from = self.seen.ok_or(StageError::NotIdentified)?.position;
+        let from = self.start().await?;
         let order = Order::to(target.position(), speed_per_s, self.map, &self.scale, &self.axis)?;
         let mut way = Vec::new();
         if stop.is_raised() {

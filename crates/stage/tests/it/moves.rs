@@ -440,6 +440,40 @@ async fn a_drive_that_was_switched_off_is_not_trusted_before_it_is_identified_ag
     }
 }
 
+/// It lost no frame by that, so that nothing on the line tells of it.
+#[tokio::test(start_paused = true)]
+async fn a_drive_that_was_switched_off_while_nothing_was_asked_is_not_moved_from_where_it_was() {
+    let stop = StopSignal::new();
+    for make in MAKES {
+        for is_descent in [false, true] {
+            for is_homed in [false, true] {
+                let (drive, mut stage) = ready(make).await;
+                stage.move_to(target(2.0), 6.0, &stop).await.unwrap();
+                let before = drive.position();
+                if is_homed {
+                    // Its count begins elsewhere, and it does not say so.
+                    drive.lose_counts(counts(make, 1.0));
+                } else {
+                    drive.forget_home();
+                }
+                tokio::time::sleep(Duration::from_millis(300)).await;
+                let error = if is_descent {
+                    stage.descend_to(target(1.0), 1.0, &stop).await.unwrap_err()
+                } else {
+                    stage.move_to(target(3.0), 6.0, &stop).await.unwrap_err()
+                };
+                let is_expected = if is_homed {
+                    matches!(error, StageError::Moved { .. })
+                } else {
+                    matches!(error, StageError::Unhomed { .. })
+                };
+                assert!(is_expected, "{}: {error:?}", make.map.name);
+                assert_eq!(drive.position(), before, "{}", make.map.name);
+            }
+        }
+    }
+}
+
 /// Any fault in any frame: a move that reports success is at its target, and a possible move
 /// succeeds.
 #[tokio::test(start_paused = true)]

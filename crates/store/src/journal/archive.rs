@@ -26,6 +26,8 @@ impl Store {
         let is_its_own = |other: &crate::Run| {
             other.id == id || other.kind == RunKind::Amendment && other.name == id_text
         };
+        // Everything is checked before the first change: a refusal leaves nothing behind that another run commits.
+        let mut notes = Vec::new();
         for part in reader.runs()?.into_iter().filter(is_its_own) {
             if part.status == RunStatus::Running {
                 return Err(StoreError::UnderWay { run: part.to_string() });
@@ -42,10 +44,13 @@ impl Store {
                 place: place.to_owned(),
                 who: who.to_owned(),
             };
-            let mut journal = self.begin(RunKind::Archive, &part.id.to_string())?;
+            notes.push((part.id, note));
+        }
+        for (part, note) in notes {
+            let mut journal = self.begin(RunKind::Archive, &part.to_string())?;
             journal.append(0, &Record::Archived(note))?;
             journal.append(0, &Record::RunFinished(RunFinished { status: Ending::Completed }))?;
-            locked(&self.writer, |writer| writer.take_out(part.id))?;
+            locked(&self.writer, |writer| writer.take_out(part))?;
         }
         locked(&self.writer, Writer::commit)
     }

@@ -1,6 +1,6 @@
 //! Runs whose readings were moved to an archive.
 
-use rusqlite::{Connection, OptionalExtension};
+use rusqlite::OptionalExtension;
 
 use super::{Reader, record_from, select_records};
 use crate::{Archived, ChainCheck, Digest, Record, RunId, StoreError, StoredRecord};
@@ -59,10 +59,4 @@ pub(super) fn is_taken_out(record: &StoredRecord) -> bool {
 /// Whether a record of this kind is a reading without its content.
 pub(crate) fn has_no_content(kind: &str, payload: &str) -> bool {
     payload.is_empty() && Record::ARCHIVED_KINDS.contains(&kind)
-}
-
-/// Whether the list of runs has a sealed note about a run.
-pub(crate) fn is_archived(connection: &Connection, run: &str) -> rusqlite::Result<bool> {
-    let note = connection.query_row(NOTE, [run], |row| row.get::<_, Option<i64>>(0))?;
-    Ok(note.is_some())
 }

@@ -1,6 +1,6 @@
 //! Position of the probe after a killed program, from the journal.
 
-use rusqlite::{OptionalExtension, params};
+use rusqlite::{OptionalExtension, params, types::Value};
 
 use super::{Reader, record_from, select_records};
 use crate::{Axis, Clearance, Record, Run, RunId, RunKind, StoreError};
@@ -34,6 +34,64 @@ pub struct Interruption {
     /// Whether a later session of the same rig has shown the probe to be clear.
     pub is_cleared_since: bool,
 }
+
+/// The records of the run `?1`.
+const OF_RUN: &str = "records.run = (SELECT key FROM runs WHERE id = ?1)";
+
+/// The records of the epoch `?1`. There is no index of epochs, but what is measured in a later epoch has later events.
+/// So they lie between the first record of the last run begun before the epoch, and that of the first run begun after it.
+/// A `run_finished` is no bound: an opening of the journal gives it to a session of an earlier epoch.
+const OF_EPOCH: &str = "records.epoch = ?1
+    AND records.id > coalesce((
+        SELECT begun.id FROM records AS begun
+        WHERE begun.run = (SELECT max(key) FROM runs WHERE epoch < ?1)
+            AND begun.seq = 1 AND begun.epoch < ?1 AND begun.kind <> 'run_finished'), 0)
+    AND records.id < coalesce((
+        SELECT begun.id FROM records AS begun
+        WHERE begun.run = (SELECT min(key) FROM runs WHERE epoch > ?1)
+            AND begun.seq = 1 AND begun.epoch > ?1 AND begun.kind <> 'run_finished'),
+        9223372036854775807)";
+
+/// Which records tell of a run or session, and their order.
+const fn own_records(kind: RunKind) -> (&'static str, &'static str) {
+    match kind {
+        RunKind::Session => (OF_EPOCH, "records.id"),
+        RunKind::Run | RunKind::Amendment | RunKind::Archive => (OF_RUN, "seq"),
+    }
+}
+
+/// The value of `?1` for the records of a run or session.
+fn asked(run: &Run) -> Value {
+    match run.kind {
+        RunKind::Session => run.epoch.cast_signed().into(),
+        RunKind::Run | RunKind::Amendment | RunKind::Archive => run.id.to_string().into(),
+    }
+}
+
+/// The records of a run or session that tell of its probe, the latest first.
+pub(super) fn probe_records(kind: RunKind) -> String {
+    let (own, order) = own_records(kind);
+    select_records(&format!(
+        "WHERE {own} AND records.kind IN ('intent', 'moved', 'fault', 'state_changed')
+         ORDER BY {order} DESC"
+    ))
+}
+
+/// The event of the last record of a run or session.
+pub(super) fn last_event(kind: RunKind) -> String {
+    let (own, order) = own_records(kind);
+    format!("SELECT records.id FROM records WHERE {own} ORDER BY {order} DESC LIMIT 1")
+}
+
+/// The moves in sessions with the rig `?1` behind the event `?2`. Only sessions that go on behind it are looked at. The
+/// plus keeps SQLite from looking at every record behind it.
+pub(super) const MOVED_AFTER: &str = "
+    WHERE records.run IN (
+        SELECT session.key FROM runs AS session
+        WHERE session.kind = 'session' AND session.name = ?1 AND ?2 < (
+            SELECT last.id FROM records AS last WHERE last.run = session.key
+            ORDER BY last.seq DESC LIMIT 1))
+      AND records.kind = 'moved' AND +records.id > ?2";
 
 impl Reader {
     /// The latest session with a rig of this name.
@@ -69,15 +127,8 @@ impl Reader {
     /// # Errors
     /// [`StoreError`] of the system or of SQLite, or [`StoreError::Unreadable`].
     pub fn probe_word(&self, run: &Run) -> Result<ProbeWord, StoreError> {
-        let mut statement = self.connection.prepare_cached(&select_records(
-            "JOIN runs AS owner ON owner.key = records.run
-             JOIN runs AS asked ON asked.id = ?1
-             WHERE records.kind IN ('intent', 'moved', 'fault', 'state_changed')
-               AND CASE asked.kind WHEN 'session' THEN records.epoch = asked.epoch
-                   ELSE owner.key = asked.key END
-             ORDER BY records.id DESC",
-        ))?;
-        let mut rows = statement.query([run.id.to_string()])?;
+        let mut statement = self.connection.prepare_cached(&probe_records(run.kind))?;
+        let mut rows = statement.query([asked(run)])?;
         let (mut is_lost, mut is_unknown, mut at_mm) = (false, false, None);
         let mut down_to_mm = None;
         while let Some(row) = rows.next()? {
@@ -154,16 +205,10 @@ impl Reader {
             },
             RunKind::Archive => return Ok(false),
         };
-        let mut statement = self.connection.prepare_cached(&select_records(
-            "JOIN runs AS owner ON owner.key = records.run
-             WHERE owner.kind = 'session' AND owner.name = ?1
-               AND records.kind = 'moved' AND records.id > (
-                   SELECT coalesce(max(records.id), 0) FROM runs AS asked JOIN records
-                   ON CASE asked.kind WHEN 'session' THEN records.epoch = asked.epoch
-                      ELSE records.run = asked.key END
-                   WHERE asked.id = ?2)",
-        ))?;
-        let mut rows = statement.query(params![rig, run.id.to_string()])?;
+        let mut statement = self.connection.prepare_cached(&last_event(run.kind))?;
+        let last: Option<i64> = statement.query_row([asked(run)], |row| row.get(0)).optional()?;
+        let mut statement = self.connection.prepare_cached(&select_records(MOVED_AFTER))?;
+        let mut rows = statement.query(params![rig, last.unwrap_or(0)])?;
         while let Some(row) = rows.next()? {
             if matches!(record_from(row)?.record()?, Record::Moved(moved) if moved.is_clear) {
                 return Ok(true);

@@ -43,7 +43,9 @@ impl Reader {
             self.connection.prepare_cached("SELECT seal FROM seals WHERE run = ?1")?;
         let found: Option<Vec<u8>> = statement.query_row([key], |row| row.get(0)).optional()?;
         let must_be_sealed = match run.status {
-            RunStatus::Ended(ending) => run.kind != RunKind::Run || ending.is_complete(),
+            RunStatus::Ended(ending) => {
+                run.kind != RunKind::Run || ending.is_complete() || followed.is_given_up()
+            }
             RunStatus::Running | RunStatus::Interrupted => false,
         };
         let is_right = match (found, finished_at) {

@@ -1,9 +1,13 @@
 //! The work of statements in a journal of years.
 
-use rusqlite::{Connection, StatementStatus, params};
+use rusqlite::{Connection, Params, StatementStatus, params};
 
-use super::{KEYED, KEYS, RUNS, select_records, select_runs};
-use crate::schema::TABLES;
+use super::{
+    KEYED, KEYS, RUNS,
+    interruption::{MOVED_AFTER, last_event, probe_records},
+    select_records, select_runs,
+};
+use crate::{RunKind, schema::TABLES};
 
 /// A journal with so many runs, each with an amendment.
 fn journal(runs: i64) -> Connection {
@@ -51,6 +55,30 @@ fn a_key_is_looked_for_in_the_first_records_alone() {
             .any(|step| step.starts_with("SCAN first") || step.starts_with("SCAN records")),
         "{steps:?}"
     );
+}
+
+#[test]
+fn what_a_run_or_session_left_is_looked_for_by_an_index() {
+    let connection = journal(1);
+    for kind in [RunKind::Run, RunKind::Session] {
+        check_plan(&connection, &probe_records(kind), params!["asked"]);
+        check_plan(&connection, &last_event(kind), params!["asked"]);
+    }
+    check_plan(&connection, &select_records(MOVED_AFTER), params!["rig", 1]);
+}
+
+/// Checks that a statement looks for records by their event or their run.
+#[track_caller]
+fn check_plan(connection: &Connection, sql: &str, values: impl Params) {
+    let mut plan = connection.prepare(&format!("EXPLAIN QUERY PLAN {sql}")).unwrap();
+    let steps = plan.query_map(values, |row| row.get::<_, String>(3)).unwrap();
+    let steps = steps.map(Result::unwrap).collect::<Vec<_>>();
+    let is_scan = |step: &String| {
+        ["records", "begun", "last"].iter().any(|table| step.starts_with(&format!("SCAN {table}")))
+    };
+    assert!(!steps.iter().any(is_scan), "{sql}: {steps:?}");
+    let by_index = "SEARCH records USING ";
+    assert!(steps.iter().any(|step| step.starts_with(by_index)), "{sql}: {steps:?}");
 }
 
 #[test]

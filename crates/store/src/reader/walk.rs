@@ -19,6 +19,8 @@ const PAGE_RECORDS: usize = 256;
 
 /// The kind of the last record of an ended run.
 const RUN_FINISHED: &str = "run_finished";
+/// The kind of the record before it in a run that was given up.
+const GIVEN_UP: &str = "given_up";
 
 /// What is left of a chain once its records have been followed.
 #[derive(Debug)]
@@ -29,6 +31,8 @@ pub(super) struct Followed {
     pub(super) epochs: Vec<u64>,
     /// The end in the last record, if it has one.
     end: Option<Ending>,
+    /// Number of the last record that gave the run up.
+    given_up: Option<u64>,
 }
 
 /// The records of a run, or of a run and its amendments, of which a few are read at a time.
@@ -184,7 +188,7 @@ impl Reader {
 
 impl Default for Followed {
     fn default() -> Self {
-        Self { records: 0, digest: Digest::START, epochs: Vec::new(), end: None }
+        Self { records: 0, digest: Digest::START, epochs: Vec::new(), end: None, given_up: None }
     }
 }
 
@@ -205,11 +209,19 @@ impl Followed {
         if self.epochs.last() != Some(&record.epoch) {
             self.epochs.push(record.epoch);
         }
+        if record.kind == GIVEN_UP {
+            self.given_up = Some(record.seq);
+        }
         let is_end = record.kind == RUN_FINISHED;
         self.end = match is_end.then(|| record.record()) {
             Some(Ok(Record::RunFinished(finished))) => Some(finished.status),
             _ => None,
         };
+    }
+
+    /// Whether the record before the last one gave the run up.
+    pub(super) fn is_given_up(&self) -> bool {
+        self.given_up.is_some_and(|seq| seq + 1 == self.records)
     }
 
     /// An ended run has a last record with its end, and the list of runs has the same end.

@@ -91,6 +91,26 @@ fn what_can_go_on_is_neither_copied_nor_taken_out() {
 }
 
 #[test]
+fn a_damaged_run_is_refused_before_its_amendment_is_changed() {
+    let data = Directory::new();
+    let store = Store::open(data.path()).unwrap();
+    let id = run(&store, Ending::Completed);
+    let mut amendment = store.begin(RunKind::Amendment, &id.to_string()).unwrap();
+    append(&mut amendment, 70, &run_started());
+    append(&mut amendment, 71, &Record::RunFinished(RunFinished { status: Ending::Completed }));
+    amendment.commit().unwrap();
+    tamper(&data, "UPDATE records SET payload = '{}' WHERE run = 1 AND seq = 3");
+    let refusal = store.archive(id, "there", "me").unwrap_err();
+    assert!(matches!(refusal, StoreError::Broken { .. }), "{refusal}");
+    // The commit of another run would put what was changed on disk.
+    let other = run(&store, Ending::Completed);
+    let reader = store.reader().unwrap();
+    assert!(is_intact(&reader, amendment.id()) && is_intact(&reader, other));
+    assert!(reader.archive_of(amendment.id()).unwrap().is_none());
+    assert!(reader.runs().unwrap().iter().all(|run| run.kind != RunKind::Archive));
+}
+
+#[test]
 fn an_archived_run_keeps_its_chain_and_loses_its_readings() {
     let data = Directory::new();
     let store = Store::open(data.path()).unwrap();

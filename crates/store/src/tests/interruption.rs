@@ -113,6 +113,38 @@ fn the_probe_counts_as_in_contact_unless_the_last_word_is_a_proven_clear() {
 }
 
 #[test]
+fn each_session_is_asked_for_its_own_epoch() {
+    let directory = Directory::new();
+    let rest = moved(Axis::LinearMm, 30.0, true);
+    let said = [vec![rest.clone()], vec![], vec![lowering(9.0)], vec![], vec![rest]];
+    let mut ids = Vec::new();
+    for (records, number) in said.iter().zip(0..) {
+        let store = Store::open(directory.path()).unwrap();
+        let mut session = store.begin(RunKind::Session, "simulated").unwrap();
+        append(&mut session, 0, &run_started());
+        for record in records {
+            append(&mut session, 1, record);
+        }
+        if number == 1 {
+            // A session without a record gets its first one, its end, when the journal is opened again.
+            store.begin(RunKind::Session, "other").unwrap();
+        }
+        session.commit().unwrap();
+        ids.push(session.id());
+    }
+    let reader = Reader::open(directory.path()).unwrap();
+    let sessions: Vec<_> = ids.iter().map(|id| reader.run(*id).unwrap()).collect();
+    let words: Vec<_> =
+        sessions.iter().map(|session| reader.probe_word(session).unwrap()).collect();
+    let lowered = ProbeWord::MayTouch { at_mm: None, down_to_mm: Some(9.0) };
+    let (clear, silent) = (ProbeWord::Clear, ProbeWord::Silent);
+    assert_eq!(words, [clear, silent, lowered, silent, clear]);
+    let left = |session| reader.interruption(session).unwrap().unwrap();
+    let cleared: Vec<_> = sessions.iter().map(|session| left(session).is_cleared_since).collect();
+    assert_eq!(cleared, [true, true, true, true, false]);
+}
+
+#[test]
 fn every_cut_of_a_run_says_where_it_was_left() {
     let all = records();
     let is_intent = |record: &Record| matches!(record, Record::Intent(_));

@@ -120,6 +120,21 @@ fn a_run_that_is_given_up_is_sealed() {
     }
 }
 
+#[test]
+fn the_seal_of_a_run_that_was_given_up_is_missed() {
+    for cut in [1, records().len()] {
+        let directory = Directory::new();
+        let id = cut_short(&directory, cut);
+        Store::open(directory.path()).unwrap().give_up(id, 0, "Ada").unwrap();
+        let reader = Reader::open(directory.path()).unwrap();
+        assert!(matches!(reader.verify(id).unwrap(), ChainCheck::Intact { .. }), "cut at {cut}");
+        let database = rusqlite::Connection::open(directory.path().join("rigd.db")).unwrap();
+        assert_eq!(database.execute("DELETE FROM seals", []).unwrap(), 1);
+        let (seq, flaw) = (cut as u64 + 2, Flaw::SealDiffers);
+        assert_eq!(reader.verify(id).unwrap(), ChainCheck::Broken { seq, flaw }, "cut at {cut}");
+    }
+}
+
 /// A journal with a completed run between two others.
 fn sealed_journal() -> (Directory, RunId) {
     let directory = Directory::new();

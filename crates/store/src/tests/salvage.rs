@@ -8,6 +8,9 @@ use crate::{
     StoredRecord, SweepPurpose, salvage,
 };
 
+/// Size of a page of the database, bytes.
+const PAGE: usize = 4096;
+
 /// Runs of many pages, completed, faulted and cut short, and a session.
 fn journal() -> (Directory, Vec<(RunId, Vec<StoredRecord>)>) {
     let directory = Directory::new();
@@ -59,7 +62,6 @@ fn a_sound_journal_is_copied_as_it_is() {
 
 #[test]
 fn a_ruined_page_costs_the_runs_that_stand_on_it_and_no_other() {
-    const PAGE: usize = 4096;
     let (directory, runs) = journal();
     let clean = fs::read(directory.path().join("rigd.db")).unwrap();
     let (mut whole, mut cut, mut lost, mut resumable) = (0, 0, 0, 0);
@@ -106,6 +108,75 @@ fn a_ruined_page_costs_the_runs_that_stand_on_it_and_no_other() {
     let counts = [whole, cut, resumable];
     assert!(counts.iter().all(|count| *count > 10) && lost < 6, "{counts:?}, {lost} lost");
     assert!(whole > 2 * cut, "{counts:?}");
+}
+
+/// A journal whose list of runs has several pages, and the ids of its runs in their order. Each has a sweep. The first one
+/// is archived, and the last one is the note of that.
+fn long_list() -> (Directory, Vec<String>) {
+    let directory = Directory::new();
+    let store = Store::open(directory.path()).unwrap();
+    let mut first = None;
+    for _ in 0..60 {
+        let mut journal = store.begin(RunKind::Run, "short").unwrap();
+        append(&mut journal, 0, &records()[0]);
+        append(&mut journal, 1, &sweep(1, SweepPurpose::NoLoad, 140.4));
+        append(&mut journal, 2, &Record::RunFinished(RunFinished { status: Ending::Completed }));
+        journal.commit().unwrap();
+        _ = first.get_or_insert(journal.id());
+    }
+    store.archive(first.unwrap(), "there", "me").unwrap();
+    drop(store);
+    let runs = Reader::open(directory.path()).unwrap().runs().unwrap();
+    (directory, runs.iter().rev().map(|run| run.id.to_string()).collect())
+}
+
+/// The pages that have the entries of the list of runs, in the order of the entries. The first page of a file is 1.
+///
+/// # Source
+/// SQLite, "Database File Format", section 1.6.
+fn pages_of_list(directory: &Path, bytes: &[u8]) -> Vec<usize> {
+    let database = rusqlite::Connection::open(directory.join("rigd.db")).unwrap();
+    let root = "SELECT rootpage - 1 FROM sqlite_schema WHERE name = 'runs'";
+    let root = database.query_row(root, [], |row| row.get::<_, i64>(0)).unwrap();
+    let root = &bytes[usize::try_from(root).unwrap() * PAGE..][..PAGE];
+    let number = |at: usize, length: usize| {
+        root[at..at + length].iter().fold(0_usize, |number, byte| 256 * number + usize::from(*byte))
+    };
+    assert_eq!(root[0], 5, "the root has entries itself");
+    let children = (0..number(3, 2)).map(|cell| number(number(12 + 2 * cell, 2), 4));
+    children.chain([number(8, 4)]).collect()
+}
+
+#[test]
+fn a_ruined_page_of_the_list_of_runs_costs_its_entries_and_each_is_named() {
+    let (directory, ids) = long_list();
+    let clean = fs::read(directory.path().join("rigd.db")).unwrap();
+    let pages = pages_of_list(directory.path(), &clean);
+    assert!(pages.len() > 2, "{pages:?}");
+    for (page, is_last) in [(pages[1], false), (pages[pages.len() - 1], true)] {
+        let (damaged, target) = (Directory::new(), Directory::new());
+        let mut bytes = clean.clone();
+        bytes[(page - 1) * PAGE..page * PAGE].fill(0xa5);
+        fs::write(damaged.path().join("rigd.db"), bytes).unwrap();
+        let salvaged = salvage(damaged.path(), target.path()).unwrap();
+        assert!(salvaged.iter().map(|run| &run.id).eq(&ids), "page {page}: {salvaged:?}");
+        let reader = Reader::open(target.path()).unwrap();
+        let is_kept = |id: &str| reader.run(id.parse().unwrap()).is_ok();
+        let (kept, lost): (Vec<_>, Vec<_>) = salvaged.iter().partition(|run| is_kept(&run.id));
+        assert!((1..30).contains(&lost.len()), "page {page}: {lost:?}");
+        for run in lost {
+            assert_eq!((&*run.name, run.records), ("", 0), "page {page}");
+            assert!(matches!(run.flaw, Some(Flaw::Unreadable { .. })), "page {page}: {run:?}");
+        }
+        // The readings of the first run are right if the note of its archive can be read.
+        let is_cut = matches!(kept[0].flaw, Some(Flaw::Unreadable { .. })) && kept[0].records == 1;
+        assert_eq!(is_cut, is_last, "page {page}: {:?}", kept[0]);
+        assert!(kept[1..].iter().all(|run| run.flaw.is_none()), "page {page}: {kept:?}");
+        for run in kept {
+            let check = reader.verify(run.id.parse().unwrap()).unwrap();
+            assert!(matches!(check, ChainCheck::Intact { .. }), "page {page}: {check:?}");
+        }
+    }
 }
 
 #[test]

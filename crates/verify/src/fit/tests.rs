@@ -45,7 +45,7 @@ fn settled_readings_tell_their_noise_alone_where_nothing_is_known_of_it() {
     for noise in [1e-2, 1e-4, 1e-6] {
         let sign = |k: usize| if k.is_multiple_of(3) { 1.0 } else { -1.0 };
         let disturbed = |(k, reading): (usize, &Reading)| {
-            let z = impedance(reading) * (1.0 + noise * sign(k));
+            let z = measured(reading) * (1.0 + noise * sign(k));
             // So long that nothing rings.
             let (re, im) = (Some(z.re), Some(z.im));
             Reading { resistance_ohm: re, reactance_ohm: im, settle_s: 5.0, ..*reading }
@@ -66,12 +66,12 @@ fn with_extra(readings: &[Reading], resonance_hz: f64, c0: f64, extra: Extra) ->
         let omega = TAU * reading.frequency_hz;
         let drive = Complex64::new(0.0, omega);
         let mut reading = *reading;
-        let mut z = impedance(&reading);
+        let mut z = measured(&reading);
         match extra {
             Extra::Drift { change } => {
                 let when = 2.0 * k as f64 / last as f64 - 1.0;
                 reading = steady(resonance_hz * (1.0 + change * when), 34.0, c0, 0.09, 0.01)[k];
-                z = impedance(&reading);
+                z = measured(&reading);
             }
             Extra::Relaxation { .. } => unreachable!("settled readings are fitted without one"),
             Extra::Stray { resistance_ohm, inductance_h } => {
@@ -327,7 +327,7 @@ fn a_second_mode_shifts_a_resonance_by_no_more_than_its_widened_deviation() {
             let omega = TAU * reading.frequency_hz;
             let u = reading.frequency_hz / (resonance_hz * (1.0 + place / q));
             let branch = Complex64::new(1.0 - u * u, u / q).inv() * 0.09 * share;
-            let z = (impedance(reading).inv() + Complex64::new(0.0, omega * c0) * branch).inv();
+            let z = (measured(reading).inv() + Complex64::new(0.0, omega * c0) * branch).inv();
             (reading.resistance_ohm, reading.reactance_ohm) = (Some(z.re), Some(z.im));
         }
         let found =

@@ -35,7 +35,7 @@ const ENOUGH: f64 = 1e-6;
 /// A step that saves less than this part of what the linear problem promised was too long.
 const KEPT_PROMISE: f64 = 0.5;
 
-pub(super) fn impedance(reading: &Reading) -> Complex64 {
+pub(crate) fn measured(reading: &Reading) -> Complex64 {
     Complex64::new(reading.resistance_ohm.unwrap_or(0.0), reading.reactance_ohm.unwrap_or(0.0))
 }
 
@@ -77,7 +77,7 @@ pub(super) fn stays(readings: &[Reading], unit: f64, first_gap_s: f64) -> Vec<St
             integration_s: reading.integration_s,
             settle_s: reading.settle_s,
             when: 2.0 * (middle_s(reading) - first_s) / (last_s - first_s) - 1.0,
-            z: impedance(reading) * unit,
+            z: measured(reading) * unit,
         };
         let is_same = before.is_some_and(|before| before.frequency_hz == reading.frequency_hz);
         before = Some(reading);

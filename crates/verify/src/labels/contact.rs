@@ -1,13 +1,11 @@
 //! Whether a sweep of a touch has felt a contact.
 
-use std::f64::consts::TAU;
-
 use num_complex::Complex64;
 
 use super::{Labels, SweepFacts};
 use crate::{
     finding::{Check, Findings},
-    record::Circuit,
+    fit,
     settings::Settings,
 };
 
@@ -66,10 +64,5 @@ impl Labels {
 /// The impedance of the circuit that a sweep found, ohm.
 fn impedance(facts: &SweepFacts, at_hz: f64) -> Option<Complex64> {
     let (resonance_hz, _) = *facts.outcome.as_ref().ok()?;
-    let Circuit { quality_factor, static_capacitance_f, capacitance_ratio, loss_tangent } =
-        facts.circuit?;
-    let x = at_hz / resonance_hz;
-    let motional = capacitance_ratio / Complex64::new(1.0 - x * x, x / quality_factor);
-    let capacitance = static_capacitance_f * (Complex64::new(1.0, -loss_tangent) + motional);
-    Some((Complex64::I * TAU * at_hz * capacitance).inv())
+    Some(fit::impedance(&facts.circuit?, resonance_hz, at_hz))
 }

@@ -21,6 +21,7 @@ impl Labels {
     ) {
         let search = ("approach", &*descended.step, &descended.pose, &[][..]);
         self.searched(seq, rig_us, search, motion, settings, findings);
+        self.check_frequencies(seq, &descended.readings, findings);
         if let Some(settings) = settings {
             descent::check(seq, rig_us, &descended, &settings.protocol, findings);
         }

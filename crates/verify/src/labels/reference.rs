@@ -211,10 +211,9 @@ mod tests {
             count: 100,
             action: Action::NoLoad { pose },
         };
-        for minute in 0..20_u32 {
-            let at_s = 60.0 * f64::from(minute);
-            references.step_started((at_s * 1e6) as u64, &step, false);
-            let number = u64::from(minute);
+        for number in 0..20_u64 {
+            let at_s = 60.0 * number as f64;
+            references.step_started(60_000_000 * number, &step, false);
             references.measured(number, number, (at_s, at_s + 1.0), (140.0, 0.02));
         }
         references.since.push("main/1/front/0/1".to_owned());

@@ -84,6 +84,10 @@ impl Labels {
             self.swept_s = rig_us as f64 / 1e6;
             self.halfway.get_or_insert((facts.clone(), indented_mm));
         }
+        if facts.purpose == "touch" {
+            // The surface is looked for again after it.
+            self.again = None;
+        }
         self.sweep = Some(facts);
         self.free_s = rig_us as f64 / 1e6;
     }
@@ -91,7 +95,9 @@ impl Labels {
     /// The purpose, the address and the pose of a sweep are those of the step under way, and the probe
     /// is where the purpose needs it.
     fn check_step(&self, seq: u64, sweep: &Sweep, motion: &Motion, findings: &mut Findings) {
-        let (probe, indented) = (motion.probe, self.indented_mm.is_some());
+        // Nothing has moved the probe since its indentation.
+        let indented = self.indented_mm.is_some() && self.indented_mm == motion.linear_mm;
+        let probe = motion.probe;
         let started = self.step.as_ref().map(|step| &step.started);
         let (purpose, pose) = match started.map(|started| &started.action) {
             None => ("manual", None),

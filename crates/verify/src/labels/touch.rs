@@ -6,8 +6,8 @@ use crate::{
     finding::{Check, Findings},
     motion::{Motion, Probe, ROUNDING},
     record::{
-        Action, Indented, Pose, RefusalAnswered, SurfaceFound, SurfaceTrail, Touch, TouchRefused,
-        TouchResult, Tried,
+        Action, Indented, Pose, Reading, RefusalAnswered, SurfaceFound, SurfaceTrail, Touch,
+        TouchRefused, TouchResult, Tried,
     },
     settings::Settings,
     surface,
@@ -17,6 +17,9 @@ use crate::{
 const COPY: f64 = 1e-9;
 /// A refused sweep in contact is repeated once before the touch is refused because of it.
 const SWEEPS_REFUSED: u32 = 2;
+/// Readings of a search are at the free resonance within this part of it: an analyzer that rounds frequencies coarsely
+/// takes one within a hundredth.
+const OFF_RESONANCE: f64 = 0.015;
 /// Begins of the reason if what was measured after the sweep speaks against the touch.
 const CONTRADICTED: &str = "it is contradicted by what was measured next: ";
 const SLIPPED: &str = "after the sweep the probe ";
@@ -100,7 +103,30 @@ impl Labels {
         let approach = approach.filter(|_| self.descended.is_none());
         surface::check_trail(seq, rig_us, trail, (descent, approach), findings);
         let readings: Vec<_> = trail.iter().map(|tried| tried.reading).collect();
+        self.check_frequencies(seq, &readings, findings);
         self.check_standstills(seq, &readings, findings);
+    }
+
+    /// A contact is felt by the change of the impedance at the resonance of the free sensor. Elsewhere the impedance is
+    /// another one without any contact.
+    pub(super) fn check_frequencies(
+        &self,
+        seq: u64,
+        readings: &[Reading],
+        findings: &mut Findings,
+    ) {
+        let Some(Ok((free_hz, _))) = self.reference.as_ref().map(|reference| &reference.outcome)
+        else {
+            return;
+        };
+        for (index, reading) in readings.iter().enumerate() {
+            let (found_hz, limit_hz) = (reading.frequency_hz, OFF_RESONANCE * free_hz);
+            if limit_hz < (found_hz - free_hz).abs() || found_hz.is_nan() {
+                let what = format!("the frequency of reading {} of a search, Hz", index + 1);
+                let limit = Some(limit_hz.to_string());
+                findings.within(Check::Surface, seq, what, free_hz, found_hz, limit);
+            }
+        }
     }
 
     /// The readings after the sweep allow that the surface has moved as the reason says.

@@ -1,5 +1,7 @@
 //! A rig that is not commissioned: it refuses everything but stops and the steps of commissioning.
 
+use std::sync::Arc;
+
 use rig_commission::{Answer, Asked, Jog, JogAxis, Jogged, Order};
 use rig_engine::Command;
 use rig_interlock::{Proven, Word};
@@ -16,6 +18,11 @@ impl Shell {
             Some(rig) => Err(RequestRefusal::NotCommissioned { missing: rig.missing.clone() }),
             None => Ok(()),
         }
+    }
+
+    /// What is missing for a rig in service.
+    pub(in crate::rig) fn missing(&self) -> Option<Arc<str>> {
+        self.uncommissioned.as_ref().map(|rig| Arc::clone(&rig.missing))
     }
 
     /// Latches a rig that is not commissioned.
