@@ -1,4 +1,24 @@
--- Runs that go on behind an end, and seals of ends that are not complete.
+-- Runs that go on behind an end, seals of ends that are not complete, and the amendments of a run.
+
+-- The results of runs look for them by the run that they amend.
+CREATE INDEX ON hub.run (name) WHERE kind = 'amendment';
+-- How many amendments a result has. Times do not tell: one may have begun to come before the result, and be there after it.
+ALTER TABLE hub.result ADD COLUMN amendments bigint NOT NULL DEFAULT 0;
+
+-- As in step 8; a run that was amended since it was judged stays.
+CREATE OR REPLACE FUNCTION hub.must_stay(of_run hub.run) RETURNS text
+LANGUAGE sql STABLE STRICT
+RETURN CASE
+    WHEN of_run.seal IS NULL THEN 'it has no seal'
+    WHEN EXISTS (SELECT FROM hub.unread AS u WHERE u.run = of_run.id) THEN 'it has records without a typed row'
+    WHEN EXISTS (SELECT FROM hub.clash AS c WHERE c.run = of_run.id) THEN 'records of it were put aside'
+    WHEN of_run.kind = 'run' AND NOT EXISTS (SELECT FROM hub.result AS r WHERE r.run = of_run.id)
+        THEN 'it is not judged yet'
+    WHEN of_run.kind = 'run' AND (SELECT r.amendments FROM hub.result AS r WHERE r.run = of_run.id) <> (
+        SELECT count(*) FROM hub.run AS a
+        WHERE a.kind = 'amendment' AND a.name = of_run.id::text AND a.seal IS NOT NULL)
+        THEN 'it was amended, and is not judged again yet'
+END;
 
 -- As in step 8; a run that is resumed or given up is running again, as at its beginning.
 CREATE OR REPLACE FUNCTION hub.take_record(j hub.journal, INOUT of_run hub.run, r json)

@@ -53,9 +53,8 @@ impl Inlet {
     /// [`InletError`].
     pub async fn open(client: Client, reader: &Reader, software: &str) -> Result<Self, InletError> {
         let (journal, _) = reader.identity()?;
-        let greet = "SELECT (c).* FROM hub.greet($1::text::uuid, $2) AS c";
-        let row = client.query_one(greet, &[&journal, &software]).await?;
-        let mut inlet = Self { client, journal, cursor: cursor(&row)? };
+        let cursor = asked(&client, &journal, software).await?;
+        let mut inlet = Self { client, journal, cursor };
         if !inlet.is_at_cursor(reader)? {
             inlet.rewind().await?;
         }
@@ -97,14 +96,16 @@ impl Inlet {
         Ok(&self.cursor)
     }
 
-    /// Tells the hub that the bench is there, and asks whether it still has what it had.
+    /// Tells the hub that the bench is there, and asks whether it still has what it had. If the journal has another
+    /// record at the cursor, a copy of it has shipped meanwhile, and it is begun again.
     ///
     /// # Errors
     /// [`InletError`].
-    pub async fn greet(&mut self, software: &str) -> Result<(), InletError> {
-        let greet = "SELECT (c).* FROM hub.greet($1::text::uuid, $2) AS c";
-        let row = self.client.query_one(greet, &[&self.journal, &software]).await?;
-        self.cursor = cursor(&row)?;
+    pub async fn greet(&mut self, reader: &Reader, software: &str) -> Result<(), InletError> {
+        self.cursor = asked(&self.client, &self.journal, software).await?;
+        if !self.is_at_cursor(reader)? {
+            self.rewind().await?;
+        }
         Ok(())
     }
 
@@ -121,6 +122,12 @@ impl Inlet {
         self.cursor = cursor(&row)?;
         Ok(())
     }
+}
+
+/// The cursor of a journal, which the hub is asked for.
+async fn asked(client: &Client, journal: &str, software: &str) -> Result<Cursor, InletError> {
+    let greet = "SELECT (c).* FROM hub.greet($1::text::uuid, $2) AS c";
+    cursor(&client.query_one(greet, &[&journal, &software]).await?)
 }
 
 /// The cursor of an answer.

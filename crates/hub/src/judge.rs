@@ -1,5 +1,7 @@
 //! The results of runs, as their report has them: stiffness, and whether the model behind it holds.
 
+use std::collections::BTreeSet;
+
 use rig_report::RunResults;
 use rig_store::{Digest, Run, RunId, RunKind, RunStatus, StoredRecord};
 use tokio_postgres::{Client, Row};
@@ -13,10 +15,9 @@ pub async fn judge(client: &mut Client) -> Result<usize, tokio_postgres::Error> 
         SELECT r.id::text, r.name, r.started_at, r.finished_at, r.status, r.records, r.epoch
         FROM hub.run AS r LEFT JOIN hub.result AS found ON found.run = r.id
         WHERE r.kind = 'run' AND r.seal IS NOT NULL AND r.pruned_at IS NULL
-          AND (found.run IS NULL OR EXISTS (
-              SELECT FROM hub.run AS a
-              WHERE a.kind = 'amendment' AND a.name = r.id::text AND a.seal IS NOT NULL
-                AND hub.taken_at(a) > found.judged_at))
+          AND (found.run IS NULL OR found.amendments <> (
+              SELECT count(*) FROM hub.run AS a
+              WHERE a.kind = 'amendment' AND a.name = r.id::text AND a.seal IS NOT NULL))
         ORDER BY r.id";
     let runs = client.query(select, &[]).await?;
     for run in &runs {
@@ -36,10 +37,14 @@ async fn judge_run(client: &mut Client, row: &Row) -> Result<(), tokio_postgres:
     };
     let before = "DELETE FROM hub.stiffness WHERE run = $1::text::uuid";
     transaction.execute(before, &[&id]).await?;
-    let judged = "INSERT INTO hub.result (run, model_verdict, reason) VALUES ($1::text::uuid, $2, $3)
+    let judged = "INSERT INTO hub.result (run, model_verdict, reason, amendments) VALUES ($1::text::uuid, $2, $3, $4)
                   ON CONFLICT (run) DO UPDATE
-                  SET model_verdict = excluded.model_verdict, reason = excluded.reason, judged_at = now()";
-    transaction.execute(judged, &[&id, &verdict, &reason]).await?;
+                  SET model_verdict = excluded.model_verdict, reason = excluded.reason,
+                      amendments = excluded.amendments, judged_at = now()";
+    let parts: BTreeSet<&str> = rows.iter().map(|row| row.get(1)).collect();
+    let amendments = parts.iter().filter(|part| **part != id).count();
+    let amendments = i64::try_from(amendments).unwrap_or(i64::MAX);
+    transaction.execute(judged, &[&id, &verdict, &reason, &amendments]).await?;
     for found in results.iter().flat_map(|results| results.summary().stiffness) {
         let Some(stiffness_mpa) = found.stiffness_mpa else { continue };
         let insert = "INSERT INTO hub.stiffness VALUES ($1::text::uuid, $2, $3, $4, $5)";

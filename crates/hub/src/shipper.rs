@@ -213,7 +213,7 @@ async fn passage<T>(
                 }
             }
             () = sleep(GREET_EVERY) => {
-                timeout(ANSWER_TIME, inlet.greet(software)).await??;
+                timeout(ANSWER_TIME, inlet.greet(&reader, software)).await??;
                 note(inlet.cursor().event, 0);
             }
         }

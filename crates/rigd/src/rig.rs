@@ -522,7 +522,8 @@ impl RigHandle {
         self.ask(Request::Note { action, by: by.to_owned(), reply }, answer).await?
     }
 
-    /// Ends the current operation, leaves the probe clear, and ends the rig thread.
+    /// Ends what is under way, which retracts the probe, and ends the rig thread. A probe that was lowered by hand stays
+    /// where it is.
     pub async fn close(&self) {
         let (reply, answer) = oneshot::channel();
         // A rig that is closed already is closed.

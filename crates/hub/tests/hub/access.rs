@@ -115,7 +115,7 @@ async fn a_bench_is_its_certificate() {
     );
 
     admin::revoke_bench(&hub.admin, &left.parse().unwrap()).await.unwrap();
-    assert!(inlet.greet("rigd 0").await.is_err(), "its connection has ended");
+    assert!(inlet.greet(&reader, "rigd 0").await.is_err(), "its connection has ended");
     assert!(connect(&config, Some(&identity)).await.is_err(), "it is not let in again");
     admin::add_bench(&hub.admin, &left.parse().unwrap()).await.unwrap();
     assert!(connect(&config, Some(&identity)).await.is_ok(), "it is let in again");

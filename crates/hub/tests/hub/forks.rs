@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use rig_hub::{InletError, admin};
-use rig_store::{Ending, RunKind, Store, back_up};
+use rig_hub::{Inlet, InletError, admin};
+use rig_store::{Ending, Reader, RunKind, Store, back_up};
 use tempfile::TempDir;
 
 use crate::support::{
@@ -106,6 +106,33 @@ async fn two_copies_of_a_journal_are_quarantined_until_a_person_decides() {
         assert!(admin::acknowledge(&admin, alarm.id, "ada").await.is_err(), "it was looked at");
     }
     assert_eq!(hub.alarms().await, [""; 0]);
+}
+
+/// Its connection is that of before. What it writes next would have gone on behind records that it does not have.
+#[tokio::test]
+async fn an_idle_bench_whose_copy_has_shipped_meanwhile_sends_its_journal_again() {
+    let hub = Hub::new().await;
+    let role = hub.bench("left").await;
+    let (data, store, session) = journal();
+    let reader = Reader::open(data.path()).unwrap();
+    let mut inlet = Inlet::open(hub.as_role(&role).await, &reader, "rigd 0").await.unwrap();
+    let send = async |inlet: &mut Inlet| {
+        while let Some(batch) = inlet.next(&reader).unwrap() {
+            inlet.send(&batch).await.unwrap();
+        }
+    };
+    send(&mut inlet).await;
+    let copied = copy(data.path());
+    sealed_run(&Store::open(copied.path()).unwrap(), "there", 3);
+    hub.ship(&role, copied.path()).await.unwrap();
+    sealed_run(&store, "here", 3);
+    inlet.greet(&reader, "rigd 0").await.unwrap();
+    send(&mut inlet).await;
+    let (contents, id) = (hub.contents().await, session.id().to_string());
+    for (run, lines) in contents_of(data.path()).into_iter().filter(|(run, _)| *run != id) {
+        assert_eq!(contents[&run], lines, "{run}");
+    }
+    assert!(hub.alarms().await.contains(&"rewound".to_owned()), "{:?}", hub.alarms().await);
 }
 
 #[tokio::test]

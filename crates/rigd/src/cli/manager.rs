@@ -31,7 +31,7 @@ pub(super) fn reloading() {
 
 /// Says that the daemon is ending. The retract may take as long as the unit allows.
 pub(super) fn stopping() {
-    tell(&[NotifyState::Stopping, NotifyState::Status("leaving the probe clear and closing")]);
+    tell(&[NotifyState::Stopping, NotifyState::Status("ending what is under way and closing")]);
 }
 
 /// Feeds the watchdog and tells the state, for as long as the rig loop gives signs of life.

@@ -156,14 +156,18 @@ impl History {
     }
 }
 
-/// The kinds of records that say when steps begin and end.
-const KINDS: [&str; 6] = [
+/// The kinds of records that say when steps begin and end. Those of a person, of an end and of a resumption lie between
+/// the two of a step that was interrupted.
+const KINDS: [&str; 9] = [
     "run_started",
     "step_started",
     "prompt_asked",
     "prompt_answered",
     "touch_result",
     "touch_refused",
+    "operator",
+    "run_finished",
+    "resumed",
 ];
 
 /// The plan of a run on the present rig, if it was a run of this rig.

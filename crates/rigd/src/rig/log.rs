@@ -34,8 +34,10 @@ pub(super) struct Log {
     session: (Journal, Recorder),
     session_began: RigTime,
     run: Option<(Journal, Recorder)>,
-    /// Ids of the first and the newest event of the session; 0 before the first one.
+    /// Ids of the first event of the session, and of the newest one that is committed; 0 before that.
     events: [u64; 2],
+    /// Id of the newest event, which may not be committed yet.
+    newest: u64,
     /// Why the journal refused a record; `None` after the engine has been informed.
     unwritten: Option<String>,
     /// Why the journal cannot be written any more.
@@ -65,6 +67,7 @@ impl Log {
             session_began: clock.now(),
             run: None,
             events: [0; 2],
+            newest: 0,
             unwritten: None,
             error: None,
             last_commit: Instant::now(),
@@ -86,7 +89,8 @@ impl Log {
         self.run.as_ref().map(|(journal, recorder)| (journal.id(), recorder))
     }
 
-    /// Ids of the first and the newest event of the session; 0 before the first one.
+    /// Ids of the first event of the session, and of the newest one that is committed, which others can read; 0 before
+    /// that.
     pub(super) const fn events(&self) -> [u64; 2] {
         self.events
     }
@@ -130,10 +134,9 @@ impl Log {
         self.pulse.beat(Doing::Deciding);
         match appended {
             Ok(id) => {
-                let [first, newest] = &mut self.events;
-                *newest = id;
-                if *first == 0 {
-                    *first = id;
+                self.newest = id;
+                if self.events[0] == 0 {
+                    self.events[0] = id;
                 }
             }
             // The journal is unchanged, and accepts the fault that follows.
@@ -153,8 +156,9 @@ impl Log {
         let committed = self.session.0.commit();
         self.meters.committed(self.last_commit.elapsed());
         self.pulse.beat(Doing::Deciding);
-        if let Err(error) = committed {
-            self.failed(&error);
+        match committed {
+            Ok(()) => self.events[1] = self.newest,
+            Err(error) => self.failed(&error),
         }
     }
 

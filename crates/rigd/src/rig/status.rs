@@ -41,7 +41,7 @@ pub struct Status {
     pub state_since: RigTime,
     /// The first event of this session in the journal.
     pub first_event: u64,
-    /// The newest event in the journal.
+    /// The newest event that is committed to the journal.
     pub last_event: u64,
     /// Why the journal cannot be written any more.
     pub journal_error: Option<Arc<str>>,
