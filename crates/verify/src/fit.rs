@@ -12,6 +12,7 @@
 //! found by the method of Levenberg and Marquardt.
 
 mod beside;
+mod motion;
 #[cfg(test)]
 mod tests;
 mod trace;
@@ -111,10 +112,10 @@ impl<'a> Stated<'a> {
         Self { resonance_hz, circuit, extra: None, effective_time_s: None }
     }
 
-    /// What a fit of these readings has beside the circuit, with its unknowns in units of `unit`.
+    /// What a fit of readings from `begin_s` and for `span_s` has beside the circuit, with its unknowns in units of `unit`.
     fn beside(
         &self,
-        (first, last): (&Reading, &Reading),
+        (begin_s, span_s): (f64, f64),
         is_ringing: bool,
         unit: f64,
     ) -> Option<(Beside, [f64; BESIDE])> {
@@ -122,7 +123,6 @@ impl<'a> Stated<'a> {
         if !is_ringing {
             return Beside::of(extra, self.circuit, unit);
         }
-        let (begin_s, span_s) = (first.begin_s(), last.end_s() - first.begin_s());
         let stated_s = self.effective_time_s.map_or(0.5 * span_s, |time_s| time_s - begin_s);
         Beside::of_ringing(extra, Course { span_s, time_s: f64::INFINITY, stated_s })
     }
@@ -135,7 +135,7 @@ pub(crate) fn fit(
     noise: Option<FitNoise>,
     stated: Stated<'_>,
 ) -> Option<Fitted> {
-    let (first, last) = (readings.first()?, readings.last()?);
+    let first = readings.first()?;
     let (is_ringing, first_gap_s) = match motion {
         Motion::Settled => (false, 0.0),
         Motion::Ringing { first_gap_s } => (true, first_gap_s),
@@ -143,11 +143,12 @@ pub(crate) fn fit(
     let is_noise_unknown = noise.is_none() && !is_ringing;
     let noise = noise.unwrap_or(if is_ringing { NOISE } else { NOISE_OF_SETTLED });
     let unit = 1.0 / (TAU * first.frequency_hz * measured(first).norm());
-    let beside = stated.beside((first, last), is_ringing, unit);
+    let stays = stays(readings, unit, first_gap_s);
+    let mut trace = Trace { stays, is_ringing, first_gap_s, beside: None };
+    let beside = stated.beside((first.begin_s(), trace.span_s()), is_ringing, unit);
     let (beside, stated_beside) =
         beside.map_or((None, [0.0; BESIDE]), |(kind, at)| (Some(kind), at));
-    let stays = stays(readings, unit, first_gap_s);
-    let trace = Trace { stays, is_ringing, first_gap_s, beside };
+    trace.beside = beside;
     let mut at = Unknowns {
         circuit: near(stated.resonance_hz, stated.circuit, unit),
         beside: stated_beside,

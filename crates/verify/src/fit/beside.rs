@@ -33,60 +33,9 @@ impl Course {
         }
     }
 
-    /// The part that the forced motion shows in the mean of a reading of `span_s` with its middle at this time, where
-    /// the free motion goes as e^{λt}.
-    ///
-    /// A change e^{pt} of the rate shows λ/(λ − p) times: an approach, for which p = −1/τ, by λ/(λ + 1/τ), and an even
-    /// change at the complex time t + 1/λ.
-    fn shown(&self, s: f64, span_s: f64, lambda: Complex64) -> Complex64 {
-        if !self.time_s.is_finite() {
-            return (s + lambda.inv()) / self.span_s;
-        }
-        let half = 0.5 * span_s / self.time_s;
-        let left = (-s / self.time_s).exp() * half.sinh() / half;
-        (1.0 - left * lambda / (lambda + self.time_s.recip())) / self.all()
-    }
-
     /// The part of an exponential approach that happens during the sweep.
     fn all(&self) -> f64 {
         1.0 - (-self.span_s / self.time_s).exp()
-    }
-
-    /// The mean of that over `passed_s` from `begin_s`.
-    fn mean_since_stated(&self, begin_s: f64, passed_s: f64) -> f64 {
-        let mean = if self.time_s.is_finite() {
-            let at = |s: f64| self.time_s * (-s / self.time_s).exp();
-            (1.0 - (at(begin_s) - at(begin_s + passed_s)) / passed_s) / self.all()
-        } else {
-            (begin_s + 0.5 * passed_s) / self.span_s
-        };
-        mean - self.done(self.stated_s)
-    }
-}
-
-/// How far a resonance has moved for a reading, as a part of its change.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Moved {
-    /// For the forced motion.
-    pub(super) forced: Complex64,
-    /// For the free decay until the middle of the reading, whose phase is what was turned since the stay began.
-    pub(super) until: f64,
-    /// For the free decay in the reading.
-    pub(super) now: f64,
-}
-
-impl Moved {
-    /// For a reading of `span_s` with its middle `after_s` after `begin_s`, where the stay begins; `rate` is λ of a
-    /// resonance that has changed by the given part of the change.
-    pub(super) fn new(
-        course: &Course,
-        (begin_s, after_s, span_s): (f64, f64, f64),
-        rate: impl Fn(f64) -> Complex64,
-    ) -> Self {
-        let (middle_s, stated) = (begin_s + after_s, course.done(course.stated_s));
-        let now = course.done(middle_s) - stated;
-        let forced = course.shown(middle_s, span_s, rate(now)) - stated;
-        Self { forced, until: course.mean_since_stated(begin_s, after_s), now }
     }
 }
 

@@ -5,7 +5,10 @@ use std::f64::consts::{PI, TAU};
 use num_complex::Complex64;
 
 use crate::{
-    fit::beside::{self, Beside, Course, Moved, Place},
+    fit::{
+        beside::{self, Beside, Course, Place},
+        motion::{Branch, Mean, Passage, decay, resting},
+    },
     normal::{GLOBAL, Normal, Part, Step},
     record::Reading,
 };
@@ -157,37 +160,6 @@ pub(super) struct Trace {
     pub(super) beside: Option<Beside>,
 }
 
-/// The circuit with what follows from it.
-pub(super) struct Branch {
-    q: f64,
-    omega: f64,
-    /// Complex frequency of the free decay, rad/s, and its slopes by ln f and ln Q.
-    s: Complex64,
-    by_q: Complex64,
-}
-
-impl Branch {
-    fn new(circuit: &[f64; CIRCUIT]) -> Self {
-        let (omega, q) = (TAU * circuit[0].exp(), circuit[1].exp().max(0.51));
-        let ringing = (1.0 - 0.25 / (q * q)).sqrt();
-        let s = omega * Complex64::new(-0.5 / q, ringing);
-        let by_q = omega * Complex64::new(0.5 / q, 0.25 / (q * q) / ringing);
-        Self { q, omega, s, by_q }
-    }
-
-    /// 1/D and the slopes of D by ln f and ln Q.
-    fn response(&self, omega: f64) -> (Complex64, Complex64, Complex64) {
-        self.response_if_moved(omega, Complex64::ZERO)
-    }
-
-    /// The same where the logarithm of the resonance has changed by this.
-    fn response_if_moved(&self, omega: f64, by: Complex64) -> (Complex64, Complex64, Complex64) {
-        let u = (-by).exp() * (omega / self.omega);
-        let (square, loss) = (u * u, Complex64::I * u / self.q);
-        ((1.0 - square + loss).inv(), 2.0 * square - loss, -loss)
-    }
-}
-
 /// A second mode with the capacitance 1 in a stay: its steady part as an admittance, and the rest at the first
 /// reading.
 #[derive(Clone, Copy)]
@@ -206,24 +178,6 @@ enum Row {
     Moving,
 }
 
-/// The mean of e^{λt} over a reading that begins at `t` and takes `span`, and its slope by λ.
-fn decay(lambda: Complex64, t: f64, span: f64) -> (Complex64, Complex64) {
-    let x = lambda * span;
-    let (before, growth) = ((lambda * t).exp(), x.exp());
-    let mean = (growth - 1.0) / x;
-    (before * mean, before * (mean * t + (growth - mean) / x * span))
-}
-
-/// The mean of a free decay over a reading of `span` with its middle at `after`, and its slopes by the mean λ until
-/// there and by λ in the reading.
-fn turned(until: Complex64, after: f64, now: Complex64, span: f64) -> (Complex64, [Complex64; 2]) {
-    let x = now * span;
-    let (before, growth) = ((until * after - 0.5 * x).exp(), x.exp());
-    let mean = (growth - 1.0) / x;
-    let slope = ((growth - mean) / x - 0.5 * mean) * span;
-    (before * mean, [before * mean * after, before * slope])
-}
-
 impl Trace {
     fn steady(circuit: &[f64; CIRCUIT], branch: &Branch, omega: f64) -> Complex64 {
         let [_, _, c0, c1, g] = *circuit;
@@ -234,7 +188,7 @@ impl Trace {
     /// The root mean square of the free decay of each stay: each change of frequency sets off one as
     /// large as the motion before and after it, in a random phase.
     fn sizes(&self, circuit: &[f64; CIRCUIT]) -> Vec<f64> {
-        let branch = Branch::new(circuit);
+        let branch = Branch::new(circuit[0], circuit[1]);
         let (mut square, mut forced) = (0.0, branch.q * branch.q);
         let size = |stay: &Stay| {
             let now = branch.response(stay.omega).0.norm_sqr();
@@ -251,7 +205,7 @@ impl Trace {
         circuit: &[f64; CIRCUIT],
         variance: f64,
     ) -> Vec<Complex64> {
-        let branch = Branch::new(circuit);
+        let branch = Branch::new(circuit[0], circuit[1]);
         let first = |(stay, size): (&Stay, f64)| {
             let steady = Self::steady(circuit, &branch, stay.omega);
             let (mut top, mut bottom) = (Complex64::ZERO, size.powi(-2));
@@ -271,7 +225,7 @@ impl Trace {
     }
 
     pub(super) fn weights(&self, at: &Unknowns, variance: f64) -> Weights {
-        let branch = Branch::new(&at.circuit);
+        let branch = Branch::new(at.circuit[0], at.circuit[1]);
         let sizes = self.sizes(&at.circuit);
         let of_stay = |(k, stay): (usize, &Stay)| {
             let steady = Self::steady(&at.circuit, &branch, stay.omega);
@@ -318,7 +272,7 @@ impl Trace {
         let at_place = |place: f64| {
             let [ln_f, ln_q, ..] = at.circuit;
             let ln_f = ln_f + (1.0 + place * (-ln_q).exp()).max(0.1).ln();
-            let mode = Branch::new(&[ln_f, ln_q, 0.0, 0.0, 0.0]);
+            let mode = Branch::new(ln_f, ln_q);
             let normal = self.normal(at, weights, Some(&mode));
             Some((normal.variance(0)?, normal.variance(MODE)?))
         };
@@ -335,7 +289,7 @@ impl Trace {
             // The span of a forged sweep may be negative.
             return Some(stated_s.max(0.0).min(span_s));
         }
-        let branch = Branch::new(&at.circuit);
+        let branch = Branch::new(at.circuit[0], at.circuit[1]);
         let mut normal = Normal::default();
         for k in 0..self.stays.len() {
             self.add_stay(k, at, weights, (&branch, None, Row::Moving), &mut normal);
@@ -354,6 +308,13 @@ impl Trace {
             Some(Beside::Moving(course)) => Some(course),
             _ => None,
         }
+    }
+
+    /// Duration of the readings, s.
+    pub(super) fn span_s(&self) -> f64 {
+        let last = self.stays.last().and_then(|stay| stay.samples.last());
+        let last_s = last.map_or(0.0, |last| last.start_s + last.integration_s);
+        self.begin_s(self.stays.len().saturating_sub(1)) + last_s
     }
 
     /// The begin of a stay, s after that of the first one.
@@ -392,7 +353,7 @@ impl Trace {
     }
 
     pub(super) fn normal(&self, at: &Unknowns, weights: &Weights, mode: Option<&Branch>) -> Normal {
-        let branch = Branch::new(&at.circuit);
+        let branch = Branch::new(at.circuit[0], at.circuit[1]);
         let mut normal = Normal::default();
         let motions = mode.map(|mode| (mode, self.motions(at, &branch, mode)));
         for k in 0..self.stays.len() {
@@ -425,33 +386,23 @@ impl Trace {
         let mut part = Part::new(unknowns);
         let [_, _, c0, c1, g] = at.circuit;
         let drive = Complex64::new(0.0, stay.omega);
-        let begin_s = self.begin_s(k);
-        // One that rests is asked for by how much it would move.
-        let (course, change) =
-            self.course().map_or((Course::EVEN, 0.0), |course| (course, at.beside[0]));
-        for (i, (sample, t)) in stay.samples.iter().zip(self.times(at, k)).enumerate() {
-            let after_s = t + 0.5 * sample.integration_s;
-            let rate = |part: f64| branch.s * (change * part).exp() - drive;
-            let moved = Moved::new(&course, (begin_s, after_s, sample.integration_s), rate);
-            let settled = self.beside.map_or(0.0, |kind| kind.ln_shift(&at.beside, sample.when));
-            let (response, by_f, by_q) =
-                branch.response_if_moved(stay.omega, settled + change * moved.forced);
-            let moving = -drive * c1 * response * response;
-            let factors = [moved.until, moved.now].map(|part| (change * part).exp());
-            let [until, now] = factors.map(|factor| branch.s * factor);
-            let lambda = now - drive;
-            let (mean, slopes) = turned(until - drive, after_s, lambda, sample.integration_s);
-            let by_s = amplitude * (slopes[0] * factors[0] + slopes[1] * factors[1]);
-            let forced_by_f = moving * by_f;
-            let by_f = by_s * branch.s + forced_by_f;
-            let by_change = amplitude
-                * (slopes[0] * until * moved.until + slopes[1] * now * moved.now)
-                + forced_by_f * moved.forced;
+        let times = self.times(at, k);
+        let moving = self.moving(k, at, &times, kind);
+        for (i, (sample, t)) in stay.samples.iter().zip(times).enumerate() {
+            let (mean, [by_f, by_q, by_change, in_time]) = moving.as_ref().map_or_else(
+                || {
+                    let shift =
+                        self.beside.map_or(0.0, |kind| kind.ln_shift(&at.beside, sample.when));
+                    let when = (t, sample.integration_s);
+                    resting(&branch.moved(shift), stay.omega, when, (c1, amplitude))
+                },
+                |moving| moving[i],
+            );
             let (omega, resonance) = (stay.omega, branch.omega);
             let place = Place { omega, when: sample.when, z: sample.z, resonance, by_f, by_change };
             let beside = beside::seen(self.beside, &at.beside, &place);
-            let steady = Complex64::new(stay.omega * g, stay.omega * c0) + drive * c1 * response;
-            let model = steady + beside.y + amplitude * mean;
+            let of_capacitor = Complex64::new(stay.omega * g, stay.omega * c0);
+            let model = of_capacitor + beside.y + mean.motion(c1, amplitude);
             let scale = weights.variances[k][i].sqrt().recip();
             let sum = beside.z * model + 1.0;
             let r = 2.0 * (beside.z * model - 1.0) / sum * scale;
@@ -460,9 +411,9 @@ impl Trace {
             let mut global = [Complex64::ZERO; GLOBAL];
             global[..CIRCUIT].copy_from_slice(&[
                 slope * (by_f + beside.by_f),
-                slope * (by_s * branch.by_q + moving * by_q),
+                slope * by_q,
                 slope * drive,
-                slope * drive * response,
+                slope * mean.forced,
                 slope * stay.omega,
             ]);
             for (unknown, by) in global[CIRCUIT..].iter_mut().enumerate() {
@@ -473,8 +424,7 @@ impl Trace {
                 let of_mode = steady + rest * decay(mode.s - drive, t, sample.integration_s).0;
                 global[MODE] = slope * of_mode;
             }
-            let (by_amplitude, in_time) = (slope * mean * size, slope * amplitude * lambda * mean);
-            let local = self.local(by_amplitude, in_time, (i, unknowns));
+            let local = self.local(slope * mean.free * size, slope * in_time, (i, unknowns));
             let re: Vec<f64> = local.iter().map(|x| x.re).collect();
             let im: Vec<f64> = local.iter().map(|x| x.im).collect();
             let r = match kind {
@@ -486,6 +436,27 @@ impl Trace {
         }
         let cost = self.expect_decay(amplitude / size, &at.steps[k], kind, &mut part);
         normal.finish(part, cost);
+    }
+
+    /// The motion in the readings of a stay with its slopes, if the resonance moves or is asked for by how much it would.
+    fn moving(
+        &self,
+        k: usize,
+        at: &Unknowns,
+        times: &[f64],
+        kind: Row,
+    ) -> Option<Vec<(Mean, [Complex64; 4])>> {
+        let (course, change) = match (self.course(), kind) {
+            (Some(course), _) => (course, at.beside[0]),
+            (None, Row::Moving) => (Course::EVEN, 0.0),
+            (None, Row::Measured) => return None,
+        };
+        let stay = &self.stays[k];
+        let integrations = stay.samples.iter().map(|sample| sample.integration_s);
+        let readings = times.iter().copied().zip(integrations).collect();
+        let passage = Passage { course, omega: stay.omega, begin_s: self.begin_s(k), readings };
+        let [ln_f, ln_q, _, c1, _] = at.circuit;
+        Some(passage.slopes([ln_f, ln_q, change], c1, at.amplitudes[k]))
     }
 
     /// What is expected of the free decay and the gaps of a stay, and what that costs.
