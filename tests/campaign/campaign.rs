@@ -167,8 +167,8 @@ impl Counts {
         self.lifts += played.lifts;
         self.refuted += u64::from(played.refuted > 0);
         self.sunk += u64::from(played.sunk > 0);
-        for (row, phase) in &played.begun {
-            self.table.add(*row, *phase);
+        for begun in &played.begun {
+            self.table.add(begun.row, begun.phase);
         }
         // The order of the seeds has no influence.
         self.digest = self.digest.wrapping_add(played.digest);

@@ -4,14 +4,14 @@ use std::collections::BTreeMap;
 
 use rig_engine::RunPhase;
 use rig_sim::world::ViolationKind;
-use rig_store::{Confirmed, MemoryDisk, Reader, Record, RunId, StoreError};
-use rig_verify::MemoryJournal;
+use rig_store::{Confirmed, MemoryDisk, Reader, Record, RunId, StoreError, StoredRecord};
+use rig_verify::{Check, Finding, JournalError, MemoryJournal, Verdict};
 
 use crate::{
     bench::{Bench, PATIENCE_S},
     counts::Phase,
-    faults::{Fault, MENU, Trouble},
-    life::Played,
+    faults::{Fault, Trouble},
+    life::{Begun, Played},
 };
 
 /// The outcomes of the touches of a run, by step.
@@ -101,15 +101,16 @@ pub(crate) fn records(disk: &MemoryDisk) -> Vec<String> {
 }
 
 /// What the checker finds in these journals.
-pub(crate) fn findings(checker: &MemoryJournal, journals: &[RunId]) -> Vec<String> {
+pub(crate) fn findings(
+    checker: &MemoryJournal,
+    journals: &[RunId],
+) -> Result<Vec<(String, Finding)>, JournalError> {
     let journals: Vec<String> = journals.iter().map(ToString::to_string).collect();
-    match checker.verify(&journals) {
-        Ok(verdicts) => {
-            let findings = verdicts.iter().flat_map(|verdict| &verdict.findings);
-            findings.map(ToString::to_string).collect()
-        }
-        Err(error) => vec![error.to_string()],
-    }
+    let of = |verdict: Verdict| {
+        let run = verdict.run;
+        verdict.findings.into_iter().map(move |finding| (run.clone(), finding))
+    };
+    Ok(checker.verify(&journals)?.into_iter().flat_map(of).collect())
 }
 
 /// A difference from the undisturbed run of the same bench.
@@ -174,7 +175,7 @@ const FAULTED_SEARCH_MM: f64 = 0.4 + 0.3 + 0.05;
 
 /// Whether the search for a surface went deeper than a search may, apart from the steps that were lost.
 pub(crate) fn is_search_deep(played: &Played) -> Option<String> {
-    let begun = || played.begun.iter().map(|(row, _)| MENU[*row].1);
+    let begun = || played.begun.iter().map(Begun::fault);
     let sunk_mm: f64 = begun().filter_map(Fault::lost_mm).map(|mm| (-mm).max(0.0)).sum();
     let is_of_device =
         |fault| matches!(fault, Fault::Frame(_) | Fault::Device(_) | Fault::Drives(_));
@@ -209,14 +210,13 @@ pub(crate) fn is_beyond_notice(played: &Played, step: &str) -> Option<BeyondNoti
     else {
         return None;
     };
-    let in_touch =
-        played.begun.iter().filter(|(_, phase)| phase.is_in_touch()).map(|(row, _)| MENU[*row].1);
+    let in_touch = played.begun.iter().filter(|one| one.phase.is_in_touch()).map(Begun::fault);
     if !is_confirmed && in_touch.clone().any(is_of_sense) {
         let why = "a contact sense that fails in a touch, which is marked as not confirmed";
         return Some(BeyondNotice { why, is_marked: true });
     }
     // A confirmation follows the touch at once.
-    let during = |words| played.begun.iter().any(|(row, _)| MENU[*row].1 == Fault::Device(words));
+    let during = |words| played.begun.iter().any(|one| one.fault() == Fault::Device(words));
     let is_unchecked = !is_slip_checked;
     if in_touch.clone().any(is_of_sense) && CONTACT_SENSES.into_iter().all(during) {
         let why = if is_unchecked {
@@ -243,7 +243,7 @@ pub(crate) fn is_beyond_knowledge(violation: &ViolationKind, played: &Played) ->
     let &ViolationKind::PressedTooDeep { indentation_mm, limit_mm } = violation else {
         return false;
     };
-    let begun = || played.begun.iter().map(|(row, phase)| (MENU[*row].1, *phase));
+    let begun = || played.begun.iter().map(|one| (one.fault(), one.phase));
     let is_blind = begun().any(|(fault, _)| fault == Fault::Device(CONTACT_SENSES[0]));
     let is_unknown = |phase| is_blind || phase == Phase::Run(RunPhase::Indentation);
     let lost_mm: f64 = begun()
@@ -252,19 +252,25 @@ pub(crate) fn is_beyond_knowledge(violation: &ViolationKind, played: &Played) ->
     indentation_mm + lost_mm <= limit_mm
 }
 
-/// Whether the checker rightly refutes a sweep: one during which steps were lost or the contact sense failed, so
-/// that its readings are of two states of the probe; or one of an analyzer that stays at another frequency than it
+/// Whether the checker rightly refutes a sweep of these: one during which steps were lost or the contact sense failed,
+/// so that its readings are of two states of the probe; or one of an analyzer that stays at another frequency than it
 /// says, so that its readings take another time.
-pub(crate) fn is_refuted(finding: &str, played: &Played) -> bool {
-    let is_of_sweep = finding.starts_with("resonance: ") || finding.starts_with("sigma: ");
-    let is_of_time = finding.starts_with("reading_time: ");
-    played.begun.iter().any(|(row, phase)| {
-        let is_in_contact =
-            matches!(phase, Phase::Run(RunPhase::Indentation | RunPhase::Dwell | RunPhase::Sweep));
-        let fault = MENU[*row].1;
+pub(crate) fn is_refuted(finding: &Finding, played: &Played, sweeps: &[StoredRecord]) -> bool {
+    let is_of_sweep = matches!(finding.check, Check::Resonance | Check::Sigma);
+    let is_of_time = finding.check == Check::ReadingTime;
+    played.begun.iter().any(|begun| {
+        let is_in_contact = matches!(
+            begun.phase,
+            Phase::Run(RunPhase::Indentation | RunPhase::Dwell | RunPhase::Sweep)
+        );
+        let mut later = sweeps.iter().filter(|sweep| begun.event < sweep.event);
+        let is_next = later.clone().next().is_some_and(|sweep| sweep.seq == finding.record);
+        let fault = begun.fault();
         let is_of_two_states = fault.lost_mm().is_some() || is_of_sense(fault);
-        (is_of_sweep || is_of_time) && is_in_contact && is_of_two_states
-            || is_of_time && fault == Fault::Device("analyzer stuck-frequency")
+        (is_of_sweep || is_of_time) && is_next && is_in_contact && is_of_two_states
+            || is_of_time
+                && later.any(|sweep| sweep.seq == finding.record)
+                && fault == Fault::Device("analyzer stuck-frequency")
     })
 }
 
@@ -274,7 +280,7 @@ const REACHED_S: f64 = 15.0;
 /// Whether the faults that have begun leave no way out of contact while they last: the linear drive is blocked or cannot
 /// be reached, or it has forgotten its position and may home downwards only.
 pub(crate) fn has_no_way_out(troubles: &[Trouble], played: &Played, bench: &Bench) -> bool {
-    let has_begun = |trouble: &&Trouble| played.begun.iter().any(|(row, _)| *row == trouble.row);
+    let has_begun = |trouble: &&Trouble| played.begun.iter().any(|one| one.row == trouble.row);
     let troubles: Vec<&Trouble> = troubles.iter().filter(has_begun).collect();
     let unplugged_s: f64 = troubles.iter().map(|trouble| trouble.unplugs_bus_s()).sum();
     unplugged_s + REACHED_S > PATIENCE_S

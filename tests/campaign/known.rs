@@ -8,7 +8,7 @@ use crate::{
     counts::Phase,
     faults::{MENU, Trouble},
     judge::{self, Outcome},
-    life::{self, Played},
+    life::{self, Begun, Played},
 };
 
 /// A fault at the first change of a phase, and a wait after it, s.
@@ -285,8 +285,11 @@ fn a_position_lost_on_the_way_in_or_under_a_failed_sense_is_beyond_knowledge() {
     use RunPhase::{Baseline, Indentation};
     let sent = ViolationKind::PressedTooDeep { indentation_mm: 1.022, limit_mm: 1.0 };
     let is_beyond = |faults: &[(&str, RunPhase)]| {
-        let row = |name| MENU.iter().position(|(known, _)| *known == name).unwrap();
-        let begun = faults.iter().map(|(name, phase)| (row(*name), Phase::Run(*phase))).collect();
+        let begun = |(name, phase): &(&str, RunPhase)| {
+            let row = MENU.iter().position(|(known, _)| known == name).unwrap();
+            Begun { row, phase: Phase::Run(*phase), event: 0 }
+        };
+        let begun = faults.iter().map(begun).collect();
         judge::is_beyond_knowledge(&sent, &Played { begun, ..Played::default() })
     };
     let blind = ("analyzer: feels no contact", Baseline);

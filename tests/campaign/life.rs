@@ -22,15 +22,31 @@ use self::by_hand::ByHand;
 use crate::{
     bench::Bench,
     counts::Phase,
-    faults::{Fault, Order, Trouble},
+    faults::{Fault, MENU, Order, Trouble},
     judge::{self, Touches},
 };
+
+/// A fault that began.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Begun {
+    /// The row of the menu.
+    pub(crate) row: usize,
+    pub(crate) phase: Phase,
+    /// The last record before it.
+    pub(crate) event: u64,
+}
+
+impl Begun {
+    pub(crate) fn fault(&self) -> Fault {
+        MENU[self.row].1
+    }
+}
 
 /// What became of a seed.
 #[derive(Debug, Default)]
 pub(crate) struct Played {
-    /// The faults that began, by row of the menu, with the phase in which each began.
-    pub(crate) begun: Vec<(usize, Phase)>,
+    /// The faults that began.
+    pub(crate) begun: Vec<Begun>,
     /// What must never be.
     pub(crate) violations: Vec<String>,
     pub(crate) touches: Touches,
@@ -333,7 +349,8 @@ impl Life<'_> {
         });
         for trouble in begun {
             // Between phases it counts as of its own.
-            self.played.begun.push((trouble.row, phase.unwrap_or(trouble.phase)));
+            let (phase, event) = (phase.unwrap_or(trouble.phase), status.last_event);
+            self.played.begun.push(Begun { row: trouble.row, phase, event });
             self.begin(handle, status, &trouble).await;
             self.all.push(trouble);
         }
@@ -404,14 +421,24 @@ impl Life<'_> {
         let prompts = self.bench.protocol.summary.prompts as u64;
         self.played.is_placed_again = prompts < self.prompts;
         let journals: Vec<RunId> = self.sessions.iter().copied().chain([run]).collect();
-        for finding in judge::findings(checker, &journals) {
-            if judge::is_refuted(&finding, &self.played) {
-                self.played.refuted += 1;
-                continue;
-            }
-            self.fail(&format!("not sound: {finding}"));
-        }
         let reader = Reader::open_in_memory(&self.disk).expect("the journal can be read");
+        match judge::findings(checker, &journals) {
+            Ok(findings) => {
+                let sweeps = if findings.is_empty() {
+                    Vec::new()
+                } else {
+                    reader.unchecked(run, &["sweep"]).expect("the journal can be read")
+                };
+                for (of, finding) in findings {
+                    if of == run.to_string() && judge::is_refuted(&finding, &self.played, &sweeps) {
+                        self.played.refuted += 1;
+                    } else {
+                        self.fail(&format!("not sound: {finding}"));
+                    }
+                }
+            }
+            Err(error) => self.fail(&format!("not sound: {error}")),
+        }
         let digest = reader.last_digest(run).ok().flatten().map(|digest| digest.to_string());
         let digest = digest.and_then(|digest| u64::from_str_radix(&digest[..16], 16).ok());
         self.played.digest = digest.unwrap_or_default();

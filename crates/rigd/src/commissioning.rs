@@ -67,8 +67,11 @@ pub(crate) struct Progress {
     asked: u64,
     /// What was said and seen since the start, the oldest first.
     pub(crate) said: Vec<String>,
-    reply: Option<oneshot::Sender<Answer>>,
+    /// Takes the answer, with the name of who gave it.
+    reply: Option<oneshot::Sender<(Answer, String)>>,
     stop: CancellationToken,
+    /// Who aborted the step under way.
+    aborted_by: Option<String>,
 }
 
 /// Why a request about the commissioning is refused.
@@ -156,11 +159,16 @@ impl Commissioning {
         Ok(())
     }
 
-    /// Answers the question with this number.
+    /// Answers the question with this number. The record of the step names `by`.
     ///
     /// # Errors
     /// [`CommissioningRefusal`]; the question waits on then.
-    pub(crate) fn answer(&self, number: u64, text: &str) -> Result<(), CommissioningRefusal> {
+    pub(crate) fn answer(
+        &self,
+        number: u64,
+        text: &str,
+        by: String,
+    ) -> Result<(), CommissioningRefusal> {
         let mut progress = self.progress();
         let (now, question) = progress.question.ok_or(CommissioningRefusal::NothingAsked)?;
         if now != number {
@@ -171,18 +179,19 @@ impl Commissioning {
         progress.question = None;
         if let Some(reply) = progress.reply.take() {
             // The step may have ended meanwhile.
-            _ = reply.send(answer);
+            _ = reply.send((answer, by));
         }
         Ok(())
     }
 
-    /// Ends the step under way. An axis that moves is stopped first.
+    /// Ends the step under way. An axis that moves is stopped first, and the record of that stop names `by`.
     ///
     /// # Errors
     /// Nothing is under way.
-    pub(crate) fn abort(&self) -> Result<(), CommissioningRefusal> {
-        let progress = self.progress();
+    pub(crate) fn abort(&self, by: String) -> Result<(), CommissioningRefusal> {
+        let mut progress = self.progress();
         progress.step.ok_or(CommissioningRefusal::NothingAsked)?;
+        progress.aborted_by.get_or_insert(by);
         progress.stop.cancel();
         Ok(())
     }
@@ -213,7 +222,7 @@ impl Commissioning {
             if let Err(error) = self.keep(step, finding, person, temperature_c).await {
                 return with_causes(&error);
             }
-            if let Err(refusal) = self.rig.read_calibrations(by).await {
+            if let Err(refusal) = self.rig.read_calibrations(bench.by()).await {
                 return with_causes(&refusal);
             }
             match verdict {
@@ -282,8 +291,8 @@ impl Progress {
         self.said.push(text);
     }
 
-    /// Puts a question, and returns its answer.
-    fn ask(&mut self, question: Question) -> oneshot::Receiver<Answer> {
+    /// Puts a question, and returns its answer with the name of who gave it.
+    fn ask(&mut self, question: Question) -> oneshot::Receiver<(Answer, String)> {
         let (reply, answer) = oneshot::channel();
         self.asked += 1;
         self.question = Some((self.asked, question));

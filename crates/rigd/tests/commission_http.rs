@@ -15,7 +15,8 @@ use std::{
     time::Instant,
 };
 
-use program::{PATIENCE, Program, post, request};
+use program::{PATIENCE, Program, ask, post, request};
+use rig_store::{Reader, Record, StoredRecord};
 use rustix::process::Signal;
 use serde_json::Value;
 use tempfile::TempDir;
@@ -70,6 +71,27 @@ impl Daemon {
 
     fn post(&self, path: &str, body: &str) -> (u16, Value) {
         parts(&post(&self.address, path, body))
+    }
+
+    /// A command of a person; `post` is of Ada, the operator of the daemon.
+    fn post_by(&self, person: &str, path: &str, body: &str) -> (u16, Value) {
+        let length = body.len();
+        let headers = format!(
+            "content-type: application/json\r\ncontent-length: {length}\r\nx-operator: {person}\r\n"
+        );
+        parts(&ask(&self.address, &format!("POST /api/v1/{path}"), &headers, body))
+    }
+
+    /// Who gave the commands that begin with these words, in the order of the journal.
+    fn who(&self, command: &str) -> Vec<String> {
+        let reader = Reader::open(&self.folder.path().join("data")).unwrap();
+        let who = |stored: &StoredRecord| match stored.record().unwrap() {
+            Record::Operator(operator) if operator.action.starts_with(command) => {
+                Some(operator.who)
+            }
+            _ => None,
+        };
+        reader.events_after(0, 10_000).unwrap().iter().filter_map(who).collect()
     }
 
     fn show(&self) -> Value {
@@ -417,6 +439,27 @@ impl Eye {
     }
 }
 
+impl Daemon {
+    /// Waits for a question after the one with this number, or for the end.
+    fn wait_for_question(&self, answered: u64) -> Value {
+        self.wait("a question, or the end", |view| {
+            let number = view["question"]["number"].as_u64();
+            view["under_way"].is_null() || number.is_some_and(|number| number > answered)
+        })
+    }
+
+    /// Answers the question of this view as this person. Returns its number and the answer.
+    fn answer_by(&self, person: &str, eye: &mut Eye, view: &Value) -> (u64, String) {
+        let question = &view["question"];
+        eye.look(view, question["text"].as_str().unwrap());
+        let (number, answer) = (question["number"].as_u64().unwrap(), eye.answer());
+        let body = serde_json::json!({ "question": number, "answer": answer }).to_string();
+        let (status, view) = self.post_by(person, "commission/answer", &body);
+        assert_eq!(status, 202, "{view}");
+        (number, answer)
+    }
+}
+
 #[test]
 fn a_person_commissions_a_bench_over_http_to_the_end() {
     let daemon = Daemon::start("waits");
@@ -427,17 +470,12 @@ fn a_person_commissions_a_bench_over_http_to_the_end() {
     assert_eq!(status, 202, "{view}");
     let (mut eye, mut answered, mut still) = (Eye::default(), 0, 0);
     loop {
-        let view = daemon.wait("a question, or the end", |view| {
-            let number = view["question"]["number"].as_u64();
-            view["under_way"].is_null() || number.is_some_and(|number| number > answered)
-        });
-        let Some(number) = view["question"]["number"].as_u64() else { break };
-        eye.look(&view, view["question"]["text"].as_str().unwrap());
-        let answer = eye.answer();
+        let view = daemon.wait_for_question(answered);
+        if view["under_way"].is_null() {
+            break;
+        }
+        let (number, answer) = daemon.answer_by("Ada", &mut eye, &view);
         still += usize::from(["nowhere", "neither"].contains(&answer.as_str()));
-        let body = serde_json::json!({ "question": number, "answer": answer }).to_string();
-        let (status, view) = daemon.post("commission/answer", &body);
-        assert_eq!(status, 202, "{view}");
         answered = number;
     }
     let view = daemon.show();
@@ -448,6 +486,43 @@ fn a_person_commissions_a_bench_over_http_to_the_end() {
     }
     // Two looks at each axis while the stop was pressed, and two at the probe while its lower switch was.
     assert_eq!(still, 6, "{view}");
+    daemon.end();
+}
+
+#[test]
+fn the_record_of_a_step_names_who_answered_and_not_who_began() {
+    let daemon = Daemon::start("waits");
+    assert_eq!(daemon.post("commission", "{}").0, 202);
+    let (mut eye, mut answered) = (Eye::default(), 0);
+    let view = loop {
+        let view = daemon.wait_for_question(answered);
+        if view["under_way"] == "geometry" {
+            break view;
+        }
+        // Ada begins, and Bob takes over before the first motion.
+        let person = if answered < 2 { "Ada" } else { "Bob" };
+        (answered, _) = daemon.answer_by(person, &mut eye, &view);
+    };
+    let persons = |index: usize| (&view["steps"][index]["step"], &view["steps"][index]["person"]);
+    assert_eq!(persons(0), (&"stop".into(), &"Ada, Bob".into()), "{view}");
+    assert_eq!(persons(1), (&"signs".into(), &"Bob".into()), "{view}");
+    // Each motion is of the one who has let it happen.
+    let moved = daemon.who("step the ");
+    assert!(!moved.is_empty() && moved.iter().all(|who| who == "Bob"), "{moved:?}");
+    daemon.end();
+}
+
+#[test]
+fn a_stop_while_a_bench_is_commissioned_is_on_record_with_who_stopped() {
+    let daemon = Daemon::start("waits");
+    assert_eq!(daemon.post("commission", "{}").0, 202);
+    daemon.wait_for_question(0);
+    assert!(daemon.who("stop").is_empty());
+    let (status, view) = daemon.post_by("Bob", "stop", "");
+    assert_eq!(status, 200, "{view}");
+    assert_eq!(daemon.who("stop"), ["Bob"]);
+    // The commissioning goes on with its question.
+    assert_eq!(daemon.show()["question"]["number"], 1);
     daemon.end();
 }
 

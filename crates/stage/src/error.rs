@@ -224,8 +224,8 @@ pub enum StageError<U: Unit> {
         /// Position that it reports now.
         at: Position<U>,
     },
-    /// The drive does not know where the axis is, so that no move from there is safe. It was not
-    /// sent.
+    /// The drive does not know where the axis is, so that no move from there is safe. It was not sent, or it ended when
+    /// this was seen.
     #[error("not homed: its position {at} is meaningless")]
     Unhomed {
         /// Position that the drive reports.

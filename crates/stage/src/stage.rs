@@ -144,8 +144,8 @@ impl<U: Unit> Stage<U> {
     /// [`StageError::Stopped`] after a requested stop: the stop was sent and the axis is at rest.
     /// [`StageError::Alarmed`], [`StageError::EmergencyStopped`], [`StageError::Ignored`],
     /// [`StageError::NotThere`], [`StageError::Overdue`]. Nothing is sent from a position that is unknown or impossible:
-    /// [`StageError::Unhomed`], [`StageError::BeyondTravel`], [`StageError::Moved`]. After [`StageError::Bus`] it is not
-    /// known whether the axis moves.
+    /// [`StageError::Unhomed`], [`StageError::BeyondTravel`], [`StageError::Moved`]. A move during which the drive loses its
+    /// position ends at once: [`StageError::Unhomed`]. After [`StageError::Bus`] it is not known whether the axis moves.
     pub async fn move_to(
         &mut self,
         target: Target<U>,
@@ -215,10 +215,15 @@ impl<U: Unit> Stage<U> {
         let expected = order.duration_from(from);
         let deadline = started + expected.saturating_mul(2) + MOVE_SLACK;
         let mut next_reading_at = started + expected.clamp(READ_INTERVAL_MIN, READ_INTERVAL_MAX);
+        // A jog may begin without.
+        let was_homed = self.seen.is_some_and(|seen| seen.is_homed);
         // Rest at another position counts only if it lasts.
         let mut still_since = None;
         loop {
             let (reading, at) = self.read_moving(next_reading_at, stop).await?;
+            if was_homed {
+                self.refuse_unhomed(&reading).await?;
+            }
             let now = Instant::now();
             if reading.is_moving {
                 if deadline <= now {
@@ -410,6 +415,19 @@ impl<U: Unit> Stage<U> {
             None => Ok(()),
             Some(alarm) => Err(StageError::Alarmed { alarm, at }),
         }
+    }
+
+    /// Ends the move of a drive that has lost its position.
+    async fn refuse_unhomed(&mut self, reading: &DriveReading) -> Result<(), StageError<U>> {
+        if reading.is_homed {
+            return Ok(());
+        }
+        let at = if reading.is_moving {
+            self.stop().await?
+        } else {
+            self.scale.position(reading.position.into())
+        };
+        Err(StageError::Unhomed { at })
     }
 
     /// Whether the drive says, by a flag or by this alarm, that its emergency stop is pressed.

@@ -4,13 +4,18 @@ use crate::{
     finding::{Check, Findings},
     labels::CLOCK_SLACK_S,
     motion::{Descent, ROUNDING},
-    record::{Flag, SurfaceFound, Tried},
+    record::{FitNoise, Flag, SurfaceFound, Tried},
     settings::{Approach, Protocol},
 };
 
 /// Checks that the surface lies in the middle of the last clear position and the contact below it, and
 /// that this bracket is no wider than the fine step.
-pub(crate) fn check(seq: u64, found: &SurfaceFound, protocol: &Protocol, findings: &mut Findings) {
+pub(crate) fn check(
+    seq: u64,
+    found: &SurfaceFound,
+    (protocol, noise): (&Protocol, Option<FitNoise>),
+    findings: &mut Findings,
+) {
     let Some((clear, contact)) = bracket(&found.trail) else {
         let what = "a surface without a clear position and a contact below it";
         findings.add(
@@ -22,7 +27,7 @@ pub(crate) fn check(seq: u64, found: &SurfaceFound, protocol: &Protocol, finding
         );
         return;
     };
-    check_contacts(seq, &found.trail, protocol.approach.contact_threshold, findings);
+    check_contacts(seq, &found.trail, &Threshold::of(&protocol.approach, noise), findings);
     if found.trail.last().and_then(parts).is_none() {
         let what = "the last reading of a search that found a surface";
         findings.add(Check::Surface, seq, what, "an impedance", "none");
@@ -46,9 +51,37 @@ pub(crate) fn check(seq: u64, found: &SurfaceFound, protocol: &Protocol, finding
 /// An integration has at least this part of the cycles that the protocol asks for: frequencies are rounded.
 const CYCLES_PART: f64 = 0.95;
 /// The relative change of an impedance that counts as contact is compared with the clear probe here, and
-/// with the probe at the last clear position of the search by this checker: both may differ by this much,
-/// and by half of the limit.
+/// with the probe at the last clear position of the search by this checker: both may differ by this much or by this many
+/// standard deviations of the noise, and by half of the limit.
 const THRESHOLD_SLACK: f64 = 0.03;
+const THRESHOLD_SIGMAS: f64 = 4.0;
+
+/// The relative change of an impedance that counts as contact, and what this checker allows beside it.
+#[derive(Debug, Clone, Copy)]
+struct Threshold {
+    limit: f64,
+    slack: f64,
+}
+
+impl Threshold {
+    /// With the noise that was known before the last sweep.
+    fn of(approach: &Approach, noise: Option<FitNoise>) -> Self {
+        let of_reading = noise.map_or(0.0, |noise| {
+            noise.at_ten_cycles * (10.0 / f64::from(approach.cycles.max(1))).sqrt()
+        });
+        // Both readings have it.
+        let slack = THRESHOLD_SLACK.max(THRESHOLD_SIGMAS * 2.0_f64.sqrt() * of_reading);
+        Self { limit: approach.contact_threshold, slack }
+    }
+
+    fn may_be_clear(&self, change: f64) -> bool {
+        change <= 1.5 * self.limit + self.slack
+    }
+
+    fn may_be_contact(&self, change: f64) -> bool {
+        0.5 * self.limit - self.slack <= change
+    }
+}
 
 /// What the readings after a sweep say of the surface.
 #[derive(Debug, Clone, Copy, Default)]
@@ -67,7 +100,7 @@ pub(crate) fn check_again(
     seq: u64,
     (surface_mm, clear): (f64, Option<[f64; 2]>),
     trail: &[Tried],
-    protocol: &Protocol,
+    (protocol, noise): (&Protocol, Option<FitNoise>),
     tolerance_mm: f64,
     findings: &mut Findings,
 ) -> Again {
@@ -87,10 +120,10 @@ pub(crate) fn check_again(
         let found_mm = tried.position_mm - surface_mm;
         findings.agree(Check::Surface, seq, what, (*asked_mm, found_mm), tolerance_mm + ROUNDING);
     }
-    let limit = protocol.approach.contact_threshold;
+    let threshold = Threshold::of(&protocol.approach, noise);
     let change = |tried: &Tried| clear.and_then(|clear| change(tried, clear));
-    let may_touch = |tried: &Tried| change(tried).is_none_or(|by| may_be_contact(by, limit));
-    let may_be_free = |tried: &Tried| change(tried).is_none_or(|by| may_be_clear(by, limit));
+    let may_touch = |tried: &Tried| change(tried).is_none_or(|by| threshold.may_be_contact(by));
+    let may_be_free = |tried: &Tried| change(tried).is_none_or(|by| threshold.may_be_clear(by));
     let ([above, below] | [_, _, above, below]) = trail else {
         let may_be_higher = trail.iter().any(may_touch);
         return Again { is_still_there: false, may_be_higher, may_be_lower: false };
@@ -98,7 +131,7 @@ pub(crate) fn check_again(
     // Of a contact that has not quite decayed above, as much may be left as a light one changes.
     let is_changed = parts(above)
         .and_then(|free| self::change(below, free))
-        .is_some_and(|by| may_be_contact(by, limit));
+        .is_some_and(|by| threshold.may_be_contact(by));
     let is_known = change(above).is_some() && change(below).is_some();
     Again {
         is_still_there: is_known && may_be_free(above) && may_touch(below) && is_changed,
@@ -112,14 +145,6 @@ pub(crate) fn check_again(
 fn change(tried: &Tried, [clear_re, clear_im]: [f64; 2]) -> Option<f64> {
     let [re, im] = parts(tried)?;
     Some((re - clear_re).hypot(im - clear_im) / clear_re.hypot(clear_im))
-}
-
-fn may_be_clear(change: f64, limit: f64) -> bool {
-    change <= 1.5 * limit + THRESHOLD_SLACK
-}
-
-fn may_be_contact(change: f64, limit: f64) -> bool {
-    0.5 * limit - THRESHOLD_SLACK <= change
 }
 
 /// What the order of the positions says of a reading of a search.
@@ -163,7 +188,7 @@ fn seen(trail: &[Tried]) -> Vec<Seen<'_>> {
 /// Checks that the readings of a search show a contact where the trail has one, and none elsewhere. A contact
 /// that the search itself refuted claims nothing. They are compared with the mean of those of the clear probe, as it was
 /// read again at last.
-fn check_contacts(seq: u64, trail: &[Tried], limit: f64, findings: &mut Findings) {
+fn check_contacts(seq: u64, trail: &[Tried], threshold: &Threshold, findings: &mut Findings) {
     let seen = seen(trail);
     let parts_of = |part: usize| {
         let is_clear = move |one: &&Seen<'_>| one.part == part && !one.touches && !one.is_open;
@@ -174,15 +199,20 @@ fn check_contacts(seq: u64, trail: &[Tried], limit: f64, findings: &mut Findings
         let clear = parts_of(one.part);
         let mean = [0, 1]
             .map(|part| clear.iter().map(|parts| parts[part]).sum::<f64>() / clear.len() as f64);
-        let is_shown = if one.touches { may_be_contact } else { may_be_clear };
-        let Some(change) = change(one.tried, mean).filter(|change| !is_shown(*change, limit))
-        else {
+        let is_shown = |change: &f64| {
+            if one.touches {
+                threshold.may_be_contact(*change)
+            } else {
+                threshold.may_be_clear(*change)
+            }
+        };
+        let Some(change) = change(one.tried, mean).filter(|change| !is_shown(change)) else {
             continue;
         };
         let state = if one.touches { "in contact" } else { "clear" };
         let what = format!("reading {} of the search, {state}: relative change", index + 1);
-        let slack = Some(format!("a half and {THRESHOLD_SLACK}"));
-        findings.within(Check::Surface, seq, what, limit, change, slack);
+        let slack = Some(format!("a half and {}", threshold.slack));
+        findings.within(Check::Surface, seq, what, threshold.limit, change, slack);
     }
 }
 
@@ -287,7 +317,8 @@ mod tests {
 
     fn found(positions_mm: &[f64]) -> usize {
         let mut findings = Findings::default();
-        check_contacts(1, &trail(positions_mm), 0.1, &mut findings);
+        let threshold = Threshold { limit: 0.1, slack: THRESHOLD_SLACK };
+        check_contacts(1, &trail(positions_mm), &threshold, &mut findings);
         findings.0.len()
     }
 

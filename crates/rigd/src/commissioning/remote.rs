@@ -39,7 +39,10 @@ impl Question {
 /// A bench in the middle of a step.
 pub(super) struct Remote {
     commissioning: Commissioning,
+    /// Who answered last; before the first answer, who began the commissioning.
     by: String,
+    /// Who answered in this step, each once, in the order of their first answers.
+    answered: Vec<String>,
     stop: CancellationToken,
     temperature_c: Option<f64>,
     is_simulated: bool,
@@ -52,25 +55,43 @@ impl Remote {
         stop: CancellationToken,
         temperature_c: Option<f64>,
     ) -> Self {
-        Self { commissioning, by, stop, temperature_c, is_simulated: false }
+        let answered = Vec::new();
+        Self { commissioning, by, answered, stop, temperature_c, is_simulated: false }
     }
 
-    /// Who answered.
+    /// Who answered last; before the first answer, who began the commissioning.
+    pub(super) fn by(&self) -> &str {
+        &self.by
+    }
+
+    /// Who answered in this step; several names have commas between them, which no name has. A step that ends before
+    /// its first answer has the name of who began the commissioning.
     pub(super) fn person(&self) -> String {
-        if self.is_simulated { SIMULATED_PERSON.to_owned() } else { self.by.clone() }
+        if self.is_simulated {
+            SIMULATED_PERSON.to_owned()
+        } else if self.answered.is_empty() {
+            self.by.clone()
+        } else {
+            self.answered.join(", ")
+        }
     }
 
     fn say(&self, text: String) {
         self.commissioning.progress().say(text);
     }
 
-    /// Waits for the answer of a client.
-    async fn answer(&self, question: Question) -> Result<Answer, Ended> {
-        let answer = self.commissioning.progress().ask(question);
-        tokio::select! {
-            answer = answer => answer.map_err(|_| Ended::Aborted),
-            () = self.stop.cancelled() => Err(Ended::Aborted),
+    /// Waits for the answer of a client, and remembers who gave it.
+    async fn answer(&mut self, question: Question) -> Result<Answer, Ended> {
+        let answered = self.commissioning.progress().ask(question);
+        let (answer, by) = tokio::select! {
+            answered = answered => answered.map_err(|_| Ended::Aborted)?,
+            () = self.stop.cancelled() => return Err(Ended::Aborted),
+        };
+        if !self.answered.contains(&by) {
+            self.answered.push(by.clone());
         }
+        self.by = by;
+        Ok(answer)
     }
 }
 
@@ -98,13 +119,19 @@ impl Bench for Remote {
                 return Ok(Err("the person did not let it move".to_owned()));
             }
         }
+        if self.stop.is_cancelled() {
+            return Err(Ended::Aborted);
+        }
         let rig = self.commissioning.rig.clone();
         let step = rig.drive(order, &self.by);
         tokio::pin!(step);
         let jogged = tokio::select! {
+            // First, so that no motion follows the stop.
+            biased;
             ended = &mut step => ended?,
             () = self.stop.cancelled() => {
-                rig.command(Command::Stop, None, &self.by).await?;
+                let by = self.commissioning.progress().aborted_by.clone();
+                rig.command(Command::Stop, None, by.as_deref().unwrap_or(&self.by)).await?;
                 _ = step.await;
                 return Err(Ended::Aborted);
             }

@@ -1,5 +1,5 @@
 //! A program that is killed while the limits or the homing of a bench are shown: the bench stays as it is, and the next
-//! program goes on with what the disk has.
+//! program goes on with what the disk has. And the stop of an abort.
 
 use std::{
     collections::BTreeMap,
@@ -13,6 +13,7 @@ use rig_commission::{Calibration, Kind, Why, holding};
 use rig_engine::Command;
 use rig_model::{Position, random::Stream};
 use rig_sim::SimHandle;
+use rig_store::{Reader, Record};
 use tempfile::TempDir;
 use tokio::time::sleep;
 
@@ -239,4 +240,37 @@ async fn a_kill_in_the_middle_of_a_homing_voids_what_rests_on_the_zero() {
         .await;
         assert!(voided >= 3, "{drive}: {voided} kills came after the power had gone");
     }
+}
+
+#[tokio::test(start_paused = true)]
+async fn the_stop_of_an_abort_is_on_record_with_who_aborted() {
+    let bench = Bench::new(1, "oriental-az", TRAVEL_MM);
+    let (handle, rig) = open_in(bench.rig(), &bench.data(), None).await.unwrap();
+    let of = Commissioned::of(&bench.rig(), bench.data());
+    let commissioning = Commissioning::new(handle, of);
+    let life = async {
+        commissioning.start("Ada".to_owned(), None).await.unwrap();
+        // The simulated person answers in no time: whenever time passes, a drive is at work.
+        while commissioning.progress().step.unwrap() != Step::Scale {
+            sleep(LOOK).await;
+        }
+        commissioning.abort("Bob".to_owned()).unwrap();
+        while commissioning.progress().step.is_some() {
+            sleep(LOOK).await;
+        }
+    };
+    let mut serving = pin!(rig.serve());
+    tokio::select! {
+        biased;
+        () = &mut serving => panic!("the rig has ended"),
+        () = life => {}
+    }
+    let said = commissioning.progress().said.last().cloned();
+    assert_eq!(said.as_deref(), Some("step scale: aborted"));
+    let events = Reader::open(&bench.data()).unwrap().events_after(0, 10_000).unwrap();
+    let stopped = events.iter().filter_map(|stored| match stored.record().unwrap() {
+        Record::Operator(operator) if operator.action == "stop" => Some(operator.who),
+        _ => None,
+    });
+    assert_eq!(stopped.collect::<Vec<_>>(), ["Bob"]);
 }

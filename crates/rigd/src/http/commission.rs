@@ -144,19 +144,21 @@ async fn start(
 
 async fn answer(
     State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
     form: ObjectBody<CommissionAnswer>,
 ) -> Result<(StatusCode, Json<CommissionView>), Problem> {
     let Json(Object(CommissionAnswer { question, answer })) = form?;
     let commissioning = shared.commissioning()?;
-    commissioning.answer(question, &answer)?;
+    commissioning.answer(question, &answer, operator.as_str().to_owned())?;
     Ok((StatusCode::ACCEPTED, Json(view(commissioning).await?)))
 }
 
 async fn abort(
     State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
 ) -> Result<(StatusCode, Json<CommissionView>), Problem> {
     let commissioning = shared.commissioning()?;
-    commissioning.abort()?;
+    commissioning.abort(operator.as_str().to_owned())?;
     Ok((StatusCode::ACCEPTED, Json(view(commissioning).await?)))
 }
 

@@ -138,8 +138,9 @@ async fn start(
 
 async fn abort(
     State(shared): State<Shared>,
+    Extension(operator): Extension<Operator>,
 ) -> Result<(StatusCode, Json<SensorCheckView>), Problem> {
-    shared.sensor()?.abort()?;
+    shared.sensor()?.abort(operator.as_str().to_owned())?;
     Ok((StatusCode::ACCEPTED, Json(view(&shared).await?)))
 }
 

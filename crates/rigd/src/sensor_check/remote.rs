@@ -45,6 +45,8 @@ pub(crate) struct Progress {
     /// Why the last check has no finding.
     pub(crate) trouble: Option<String>,
     stop: CancellationToken,
+    /// Who aborted it.
+    aborted_by: Option<String>,
 }
 
 /// Why a request about the check is refused.
@@ -139,15 +141,16 @@ impl SensorWatch {
         Ok(())
     }
 
-    /// Ends the check under way, and the sweep that it makes.
+    /// Ends the check under way, and the sweep that it makes; the record of that abort names `by`.
     ///
     /// # Errors
     /// None is under way.
-    pub(crate) fn abort(&self) -> Result<(), SensorCheckRefusal> {
-        let progress = self.progress();
+    pub(crate) fn abort(&self, by: String) -> Result<(), SensorCheckRefusal> {
+        let mut progress = self.progress();
         if !progress.is_under_way {
             return Err(SensorCheckRefusal::NotUnderWay);
         }
+        progress.aborted_by.get_or_insert(by);
         progress.stop.cancel();
         Ok(())
     }
@@ -197,8 +200,10 @@ impl FreeSensor for RemoteSensor {
             session = ended(&mut self.status, number) => session?,
             () = self.stop.cancelled() => {
                 if self.is_sweeping(number) {
+                    let by = self.watch.progress().aborted_by.clone();
+                    let by = by.as_deref().unwrap_or(&self.by);
                     // The sweep may end meanwhile, and then there is nothing to abort.
-                    _ = self.watch.rig.command(Command::Abort, None, &self.by).await;
+                    _ = self.watch.rig.command(Command::Abort, None, by).await;
                     ended(&mut self.status, number).await?;
                 }
                 return Err(Ended::Aborted);

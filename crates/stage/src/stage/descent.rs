@@ -46,6 +46,7 @@ impl<U: Unit> Stage<U> {
             };
             let at = self.scale.position(reading.position.into());
             self.refuse_alarm(&reading, at).await?;
+            self.refuse_unhomed(&reading).await?;
             if reading.is_moving {
                 way.extend(self.seen_at.map(|seen_at| (seen_at, at)));
             } else if self.start_within() < started.elapsed() || self.axis.is_at(at, target) {

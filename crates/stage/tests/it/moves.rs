@@ -474,6 +474,35 @@ async fn a_drive_that_was_switched_off_while_nothing_was_asked_is_not_moved_from
     }
 }
 
+#[tokio::test(start_paused = true)]
+async fn a_move_ends_when_the_drive_loses_its_position() {
+    let stop = StopSignal::new();
+    for make in MAKES {
+        for is_descent in [false, true] {
+            let (drive, mut stage) = ready(make).await;
+            stage.move_to(target(6.0), 6.0, &stop).await.unwrap();
+            let moves = async {
+                if is_descent {
+                    stage.descend_to(target(0.0), 1.0, &stop).await.map(|_| ())
+                } else {
+                    stage.move_to(target(0.0), 1.0, &stop).await.map(|_| ())
+                }
+            };
+            let forgets = async {
+                sleep(Duration::from_secs(2)).await;
+                drive.forget_home();
+            };
+            let (ended, ()) = tokio::join!(moves, forgets);
+            let context = (&make.map.name, is_descent);
+            assert!(matches!(ended, Err(StageError::Unhomed { .. })), "{context:?}: {ended:?}");
+            let at = drive.position();
+            assert!(counts(make, 1.0) < at, "{context:?}: {at}");
+            sleep(Duration::from_secs(1)).await;
+            assert_eq!(drive.position(), at, "{context:?}");
+        }
+    }
+}
+
 /// Any fault in any frame: a move that reports success is at its target, and a possible move
 /// succeeds.
 #[tokio::test(start_paused = true)]

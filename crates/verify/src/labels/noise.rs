@@ -22,6 +22,11 @@ pub(super) struct NoiseChain {
 }
 
 impl NoiseChain {
+    /// The one stated last.
+    pub(super) const fn last(&self) -> Option<FitNoise> {
+        self.last
+    }
+
     pub(super) fn sweep(&mut self, seq: u64, sweep: &Sweep, is_accepted: bool, to: &mut Findings) {
         let stated = sweep.fit.as_ref().and_then(|fit| fit.noise);
         let is_no_load = sweep.purpose == "no_load";

@@ -43,7 +43,7 @@ impl Labels {
         let clear = match (&descended, settings) {
             (Some(descended), _) => descent::clear_impedance(descended),
             (None, Some(settings)) => {
-                surface::check(seq, found, &settings.protocol, findings);
+                surface::check(seq, found, (&settings.protocol, self.noise.last()), findings);
                 surface::clear_impedance(trail)
             }
             (None, None) => surface::clear_impedance(trail),
@@ -70,7 +70,14 @@ impl Labels {
         let (Some(surface), Some(settings)) = (&self.surface, settings) else { return };
         let (protocol, tolerance_mm) = (&settings.protocol, settings.rig.linear.tolerance_mm);
         let found = (surface.position_mm, surface.clear);
-        let again = surface::check_again(seq, found, trail, protocol, tolerance_mm, findings);
+        let again = surface::check_again(
+            seq,
+            found,
+            trail,
+            (protocol, self.noise.last()),
+            tolerance_mm,
+            findings,
+        );
         self.again = Some(again);
     }
 

@@ -79,6 +79,8 @@ impl Guide {
         let step = handle.drive(order, operator.as_str());
         tokio::pin!(step);
         let jogged = tokio::select! {
+            // First, so that no motion follows the stop.
+            biased;
             ended = &mut step => ended?,
             () = self.signals.next() => {
                 handle.command(Command::Stop, None, operator.as_str()).await?;

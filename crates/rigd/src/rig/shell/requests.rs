@@ -94,7 +94,13 @@ impl Shell {
 
     pub(super) fn command(&mut self, command: Command, by: &str) -> Result<(), RequestRefusal> {
         if self.uncommissioned.is_some() && matches!(command, Command::Stop | Command::Abort) {
+            let is_under_way = self.owners.are_busy();
             self.stop_step();
+            // As in service: a stop is always on record, an abort if it ends something. A journal that cannot be written
+            // refuses neither.
+            if is_under_way || matches!(command, Command::Stop) {
+                _ = self.put_on_record(command.name().to_owned(), by.to_owned());
+            }
             return Ok(());
         }
         self.is_commissioned()?;
