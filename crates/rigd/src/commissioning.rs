@@ -203,6 +203,8 @@ impl Commissioning {
             Ok(false) => {}
             Err(error) => return with_causes(&error),
         }
+        // Who answered last.
+        let mut by = by.to_owned();
         loop {
             let step = match self.standing().await {
                 Ok(standing) => standing.missing().next().map(|(step, _)| step),
@@ -212,7 +214,7 @@ impl Commissioning {
                 return "The rig is commissioned, and goes into service.".to_owned();
             };
             self.progress().step = Some(step);
-            let mut bench = Remote::new(self.clone(), by.to_owned(), stop.clone(), temperature_c);
+            let mut bench = Remote::new(self.clone(), by, stop.clone(), temperature_c);
             let finding = match procedure::carry_out(step, &self.of.file, &mut bench).await {
                 Ok(finding) => finding,
                 Err(ended) => return format!("step {}: {}", step.name(), with_causes(&ended)),
@@ -222,7 +224,8 @@ impl Commissioning {
             if let Err(error) = self.keep(step, finding, person, temperature_c).await {
                 return with_causes(&error);
             }
-            if let Err(refusal) = self.rig.read_calibrations(bench.by()).await {
+            by = bench.into_by();
+            if let Err(refusal) = self.rig.read_calibrations(&by).await {
                 return with_causes(&refusal);
             }
             match verdict {

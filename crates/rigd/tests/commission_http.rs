@@ -508,7 +508,7 @@ fn the_record_of_a_step_names_who_answered_and_not_who_began() {
     assert_eq!(persons(1), (&"signs".into(), &"Bob".into()), "{view}");
     // Each motion is of the one who has let it happen.
     let moved = daemon.who("step the ");
-    assert!(!moved.is_empty() && moved.iter().all(|who| who == "Bob"), "{moved:?}");
+    assert!(!moved.is_empty() && moved.iter().all(|who| who == "Bob"), "{moved:?}: {view}");
     daemon.end();
 }
 

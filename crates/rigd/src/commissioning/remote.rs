@@ -60,12 +60,12 @@ impl Remote {
     }
 
     /// Who answered last; before the first answer, who began the commissioning.
-    pub(super) fn by(&self) -> &str {
-        &self.by
+    pub(super) fn into_by(self) -> String {
+        self.by
     }
 
-    /// Who answered in this step; several names have commas between them, which no name has. A step that ends before
-    /// its first answer has the name of who began the commissioning.
+    /// Who answered in this step; several names have commas between them, which no name has. A step without an answer has
+    /// the name of who answered last before it, or of who began the commissioning.
     pub(super) fn person(&self) -> String {
         if self.is_simulated {
             SIMULATED_PERSON.to_owned()
