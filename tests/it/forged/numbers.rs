@@ -81,6 +81,17 @@ pub(super) const CASES: &[Case] = &[
     ("a standard deviation that is too large", Check::Sigma, |forged| {
         loaded(forged, 2, |hz| hz, |sigma| 12.0 * sigma);
     }),
+    ("every resonance in contact half a standard deviation higher", Check::Resonance, |forged| {
+        for n in 0..18 {
+            let sigma = get(sweep(forged, n), "/outcome/sigma_hz");
+            loaded(forged, n, |hz| hz + 0.5 * sigma, |sigma| sigma);
+        }
+    }),
+    ("every standard deviation in contact a quarter smaller", Check::Sigma, |forged| {
+        for n in 0..18 {
+            loaded(forged, n, |hz| hz, |sigma| 0.75 * sigma);
+        }
+    }),
     ("a stated noise that is too small", Check::Sigma, |forged| noise(forged, 5, 20.0, 1000.0)),
     ("a small noise with plausible degrees of freedom", Check::Sigma, |forged| {
         noise(forged, 5, 20.0, 60.0);
