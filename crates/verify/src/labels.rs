@@ -1,6 +1,7 @@
 //! What was measured where: steps and prompts against the plan; sweeps, surfaces and touches have modules
 //! of their own.
 
+mod attempt;
 mod bench;
 mod contact;
 mod descent;
@@ -74,6 +75,8 @@ pub(crate) struct Labels {
     swept_s: f64,
     /// Number of refused sweeps in contact of the step under way.
     refused_sweeps: u32,
+    /// What the attempt under way of the touch has come to.
+    attempt: attempt::Attempt,
     noise: noise::NoiseChain,
     bench: bench::BenchChain,
     /// The last sweep with the probe clear that was accepted, and the touches since then.
@@ -154,6 +157,7 @@ impl Labels {
         (self.surface, self.indented_mm, self.free_s) = (None, None, 0.0);
         self.halfway = None;
         self.again = None;
+        self.attempt = attempt::Attempt::default();
         self.bench = bench::BenchChain::default();
         (self.contradiction, self.fault) = (None, None);
         self.standstills.clear();
@@ -177,6 +181,7 @@ impl Labels {
     ) {
         self.check_contradiction(findings);
         self.references.no_jump(findings);
+        self.goes_on(seq, findings);
         self.step_ended(motion.fault.is_some(), findings);
         let is_anew = std::mem::take(&mut self.is_anew) || self.is_amendment;
         let is_ahead = self.pass_amended(&started.step) && started.index > self.index;
@@ -223,6 +228,7 @@ impl Labels {
         }
         (self.surface, self.indented_mm, self.again) = (None, None, None);
         (self.window, self.refused_sweeps, self.halfway) = (None, 0, None);
+        self.attempt = attempt::Attempt::default();
         self.step = Some(Step { seq, started, is_done: false });
     }
 
@@ -358,6 +364,7 @@ impl Labels {
     /// The read-back of an indentation.
     pub(crate) fn moved(&mut self, motion: &Motion, rig_us: u64, settings: Option<&Settings>) {
         self.free_s = rig_us as f64 / 1e6;
+        self.left_depth();
         // Later moves of the same descent look for the surface again.
         let is_twice = settings.is_some_and(|all| all.protocol.touch.halfway_mm.is_some());
         let is_indentation = |descent: &Descent| {
@@ -373,6 +380,9 @@ impl Labels {
     pub(crate) fn finish(&mut self, seq: u64, status: &str, findings: &mut Findings) {
         self.references.no_jump(findings);
         let is_complete = status.starts_with("completed");
+        if is_complete {
+            self.goes_on(seq, findings);
+        }
         let has_outcome =
             |step: &String| self.results.contains_key(step) || self.elsewhere.contains(step);
         let missing = self.planned.iter().filter(|touch| !has_outcome(&touch.step));

@@ -194,6 +194,7 @@ pub(crate) struct RetractTried {
 #[derive(Debug, Clone, Deserialize)]
 pub(crate) struct RefusalAnswered {
     pub(crate) step: String,
+    pub(crate) reason: String,
     pub(crate) answer: String,
     pub(crate) window_hz: Option<[f64; 2]>,
 }

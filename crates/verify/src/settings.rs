@@ -231,6 +231,9 @@ pub(crate) struct SweepKeys {
     #[serde(default)]
     method: String,
     pub(crate) survey_s: Option<u32>,
+    /// Whether the level is checked after the survey.
+    #[serde(default)]
+    pub(crate) level_check: bool,
 }
 
 impl SweepKeys {

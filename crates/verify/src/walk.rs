@@ -270,6 +270,7 @@ impl Walk {
                 labels.decided(seq, &answered, motion, settings, findings);
             }
             Record::Intent(intent) => {
+                labels.declared(seq, &intent.what, findings);
                 if let Some(settings) = settings.filter(|_| intent.what == "indent") {
                     labels.indents(seq, intent.to, settings, findings);
                 }
@@ -291,6 +292,7 @@ impl Walk {
                 let search = ("approach", &*lost.step, &lost.pose, &*lost.trail);
                 labels.searched(seq, rig_us, search, motion, settings, findings);
                 labels.searches_in_steps();
+                labels.lost_surface(&lost.trail);
             }
             Record::SurfaceChecked(checked) => {
                 labels.surface_checked(seq, rig_us, &checked, motion, settings, findings);

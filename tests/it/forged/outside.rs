@@ -130,6 +130,26 @@ pub(super) const CASES: &[Case] = &[
         refuse(forged, 3, NO_RESONANCE);
     }),
     ("an accepted sweep that is said to be refused twice", Check::Resonance, refuse_and_repeat),
+    ("a refused touch that says nothing of its indentation", Check::Copy, |forged| {
+        refuse(forged, 3, "the analyzer flagged overload at 140.25 Hz in 3 of 3 tries");
+        let place = forged.nth("touch_refused", 0, any);
+        forged.records[place].payload.as_object_mut().expect("a record").remove("indented");
+    }),
+    ("a search that is declared again in its touch", Check::Row, |forged| {
+        let place = forged.nth("intent", 3, |payload| payload["what"] == "approach");
+        let twin = forged.records[place].clone();
+        forged.records.insert(place, twin);
+    }),
+    ("a run that goes on after the answer abort", Check::Ends, |forged| {
+        let place = forged.nth("touch_result", 3, any);
+        let (rig_us, touch) =
+            (forged.records[place].rig_us, forged.records[place].payload["touch"].clone());
+        let payload = json!({
+            "kind": "refusal_answered", "step": touch["step"], "reason": NO_RESONANCE,
+            "answer": "abort", "by": "somebody",
+        });
+        insert(forged, place, rig_us, payload);
+    }),
     ("a touch that is said to be contradicted", Check::Row, |forged| {
         let reason = "it is contradicted by what was measured next: contact sense: at 141.200 Hz \
                       the impedance of the clear probe is 64 % from that of the last no-load \

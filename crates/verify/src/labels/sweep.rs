@@ -44,6 +44,10 @@ impl Labels {
         }
         self.check_times(seq, rig_us, sweep, findings);
         Self::check_readings(seq, sweep, findings);
+        Self::check_reason(seq, sweep, findings);
+        if sweep.purpose == "touch" {
+            self.swept_in_contact(seq, sweep, settings, findings);
+        }
         self.check_standstills(seq, &sweep.readings, findings);
         if let Some(settings) = settings.filter(|_| !is_manual) {
             let window = self.window.filter(|_| sweep.purpose == "touch");
@@ -74,6 +78,7 @@ impl Labels {
             }
             self.reference = Some(facts.clone()).filter(|facts| facts.outcome.is_ok());
             if let Ok(found) = facts.outcome {
+                self.referred(seq, settings, findings);
                 let end_s = rig_us as f64 / 1e6;
                 self.references.measured(seq, facts.number, (self.free_s, end_s), found);
             }

@@ -170,13 +170,14 @@ impl Labels {
         findings: &mut Findings,
     ) {
         motion.is_waiting = false;
-        let RefusalAnswered { step, answer, window_hz } = answered;
+        let RefusalAnswered { step, answer, window_hz, .. } = answered;
         let under_way = self.step.as_ref().map(|under_way| under_way.started.step.as_str());
         let is_known = ["widen", "repeat", "skip", "abort"].contains(&answer.as_str());
         if under_way != Some(step) || !is_known {
             let what = "an answer about a refused touch that is not the one under way";
             findings.add(Check::StepOrder, seq, what, format!("{under_way:?}"), step);
         }
+        self.answered_attempt(seq, answered, settings, findings);
         let Some([min, max]) = *window_hz else { return };
         // Each answer widens by half of the width on each side, at most.
         let protocol = settings.map(|all| &all.protocol.contact_sweep);
@@ -225,6 +226,7 @@ impl Labels {
         let TouchResult { touch, surface_mm, surface_sigma_mm, indentation_mm, linear_mm, .. } =
             result;
         self.row(seq, touch, motion, findings);
+        self.outcome_of_attempt(seq, None, findings);
         let (surface_mm, surface_sigma_mm) = (*surface_mm, *surface_sigma_mm);
         let indented = Indented {
             sweep: result.sweep,
@@ -352,11 +354,28 @@ impl Labels {
         findings.agree(Check::Copy, seq, what, (stands, refused.rotary_deg), COPY);
         let of = (refused.no_load_sweep, refused.no_load_hz, refused.no_load_sigma_hz);
         self.reference(seq, of, findings);
-        let Some(indented) = &refused.indented else { return };
+        self.outcome_of_attempt(seq, Some(&refused.reason), findings);
+        let Some(indented) = &refused.indented else {
+            self.refused_above(seq, &refused.reason, findings);
+            return;
+        };
         self.place(seq, indented, settings, findings);
+        let reference = (refused.no_load_hz, refused.no_load_sigma_hz);
+        self.refused_in_contact(seq, &refused.reason, reference, settings, findings);
+    }
+
+    /// A refusal after the probe was in the sample: because of the sweep, or of what was measured after it.
+    pub(super) fn refused_in_contact(
+        &self,
+        seq: u64,
+        reason: &str,
+        (no_load_hz, no_load_sigma_hz): (f64, f64),
+        settings: Option<&Settings>,
+        findings: &mut Findings,
+    ) {
         let sweep = self.sweep.as_ref().filter(|sweep| sweep.purpose == "touch");
         match sweep.map(|sweep| &sweep.outcome) {
-            Some(Err(reason)) if *reason == refused.reason => {
+            Some(Err(of_sweep)) if of_sweep == reason => {
                 if self.refused_sweeps < SWEEPS_REFUSED {
                     let what = "the refused sweeps of a touch that is refused because of them";
                     let expected = format!("at least {SWEEPS_REFUSED}");
@@ -366,22 +385,22 @@ impl Labels {
             // The surface was no longer where it had been found, or could not be looked for.
             Some(Ok(_)) if self.again.is_some_and(|again| !again.is_still_there) => {}
             // What was measured after the sweep speaks against the touch, whatever the shift.
-            Some(Ok(_)) if refused.reason.starts_with(CONTRADICTED) => {}
-            Some(Ok(_)) if refused.reason.starts_with(SLIPPED) => {
-                self.slipped(seq, &refused.reason, findings);
+            Some(Ok(_)) if reason.starts_with(CONTRADICTED) => {}
+            Some(Ok(_)) if reason.starts_with(SLIPPED) => {
+                self.slipped(seq, reason, findings);
             }
             Some(&Ok((hz, sigma_hz))) => {
-                let sigma_hz = sigma_hz.hypot(refused.no_load_sigma_hz);
-                let shift_hz = hz - refused.no_load_hz;
+                let sigma_hz = sigma_hz.hypot(no_load_sigma_hz);
+                let shift_hz = hz - no_load_hz;
                 self.felt(seq, false, (shift_hz, sigma_hz), settings, findings);
             }
             other => {
                 let expected = other.map_or_else(
                     || "a sweep in contact".to_owned(),
-                    |reason| format!("{reason:?}"),
+                    |of_sweep| format!("{of_sweep:?}"),
                 );
                 let what = "the reason of a refused touch";
-                findings.add(Check::Copy, seq, what, expected, &refused.reason);
+                findings.add(Check::Copy, seq, what, expected, reason);
             }
         }
     }
