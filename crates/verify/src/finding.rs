@@ -56,6 +56,8 @@ pub enum Check {
     Pose,
     /// Readings were taken while the axes were in that pose.
     ReadingTime,
+    /// No record has the readings of another one.
+    Distinct,
     /// Sweeps are numbered in order, and have the purpose of their step.
     Sweep,
     /// Every planned touch has at most one result; every touch of a completed run has one.
@@ -83,7 +85,7 @@ pub enum Check {
 
 impl Check {
     /// All checks.
-    pub const ALL: [Self; 35] = [
+    pub const ALL: [Self; 36] = [
         Self::Readable,
         Self::Complete,
         Self::Digest,
@@ -108,6 +110,7 @@ impl Check {
         Self::Orientation,
         Self::Pose,
         Self::ReadingTime,
+        Self::Distinct,
         Self::Sweep,
         Self::Row,
         Self::Reference,
@@ -148,6 +151,7 @@ impl Check {
             Self::Orientation => "orientation",
             Self::Pose => "pose",
             Self::ReadingTime => "reading_time",
+            Self::Distinct => "distinct",
             Self::Sweep => "sweep",
             Self::Row => "row",
             Self::Reference => "reference",

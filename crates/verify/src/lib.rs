@@ -19,6 +19,7 @@ mod aim;
 mod archived;
 mod between;
 mod chain;
+mod copies;
 mod descent;
 mod drift;
 mod finding;

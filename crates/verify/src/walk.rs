@@ -8,6 +8,7 @@ use serde::Deserialize;
 use crate::{
     aim, archived,
     chain::Chain,
+    copies::Copies,
     finding::{Check, Findings, Verdict},
     journal::{self, Entry, Journal},
     labels::Labels,
@@ -42,6 +43,7 @@ pub(crate) fn check(connection: &Connection, journal: &Journal) -> Verdict {
         labels: Labels::new(journal),
         accepted: Vec::new(),
         refused: Vec::new(),
+        copies: Copies::default(),
         session: None,
         before: None,
         last_own: None,
@@ -115,6 +117,7 @@ struct Walk {
     labels: Labels,
     accepted: Vec<Accepted>,
     refused: Vec<Refused>,
+    copies: Copies,
     /// The session whose rig moves.
     session: Option<i64>,
     /// Epoch of the last record, whether it is one of this run, and its time, µs.
@@ -251,6 +254,7 @@ impl Walk {
             let what = "the first record, and no other, has the settings of the run";
             self.findings.add(Check::Ends, seq, what, "run_started", &entry.kind);
         }
+        self.copies.take((seq, entry.epoch), &record, &mut self.findings);
         self.record(entry, record);
     }
 
@@ -469,6 +473,7 @@ impl Walk {
     }
 
     fn end(&mut self, journal: &Journal) {
+        self.copies.end(&mut self.findings);
         let last = self.chain.records();
         self.check_cut(last, None, &journal.sessions);
         if let Some(damage) = &journal.damage {

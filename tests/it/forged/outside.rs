@@ -150,6 +150,15 @@ pub(super) const CASES: &[Case] = &[
         });
         insert(forged, place, rig_us, payload);
     }),
+    ("a sweep with readings of another one", Check::Distinct, |forged| {
+        let of = sweep(forged, 2)["readings"].as_array().expect("readings").clone();
+        let copies = sweep(forged, 5)["readings"].as_array_mut().expect("readings");
+        for (copy, of) in copies.iter_mut().zip(of).take(5) {
+            for key in ["frequency_hz", "resistance_ohm", "reactance_ohm"] {
+                copy[key] = of[key].clone();
+            }
+        }
+    }),
     ("a touch that is said to be contradicted", Check::Row, |forged| {
         let reason = "it is contradicted by what was measured next: contact sense: at 141.200 Hz \
                       the impedance of the clear probe is 64 % from that of the last no-load \
