@@ -5,7 +5,7 @@ mod before;
 mod tests;
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, BTreeSet},
     fs, io,
     path::{Path, PathBuf},
     process,
@@ -39,6 +39,15 @@ const SESSIONS: &str = "
 const AMENDED: &str = "
     SELECT payload FROM runs CROSS JOIN records ON records.run = runs.key
     WHERE runs.kind = 'amendment' AND records.kind = 'amended' AND seq = 1";
+
+/// What may be the outcome of a touch in an amendment that ended before a run went on.
+const DONE_ELSEWHERE: &str = "
+    SELECT seam.seq, outcome.payload
+    FROM records AS seam CROSS JOIN runs CROSS JOIN records AS ends ON ends.run = runs.key
+        CROSS JOIN records AS outcome ON outcome.run = runs.key
+    WHERE seam.run = ?1 AND seam.kind = 'resumed' AND runs.kind = 'amendment' AND runs.name = ?2
+        AND ends.kind = 'run_finished' AND ends.id < seam.id
+        AND outcome.kind IN ('amended', 'touch_result', 'touch_refused')";
 
 /// The records of a run, and what moved the axes between them.
 const ENTRIES: &str = "
@@ -88,6 +97,8 @@ pub(crate) struct Journal {
     /// Records of sweeps, and the largest number of a sweep of the amendments of the run, or of the run and
     /// its other amendments, before each: all of them are numbered together.
     pub(crate) numbered: BTreeMap<u64, u64>,
+    /// Records at which the run goes on, and the touches that have an outcome in an ended amendment before each.
+    pub(crate) done_elsewhere: BTreeMap<u64, BTreeSet<String>>,
     /// The settings of the run that an amendment amends.
     pub(crate) amended: Option<Box<RunStarted>>,
     /// The last record of a session, µs, in each epoch of the run. The end of a killed one is written later.
@@ -123,6 +134,7 @@ impl Journal {
             entries,
             elsewhere: Vec::new(),
             numbered: BTreeMap::new(),
+            done_elsewhere: BTreeMap::new(),
             amended: None,
             sessions: BTreeMap::new(),
             note: None,
@@ -244,6 +256,7 @@ pub(crate) fn read(connection: &Connection, run: &str) -> Result<Journal, Journa
         seal: seal(connection, run.key)?,
         elsewhere: amended_steps(connection, &run.id)?,
         numbered: numbered(connection, &run)?,
+        done_elsewhere: done_elsewhere(connection, &run)?,
         links,
         entries: Vec::new(),
         amended: None,
@@ -444,6 +457,26 @@ fn numbered(connection: &Connection, run: &Listed) -> Result<BTreeMap<u64, u64>,
         )?
         .query_map(params![run.key, amends], of_row)?
         .collect()
+}
+
+/// The touches of a run with an outcome in an amendment that had ended, before each record at which the run goes on.
+fn done_elsewhere(
+    connection: &Connection,
+    run: &Listed,
+) -> Result<BTreeMap<u64, BTreeSet<String>>, rusqlite::Error> {
+    let mut done: BTreeMap<u64, BTreeSet<String>> = BTreeMap::new();
+    let mut statement = connection.prepare_cached(DONE_ELSEWHERE)?;
+    let mut rows = statement.query(params![run.key, run.id])?;
+    while let Some(row) = rows.next()? {
+        let step = match serde_json::from_str(&row.get::<_, String>(1)?) {
+            Ok(Record::TouchResult(result)) => result.touch.step,
+            Ok(Record::TouchRefused(refused)) => refused.touch.step,
+            Ok(Record::Amended(amended)) if amended.what == "skip" => amended.step,
+            _ => continue,
+        };
+        done.entry(row.get::<_, i64>(0)?.cast_unsigned()).or_default().insert(step);
+    }
+    Ok(done)
 }
 
 /// The settings of another run.

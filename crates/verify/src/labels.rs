@@ -6,6 +6,7 @@ mod bench;
 mod contact;
 mod descent;
 mod noise;
+mod plan;
 mod reference;
 mod sweep;
 mod touch;
@@ -17,10 +18,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::{
     finding::{Check, Findings},
     journal::Journal,
+    layout::{NoLoad, Planned},
     motion::{Descent, Motion, Probe, Turn},
     record::{
-        Action, Circuit, Descended, Pose, Prompt, PromptAnswered, PromptAsked, StepStarted, Touch,
-        TouchResult,
+        Action, Circuit, Descended, Pose, Prompt, PromptAnswered, PromptAsked, Resumed,
+        StepStarted, Touch, TouchResult,
     },
     settings::{Settings, orientation, tilt_deg},
     surface,
@@ -63,6 +65,11 @@ struct Step {
 #[derive(Debug, Default)]
 pub(crate) struct Labels {
     planned: Vec<Touch>,
+    /// The steps of the plan when the run began; none if they cannot be known.
+    whole: Vec<Planned>,
+    /// Those since the run last went on.
+    layout: Vec<Planned>,
+    no_load: Option<NoLoad>,
     steps: u32,
     step: Option<Step>,
     index: u32,
@@ -101,6 +108,7 @@ pub(crate) struct Labels {
     /// The last touch with a result, until it is contradicted.
     last: Option<TouchResult>,
     elsewhere: BTreeSet<String>,
+    done_elsewhere: BTreeMap<u64, BTreeSet<String>>,
     /// The largest number of a sweep in another record of the same touches, before each sweep.
     numbered: BTreeMap<u64, u64>,
     /// When the computer was held up, s on the rig's clock.
@@ -118,11 +126,8 @@ impl Labels {
     /// run.
     pub(crate) fn new(journal: &Journal) -> Self {
         let elsewhere = journal.elsewhere.iter().cloned().collect();
-        Self { elsewhere, numbered: journal.numbered.clone(), ..Self::default() }
-    }
-
-    pub(crate) fn begin(&mut self, steps: u32, planned: Vec<Touch>) {
-        (self.steps, self.planned) = (steps, planned);
+        let (numbered, done_elsewhere) = (journal.numbered.clone(), journal.done_elsewhere.clone());
+        Self { elsewhere, numbered, done_elsewhere, ..Self::default() }
     }
 
     /// A touch of another run is measured again: it has no plan of its own.
@@ -131,27 +136,8 @@ impl Labels {
     }
 
     /// A run goes on: the sample and the sensor are mounted again, and a reference is measured again.
-    pub(crate) fn resume(
-        &mut self,
-        seq: u64,
-        next: Option<&str>,
-        touches: u32,
-        findings: &mut Findings,
-    ) {
-        if touches as usize != self.planned.len() {
-            let what = "the number of touches of a run that goes on";
-            findings.add(Check::Plan, seq, what, self.planned.len(), touches);
-        }
-        let place = |step: &str| self.planned.iter().position(|touch| touch.step == step);
-        let is_open = |step: &str| !self.results.contains_key(step);
-        match next.map(|step| (step, place(step).filter(|_| is_open(step)))) {
-            None => self.touches = self.planned.len(),
-            Some((_, Some(place))) => self.touches = place,
-            Some((step, None)) => {
-                let what = "the touch at which a run goes on";
-                findings.add(Check::Plan, seq, what, "a planned touch without an outcome", step);
-            }
-        }
+    pub(crate) fn resume(&mut self, seq: u64, resumed: &Resumed, findings: &mut Findings) {
+        self.lay_out_rest(seq, resumed, findings);
         (self.step, self.sample, self.orientation, self.reference) = (None, None, None, None);
         self.references = reference::References::default();
         (self.surface, self.indented_mm, self.free_s) = (None, None, 0.0);
@@ -161,7 +147,7 @@ impl Labels {
         self.bench = bench::BenchChain::default();
         (self.contradiction, self.fault) = (None, None);
         self.standstills.clear();
-        self.is_anew = true;
+        self.is_anew = self.layout.is_empty();
     }
 
     /// The computer was held up until now: no reading is of that time. A standstill is noticed at a beat.
@@ -183,7 +169,8 @@ impl Labels {
         self.references.no_jump(findings);
         self.goes_on(seq, findings);
         self.step_ended(motion.fault.is_some(), findings);
-        let is_anew = std::mem::take(&mut self.is_anew) || self.is_amendment;
+        let is_unplanned = self.is_amendment && self.layout.is_empty();
+        let is_anew = std::mem::take(&mut self.is_anew) || is_unplanned;
         let is_ahead = self.pass_amended(&started.step) && started.index > self.index;
         let is_by_drift = settings.is_some_and(|all| all.protocol.is_by_drift());
         let is_left_out = is_by_drift && self.references.may_leave_out(self.index, &started);
@@ -203,6 +190,8 @@ impl Labels {
         }
         if is_anew {
             self.steps = started.count;
+        } else {
+            self.check_place(seq, &started, findings);
         }
         self.index = started.index;
         motion.turn = match &started.action {
@@ -400,6 +389,8 @@ impl Labels {
             && rest.all(|touch| self.elsewhere.contains(&touch.step));
         if is_complete && self.index != self.steps && !is_left_out {
             findings.add(Check::StepOrder, seq, "the last step of the run", self.steps, self.index);
+        } else if is_complete {
+            self.check_gap(seq, self.steps, findings);
         }
     }
 }

@@ -27,6 +27,7 @@ mod fit;
 mod folder;
 mod journal;
 mod labels;
+mod layout;
 mod model;
 mod motion;
 mod normal;

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
     finding::{Check, Findings},
+    layout,
     record::{RunStarted, Touch},
     settings::{Blind, Protocol, Rig, Scene},
 };
@@ -75,6 +76,7 @@ pub(crate) fn check(
             add(what, format!("blind/{blind} within the section [blind]"), format!("{touch:?}"));
         }
     }
+    check_order(started, protocol, &mut add);
     for (step, missing) in expected.into_iter().filter(|(_, count)| *count != 0) {
         let found = if missing > 0 { "none" } else { "one too many" };
         add("a touch of the protocol", format!("{step} once"), found.to_owned());
@@ -86,6 +88,33 @@ pub(crate) fn check(
     if is_by_mounting && apart != mountings {
         let what = "blind touches that are to be made by mounting";
         add(what, format!("{apart} mountings"), mountings.to_string());
+    }
+}
+
+/// The main touches come first, in the order of the protocol. A random one is drawn, and not known here.
+fn check_order(
+    started: &RunStarted,
+    protocol: &Protocol,
+    add: &mut impl FnMut(&str, String, String),
+) {
+    if layout::NoLoad::of(protocol).is_none() {
+        let policy = protocol.no_load.clone().unwrap_or_default();
+        add("when the no-load resonance is measured", "a known word".to_owned(), policy);
+    }
+    let is_main = |touch: &&Touch| touch.phase == "main";
+    let first: Vec<&Touch> = started.touches.iter().take_while(is_main).collect();
+    let later = started.touches.iter().skip(first.len()).find(is_main);
+    if let Some(touch) = later {
+        add("a main touch behind a blind one", "none".to_owned(), touch.step.clone());
+    }
+    let Some(order) = layout::main_order(protocol) else { return };
+    let planned = first.iter().map(|touch| touch.step.clone());
+    let expected = order.iter().map(|&(sample, direction, angle_deg, repeat)| {
+        main_step(sample, direction, angle_deg, repeat)
+    });
+    let apart = expected.zip(planned).find(|(expected, planned)| expected != planned);
+    if let Some((expected, planned)) = apart {
+        add("the order of the main touches", expected, planned);
     }
 }
 

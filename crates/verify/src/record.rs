@@ -110,6 +110,7 @@ pub(crate) struct Sample {
 pub(crate) struct PlanSize {
     pub(crate) steps: u32,
     pub(crate) touches: u32,
+    pub(crate) prompts: Option<u32>,
 }
 
 #[derive(Debug, Clone, PartialEq, Deserialize)]

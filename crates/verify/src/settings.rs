@@ -135,6 +135,7 @@ pub(crate) struct Protocol {
     pub(crate) samples: Vec<String>,
     pub(crate) directions: Vec<String>,
     pub(crate) angles_deg: Vec<f64>,
+    pub(crate) order: Option<String>,
     pub(crate) no_load: Option<String>,
     pub(crate) aim: Option<AimKeys>,
     #[serde(default = "one")]

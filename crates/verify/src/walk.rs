@@ -387,7 +387,8 @@ impl Walk {
         }
         // A command to end that came before is not about this run.
         (self.motion.turn, self.is_stopped) = (Turn::Forbidden, false);
-        self.labels.begin(started.plan.steps, started.touches);
+        let protocol = self.settings.as_ref().map(|settings| &settings.protocol);
+        self.labels.begin(seq, started.plan, started.touches, protocol, &mut self.findings);
     }
 
     /// The run goes on, with a clock of its own, at the next touch that has no outcome.
@@ -418,8 +419,7 @@ impl Walk {
         }
         self.motion.turn = Turn::Forbidden;
         (self.fault, self.is_stopped, self.ending) = (None, false, None);
-        let next = resumed.next.as_deref();
-        self.labels.resume(seq, next, resumed.touches_done + resumed.touches_left, findings);
+        self.labels.resume(seq, resumed, findings);
     }
 
     fn faulted(&mut self, seq: u64, Fault { probe, cause }: &Fault) {

@@ -3,13 +3,13 @@
 use rusqlite::{Connection, params};
 
 use super::{
-    AMENDED, ENTRIES, SESSIONS,
+    AMENDED, DONE_ELSEWHERE, ENTRIES, SESSIONS,
     before::{BEGINS, LAST_MOVE, SINCE, before},
 };
 
 /// The columns of `docs/data.md` that the statements use.
 const TABLES: &str = "
-    CREATE TABLE runs (key INTEGER PRIMARY KEY, id TEXT, kind TEXT, status TEXT, epoch INTEGER);
+    CREATE TABLE runs (key INTEGER PRIMARY KEY, id TEXT, kind TEXT, name TEXT, status TEXT, epoch INTEGER);
     CREATE TABLE stretches (run INTEGER, epoch INTEGER, PRIMARY KEY (run, epoch));
     CREATE TABLE records (
         id INTEGER PRIMARY KEY, run INTEGER, seq INTEGER, epoch INTEGER, rig_us INTEGER, kind TEXT, payload TEXT,
@@ -24,7 +24,7 @@ fn session(runs: &[(&str, &[&str])]) -> Connection {
     let connection = Connection::open_in_memory().unwrap();
     connection.execute_batch(TABLES).unwrap();
     let open = |key: i64, kind: &str, status: &str, payloads: &[&str]| {
-        let run = "INSERT INTO runs VALUES (?1, ?1, ?2, ?3, 1)";
+        let run = "INSERT INTO runs VALUES (?1, ?1, ?2, ?2, ?3, 1)";
         connection.execute(run, params![key, kind, status]).unwrap();
         for (seq, payload) in (1_i64..).zip(payloads) {
             let record = "INSERT INTO records (run, seq, epoch, rig_us, kind, payload, digest)
@@ -64,7 +64,7 @@ fn what_came_before_the_last_completed_run_is_not_read() {
 #[test]
 fn no_statement_walks_through_all_records() {
     let connection = session(&[]);
-    for sql in [SESSIONS, AMENDED, ENTRIES, BEGINS, LAST_MOVE, SINCE] {
+    for sql in [SESSIONS, AMENDED, DONE_ELSEWHERE, ENTRIES, BEGINS, LAST_MOVE, SINCE] {
         let mut plan = connection.prepare(&format!("EXPLAIN QUERY PLAN {sql}")).unwrap();
         let values = (1..=plan.parameter_count()).map(|_| 1);
         let rows =
