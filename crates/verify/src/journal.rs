@@ -17,7 +17,7 @@ use rusqlite::{
 };
 use sha2::{Digest, Sha256};
 
-use crate::record::{Cited, Record, RunStarted};
+use crate::record::{Amended, Cited, Record, RunStarted};
 
 pub(crate) use before::before;
 
@@ -48,6 +48,17 @@ const DONE_ELSEWHERE: &str = "
     WHERE seam.run = ?1 AND seam.kind = 'resumed' AND runs.kind = 'amendment' AND runs.name = ?2
         AND ends.kind = 'run_finished' AND ends.id < seam.id
         AND outcome.kind IN ('amended', 'touch_result', 'touch_refused')";
+
+/// The last record of a run before the first one of an amendment, and whether a digest is that of any before it.
+const HEAD: &str = "
+    WITH amended AS (SELECT key FROM runs WHERE id = ?1),
+        first AS (SELECT min(id) AS id FROM records WHERE run = ?2)
+    SELECT lower(hex(digest)), kind, EXISTS (
+        SELECT 1 FROM records AS any WHERE any.run = (SELECT key FROM amended)
+            AND any.id < (SELECT id FROM first) AND lower(hex(any.digest)) = ?3)
+    FROM records
+    WHERE run = (SELECT key FROM amended) AND records.id < (SELECT id FROM first)
+    ORDER BY seq DESC LIMIT 1";
 
 /// The records of a run, and what moved the axes between them.
 const ENTRIES: &str = "
@@ -101,6 +112,8 @@ pub(crate) struct Journal {
     pub(crate) done_elsewhere: BTreeMap<u64, BTreeSet<String>>,
     /// The settings of the run that an amendment amends.
     pub(crate) amended: Option<Box<RunStarted>>,
+    /// The end of that run when it was amended.
+    pub(crate) head: Option<Head>,
     /// The last record of a session, µs, in each epoch of the run. The end of a killed one is written later.
     pub(crate) sessions: BTreeMap<u64, u64>,
     /// The note that the readings of the run were moved to an archive.
@@ -136,6 +149,7 @@ impl Journal {
             numbered: BTreeMap::new(),
             done_elsewhere: BTreeMap::new(),
             amended: None,
+            head: None,
             sessions: BTreeMap::new(),
             note: None,
             damage: None,
@@ -175,6 +189,17 @@ impl Listed {
             Part::Text(&self.started_at),
         ]
     }
+}
+
+/// The end of a run when it was amended.
+#[derive(Debug, Clone)]
+pub(crate) struct Head {
+    /// Digest of its last record, in hexadecimal.
+    pub(crate) last: String,
+    /// Whether the run had ended.
+    pub(crate) has_ended: bool,
+    /// Whether the digest that the amendment states is that of a record of the run.
+    pub(crate) is_of_run: bool,
 }
 
 /// An entry whose link does not follow from the one before it.
@@ -260,6 +285,7 @@ pub(crate) fn read(connection: &Connection, run: &str) -> Result<Journal, Journa
         links,
         entries: Vec::new(),
         amended: None,
+        head: None,
         sessions: sessions(connection, run.key)?,
         note: if run.kind == "archive" { None } else { note(connection, &run.id)? },
         run,
@@ -271,6 +297,7 @@ pub(crate) fn read(connection: &Connection, run: &str) -> Result<Journal, Journa
     let first = journal.entries.iter().find(|entry| entry.is_own);
     if let Some(Ok(Record::Amended(amended))) = first.map(|e| serde_json::from_str(&e.payload)) {
         journal.amended = settings_of(connection, &amended.run)?;
+        journal.head = head(connection, &amended, journal.run.key)?;
     }
     Ok(journal)
 }
@@ -495,6 +522,21 @@ fn settings_of(
         Some(Ok(Record::RunStarted(started))) => Some(started),
         _ => None,
     })
+}
+
+/// The end of a run when it was amended in the records with this key; `None` if it has no record before them.
+fn head(
+    connection: &Connection,
+    amended: &Amended,
+    key: i64,
+) -> Result<Option<Head>, rusqlite::Error> {
+    connection
+        .prepare_cached(HEAD)?
+        .query_row(params![amended.run, key, amended.head], |row| {
+            let has_ended = row.get::<_, String>(1)? == "run_finished";
+            Ok(Head { last: row.get(0)?, has_ended, is_of_run: row.get(2)? })
+        })
+        .optional()
 }
 
 fn entries(

@@ -24,7 +24,7 @@ use crate::{
         Action, Circuit, Descended, Pose, Prompt, PromptAnswered, PromptAsked, Resumed,
         StepStarted, Touch, TouchResult,
     },
-    settings::{Settings, orientation, tilt_deg},
+    settings::{Protocol, Settings, orientation, tilt_deg},
     surface,
 };
 
@@ -113,6 +113,8 @@ pub(crate) struct Labels {
     numbered: BTreeMap<u64, u64>,
     /// When the computer was held up, s on the rig's clock.
     standstills: Vec<(f64, f64)>,
+    /// The record of a refused touch with which the run ends.
+    ended_by: Option<u64>,
     /// Why the last touch is said to be contradicted, and the last fault.
     contradiction: Option<(u64, String)>,
     fault: Option<String>,
@@ -127,12 +129,19 @@ impl Labels {
     pub(crate) fn new(journal: &Journal) -> Self {
         let elsewhere = journal.elsewhere.iter().cloned().collect();
         let (numbered, done_elsewhere) = (journal.numbered.clone(), journal.done_elsewhere.clone());
-        Self { elsewhere, numbered, done_elsewhere, ..Self::default() }
+        Self { elsewhere, done_elsewhere, numbered, ..Self::default() }
     }
 
-    /// A touch of another run is measured again: it has no plan of its own.
-    pub(crate) const fn amend(&mut self) {
+    /// A touch of another run is measured again, with the steps that it needs alone.
+    pub(crate) fn amend(&mut self, touch: Option<Touch>, protocol: Option<&Protocol>) {
         self.is_amendment = true;
+        self.lay_out(touch.into_iter().collect(), protocol);
+        self.steps = plan::size(&self.layout);
+    }
+
+    /// Whether the steps are those of an amendment whose run is not known.
+    fn is_unplanned(&self) -> bool {
+        self.is_amendment && self.layout.is_empty()
     }
 
     /// A run goes on: the sample and the sensor are mounted again, and a reference is measured again.
@@ -145,7 +154,7 @@ impl Labels {
         self.again = None;
         self.attempt = attempt::Attempt::default();
         self.bench = bench::BenchChain::default();
-        (self.contradiction, self.fault) = (None, None);
+        (self.contradiction, self.fault, self.ended_by) = (None, None, None);
         self.standstills.clear();
         self.is_anew = self.layout.is_empty();
     }
@@ -169,8 +178,7 @@ impl Labels {
         self.references.no_jump(findings);
         self.goes_on(seq, findings);
         self.step_ended(motion.fault.is_some(), findings);
-        let is_unplanned = self.is_amendment && self.layout.is_empty();
-        let is_anew = std::mem::take(&mut self.is_anew) || is_unplanned;
+        let is_anew = std::mem::take(&mut self.is_anew) || self.is_unplanned();
         let is_ahead = self.pass_amended(&started.step) && started.index > self.index;
         let is_by_drift = settings.is_some_and(|all| all.protocol.is_by_drift());
         let is_left_out = is_by_drift && self.references.may_leave_out(self.index, &started);
@@ -201,7 +209,7 @@ impl Labels {
                 tilt_deg(&pose.direction, pose.angle_deg).map_or(Turn::Forbidden, Turn::To)
             }
         };
-        if !self.is_amendment {
+        if !self.is_unplanned() {
             self.check_address(seq, &started, findings);
         }
         if let Action::NoLoad { pose } | Action::Touch { pose, .. } = &started.action {
@@ -371,6 +379,7 @@ impl Labels {
         let is_complete = status.starts_with("completed");
         if is_complete {
             self.goes_on(seq, findings);
+            self.no_refusal_ends(seq, findings);
         }
         let has_outcome =
             |step: &String| self.results.contains_key(step) || self.elsewhere.contains(step);

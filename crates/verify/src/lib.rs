@@ -16,6 +16,7 @@
 //! object store, records, chain, seal and signature are checked from its file alone (`object`).
 
 mod aim;
+mod amendment;
 mod archived;
 mod between;
 mod chain;
@@ -28,6 +29,7 @@ mod folder;
 mod journal;
 mod labels;
 mod layout;
+mod list;
 mod model;
 mod motion;
 mod normal;
@@ -38,6 +40,7 @@ mod refused;
 mod results;
 mod screw;
 mod screw_map;
+mod seam;
 mod settings;
 mod surface;
 mod survey;

@@ -18,6 +18,7 @@ use crate::{
     journal::{Entry, Journal, Listed, Part, Seal, Stretch, digest},
 };
 use columns::Columns;
+pub(crate) use time::unix_ms;
 
 /// The format of objects that this checker reads.
 const FORMAT: u32 = 1;

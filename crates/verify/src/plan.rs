@@ -91,6 +91,28 @@ pub(crate) fn check(
     }
 }
 
+/// The name of a run and its seed are those of its protocol.
+pub(crate) fn check_name(
+    name: &str,
+    started: &RunStarted,
+    protocol: &Protocol,
+    record: u64,
+    findings: &mut Findings,
+) {
+    let mut differ = |what: &str, expected: &str, found: &str| {
+        if expected != found {
+            findings.add(Check::Plan, record, what, expected, found);
+        }
+    };
+    if let Some(of_file) = protocol.name.as_deref().map(str::trim) {
+        differ("the name of the run in the list", of_file, name.trim());
+        differ("the name of the protocol", of_file, started.protocol.name.trim());
+    }
+    if let (Some(of_file), Some(stated)) = (protocol.seed(), started.seed) {
+        differ("the seed of the run", &of_file.to_string(), &stated.to_string());
+    }
+}
+
 /// The main touches come first, in the order of the protocol. A random one is drawn, and not known here.
 fn check_order(
     started: &RunStarted,

@@ -48,6 +48,9 @@ pub(crate) struct ReferenceJumped {
 
 #[derive(Debug, Clone, Deserialize)]
 pub(crate) struct RunStarted {
+    pub(crate) software: Option<String>,
+    pub(crate) devices: Option<Vec<Device>>,
+    pub(crate) seed: Option<u64>,
     pub(crate) protocol: Source,
     pub(crate) rig: Source,
     pub(crate) is_simulated: bool,
@@ -58,6 +61,13 @@ pub(crate) struct RunStarted {
     pub(crate) aim: Option<Aim>,
     #[serde(default)]
     pub(crate) calibrations: Vec<Cited>,
+}
+
+/// A device that answered.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+pub(crate) struct Device {
+    pub(crate) role: String,
+    pub(crate) identity: String,
 }
 
 /// A calibration that the run cites.
@@ -95,8 +105,10 @@ pub(crate) struct AimSettings {
     pub(crate) no_load: String,
 }
 
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 pub(crate) struct Source {
+    #[serde(default)]
+    pub(crate) name: String,
     pub(crate) toml: String,
 }
 
@@ -461,7 +473,20 @@ pub(crate) struct Resumed {
     pub(crate) next: Option<String>,
     pub(crate) touches_done: u32,
     pub(crate) touches_left: u32,
+    #[serde(default)]
+    pub(crate) changes: Vec<Change>,
+    pub(crate) software: Option<String>,
     pub(crate) rig: Option<Source>,
+    pub(crate) scene: Option<Source>,
+    pub(crate) devices: Option<Vec<Device>>,
+}
+
+/// A difference between two parts of a run.
+#[derive(Debug, Clone, Deserialize)]
+pub(crate) struct Change {
+    pub(crate) what: String,
+    pub(crate) was: String,
+    pub(crate) is: String,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
@@ -472,6 +497,8 @@ pub(crate) struct GivenUp {
 #[derive(Debug, Clone, Deserialize)]
 pub(crate) struct Amended {
     pub(crate) run: String,
+    pub(crate) head: String,
+    pub(crate) who: String,
     pub(crate) step: String,
     pub(crate) what: String,
     pub(crate) why: String,

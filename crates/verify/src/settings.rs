@@ -132,6 +132,8 @@ impl Rig {
 
 #[derive(Debug, Clone, Deserialize)]
 pub(crate) struct Protocol {
+    pub(crate) name: Option<String>,
+    seed: Option<toml::Value>,
     pub(crate) samples: Vec<String>,
     pub(crate) directions: Vec<String>,
     pub(crate) angles_deg: Vec<f64>,
@@ -150,6 +152,11 @@ pub(crate) struct Protocol {
 }
 
 impl Protocol {
+    /// The seed of every random choice; `None` if it is not a whole number.
+    pub(crate) fn seed(&self) -> Option<i64> {
+        self.seed.as_ref().map_or(Some(1), toml::Value::as_integer)
+    }
+
     /// Whether the drift says when the reference is measured again.
     pub(crate) fn is_by_drift(&self) -> bool {
         self.no_load.as_deref() == Some("by-drift")
@@ -166,6 +173,14 @@ pub(crate) struct TouchKeys {
     pub(crate) halfway_mm: Option<f64>,
     #[serde(default)]
     pub(crate) dwell_s: f64,
+    on_refusal: Option<String>,
+}
+
+impl TouchKeys {
+    /// Whether a run ends with a refused touch.
+    pub(crate) fn ends_with_refusal(&self) -> bool {
+        self.on_refusal.as_deref() == Some("abort")
+    }
 }
 
 #[derive(Debug, Clone, Deserialize)]
@@ -231,6 +246,7 @@ pub(crate) struct SweepKeys {
     pub(crate) target_sigma_hz: Option<f64>,
     #[serde(default)]
     method: String,
+    points: Option<u32>,
     pub(crate) survey_s: Option<u32>,
     /// Whether the level is checked after the survey.
     #[serde(default)]
@@ -238,6 +254,11 @@ pub(crate) struct SweepKeys {
 }
 
 impl SweepKeys {
+    /// The number of points of a uniform sweep; `None` for another one.
+    pub(crate) fn grid(&self) -> Option<u32> {
+        self.points.filter(|_| self.method == "uniform" && self.survey_s.is_none())
+    }
+
     /// The standard deviation that is asked for, Hz; a uniform sweep has none.
     pub(crate) fn target_sigma_hz(&self) -> Option<f64> {
         self.target_sigma_hz.filter(|_| self.method != "uniform")

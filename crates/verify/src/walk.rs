@@ -6,12 +6,15 @@ use rusqlite::Connection;
 use serde::Deserialize;
 
 use crate::{
-    aim, archived,
+    aim,
+    amendment::{self, Amendment, Amends},
+    archived,
     chain::Chain,
     copies::Copies,
     finding::{Check, Findings, Verdict},
     journal::{self, Entry, Journal},
     labels::Labels,
+    list,
     motion::{Motion, Probe, Turn},
     plan,
     record::{
@@ -21,6 +24,7 @@ use crate::{
     refused::{self, Refused},
     results::{self, Accepted},
     screw,
+    seam::Stated,
     settings::Settings,
 };
 
@@ -35,10 +39,14 @@ pub(crate) fn check(connection: &Connection, journal: &Journal) -> Verdict {
             (_, Some(_)) => Kind::Amendment,
             _ => Kind::Session,
         },
+        name: journal.run.name.clone(),
         is_given_up: false,
         findings: Findings::default(),
         chain: Chain::new(),
         settings: None,
+        stated: None,
+        amends: None,
+        amendment: None,
         motion: Motion::new(),
         labels: Labels::new(journal),
         accepted: Vec::new(),
@@ -55,6 +63,8 @@ pub(crate) fn check(connection: &Connection, journal: &Journal) -> Verdict {
     };
     if let Some(started) = &journal.amended {
         walk.settings = Settings::read(started).ok();
+        let (run, touches) = (journal.run.name.clone(), started.touches.clone());
+        walk.amends = Some(Amends { run, touches, head: journal.head.clone() });
     }
     let before =
         journal::before(connection, journal.run.key, |entry| walk.pass(entry, &journal.sessions));
@@ -109,10 +119,17 @@ const DURING_A_MOVE: [&str; 6] =
 
 struct Walk {
     kind: Kind,
+    /// Name in the list of runs.
+    name: String,
     is_given_up: bool,
     findings: Findings,
     chain: Chain,
     settings: Option<Settings>,
+    /// What the last part of the run states of its rig.
+    stated: Option<Stated>,
+    /// What an amendment is of, and what it does.
+    amends: Option<Amends>,
+    amendment: Option<Amendment>,
     motion: Motion,
     labels: Labels,
     accepted: Vec<Accepted>,
@@ -255,6 +272,11 @@ impl Walk {
             self.findings.add(Check::Ends, seq, what, "run_started", &entry.kind);
         }
         self.copies.take((seq, entry.epoch), &record, &mut self.findings);
+        let is_its_end = matches!(record, Record::Amended(_) | Record::RunFinished(_));
+        if self.amendment == Some(Amendment::Skip) && !is_its_end {
+            let what = "a record of a touch that is left out";
+            self.findings.add(Check::Row, seq, what, "the end", &entry.kind);
+        }
         self.record(entry, record);
     }
 
@@ -265,6 +287,7 @@ impl Walk {
         match record {
             Record::RunStarted(started) => self.started(seq, *started),
             Record::StepStarted(started) => {
+                labels.no_refusal_ends(seq, findings);
                 labels.step_started((seq, rig_us), started, motion, settings, findings);
             }
             Record::PromptAsked(asked) => labels.asked(seq, &asked, motion, settings, findings),
@@ -335,12 +358,14 @@ impl Walk {
 
     /// The first record of an amendment.
     fn amended(&mut self, seq: u64, amended: &Amended) {
-        if !["redo", "skip"].contains(&&*amended.what) || amended.why.is_empty() {
-            let what = format!("the amendment of {}", amended.step);
-            let found = format!("{} because of {:?}", amended.what, amended.why);
-            self.findings.add(Check::Ends, seq, what, "redo or skip with a reason", found);
-        }
-        self.labels.amend();
+        amendment::check(seq, amended, self.amends.as_ref(), &mut self.findings);
+        self.amendment = match &*amended.what {
+            "skip" => Some(Amendment::Skip),
+            _ => Some(Amendment::Redo),
+        };
+        let touch = self.amends.as_ref().and_then(|amends| amends.touch(&amended.step)).cloned();
+        let protocol = self.settings.as_ref().map(|settings| &settings.protocol);
+        self.labels.amend(touch, protocol);
     }
 
     /// Keeps a sweep, to fit its readings at the end.
@@ -361,6 +386,7 @@ impl Walk {
         match Settings::read(&started) {
             Ok(settings) => {
                 plan::check(&started, &settings.protocol, seq, findings);
+                plan::check_name(&self.name, &started, &settings.protocol, seq, findings);
                 aim::check(&settings.protocol, started.aim.as_ref(), seq, findings);
                 plan::check_files(&started, &settings.rig, seq, findings);
                 screw::check(&started.calibrations, seq, findings);
@@ -385,6 +411,7 @@ impl Walk {
             let what = "a run began while the probe was not shown clear";
             findings.add(Check::FalseClear, seq, what, "clear", self.motion.probe.name());
         }
+        self.stated = Some(Stated::of(&started));
         // A command to end that came before is not about this run.
         (self.motion.turn, self.is_stopped) = (Turn::Forbidden, false);
         let protocol = self.settings.as_ref().map(|settings| &settings.protocol);
@@ -417,6 +444,9 @@ impl Walk {
             let what = "a run goes on while the probe was not shown clear";
             findings.add(Check::FalseClear, seq, what, "clear", self.motion.probe.name());
         }
+        if let Some(stated) = &mut self.stated {
+            stated.resumed(seq, resumed, findings);
+        }
         self.motion.turn = Turn::Forbidden;
         (self.fault, self.is_stopped, self.ending) = (None, false, None);
         self.labels.resume(seq, resumed, findings);
@@ -447,7 +477,9 @@ impl Walk {
         let status = finished.status.as_str();
         let probe = self.motion.probe;
         self.labels.check_contradiction(findings);
-        if self.kind == Kind::Run && !self.is_given_up {
+        // What a program that was killed has not ended is ended by the next one.
+        let is_redone = self.amendment == Some(Amendment::Redo) && status != "interrupted";
+        if (self.kind == Kind::Run || is_redone) && !self.is_given_up {
             let is_whole = status.starts_with("completed");
             self.labels.step_ended(!is_whole, findings);
             self.labels.finish(seq, status, findings);
@@ -490,6 +522,7 @@ impl Walk {
         let is_whole = ending.is_some_and(|ending| ending.starts_with("completed"));
         let ends = ending.is_some() && (self.kind != Kind::Run || is_whole || self.is_given_up);
         self.chain.check_list(journal, ends, &mut self.findings);
+        list::check(journal, &mut self.findings);
     }
 }
 

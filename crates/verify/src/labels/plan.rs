@@ -65,11 +65,11 @@ impl Labels {
         let is_done = |planned: &Planned| done.iter().any(|touch| touch.step == planned.touch);
         let mut steps: Vec<Planned> =
             self.whole.iter().filter(|planned| is_done(planned)).cloned().collect();
-        self.index = steps.len() as u32;
+        self.index = size(&steps);
         steps.extend(rest.unwrap_or_default());
         self.layout = if self.whole.is_empty() { Vec::new() } else { steps };
         if !self.layout.is_empty() {
-            self.steps = self.layout.len() as u32;
+            self.steps = size(&self.layout);
         }
     }
 
@@ -114,4 +114,9 @@ impl Labels {
                 None => true,
             }
     }
+}
+
+/// The number of steps.
+pub(super) fn size(steps: &[Planned]) -> u32 {
+    u32::try_from(steps.len()).unwrap_or(u32::MAX)
 }

@@ -20,6 +20,9 @@ const SAME_FREQUENCY: f64 = 1e-6;
 /// wrong, and of an analyzer with a list of its own the driver takes any frequency this near.
 const SAME_STAY: f64 = 0.01;
 
+/// An analyzer that rounds frequencies coarsely takes one within this part of it.
+const COARSE: f64 = 0.015;
+
 impl Labels {
     pub(crate) fn sweep(
         &mut self,
@@ -228,6 +231,9 @@ fn request(
     };
     let Outcome::Accepted { resonance_hz, sigma_hz, .. } = sweep.outcome else { return };
     let [min_hz, max_hz] = window.unwrap_or([asked.min_hz, asked.max_hz]);
+    if let Some(points) = asked.grid() {
+        check_grid(seq, &sweep.readings, points, [min_hz, max_hz], findings);
+    }
     let window = Some(format!("[{min_hz}, {max_hz}] Hz"));
     if !(min_hz..=max_hz).contains(&resonance_hz) {
         let what = "a resonance outside the window of the protocol";
@@ -250,6 +256,33 @@ fn request(
     {
         let what = "an accepted resonance is less precise than the protocol asks for, Hz";
         findings.within(Check::Request, seq, what, "no more", sigma_hz, Some(target.to_string()));
+    }
+}
+
+/// A uniform sweep has a reading at each of its points. Flagged ones were measured again.
+fn check_grid(
+    seq: u64,
+    readings: &[Reading],
+    points: u32,
+    [min_hz, max_hz]: [f64; 2],
+    findings: &mut Findings,
+) {
+    let normal: Vec<&Reading> =
+        readings.iter().filter(|reading| reading.flag == Flag::Normal).collect();
+    if normal.len() < points as usize {
+        let what = "the number of readings of a uniform sweep";
+        findings.add(Check::Request, seq, what, format!("at least {points}"), normal.len());
+        return;
+    }
+    if normal.len() > points as usize {
+        // Some were measured again.
+        return;
+    }
+    let step_hz = (max_hz - min_hz) / f64::from(points.max(2) - 1);
+    for (index, reading) in (0..points).zip(normal) {
+        let (asked_hz, found_hz) = (min_hz + step_hz * f64::from(index), reading.frequency_hz);
+        let what = format!("the frequency of point {} of a uniform sweep, Hz", index + 1);
+        findings.agree(Check::Request, seq, &what, (asked_hz, found_hz), COARSE * asked_hz);
     }
 }
 

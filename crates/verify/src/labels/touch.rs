@@ -348,6 +348,8 @@ impl Labels {
             contradicted(seq, &result, refused, findings);
             return;
         }
+        let ends = settings.is_some_and(|all| all.protocol.touch.ends_with_refusal());
+        self.ended_by = Some(seq).filter(|_| ends);
         self.row(seq, &refused.touch, motion, findings);
         let stands = motion.rotary_deg.unwrap_or(f64::NAN);
         let what = "the tilt of the sample, °";
@@ -405,6 +407,15 @@ impl Labels {
         }
     }
 
+    /// A run goes on, or is completed, although its protocol ends it with a refused touch.
+    pub(crate) fn no_refusal_ends(&mut self, seq: u64, findings: &mut Findings) {
+        if let Some(refused) = self.ended_by.take() {
+            let what = "a run whose protocol ends it with a refused touch";
+            let expected = format!("the end after record {refused}");
+            findings.add(Check::Stopped, seq, what, expected, "it goes on");
+        }
+    }
+
     /// The row of a touch: that of the step under way, once, with the probe clear again.
     fn row(&mut self, seq: u64, touch: &Touch, motion: &Motion, findings: &mut Findings) {
         if let Some(first) = self.results.insert(touch.step.clone(), seq) {
@@ -419,7 +430,7 @@ impl Labels {
             step.is_done |= is_this;
             is_this
         });
-        if planned != Some(touch) && !self.is_amendment || !is_under_way {
+        if planned != Some(touch) && !self.is_unplanned() || !is_under_way {
             let what = "the label of a result is not that of the touch under way";
             let check = match planned {
                 Some(planned) if planned.sample != touch.sample => Check::Sample,

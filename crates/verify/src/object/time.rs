@@ -1,7 +1,7 @@
 //! Times as they are in journals.
 
 /// Milliseconds since 1970 of a time such as `2026-11-22T08:15:30.250Z`.
-pub(super) fn unix_ms(text: &str) -> Option<i64> {
+pub(crate) fn unix_ms(text: &str) -> Option<i64> {
     let shape = b"dddd-dd-ddTdd:dd:dd.dddZ";
     let fits = |(byte, shape): (u8, &u8)| match shape {
         b'd' => byte.is_ascii_digit(),
