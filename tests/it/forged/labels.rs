@@ -1,6 +1,6 @@
 //! Forged labels: samples, poses, steps, sweeps.
 
-use rig_tests::forge::Forgery;
+use rig_tests::forge::{Forged, Forgery};
 use rig_verify::Check;
 use serde_json::{Value, json};
 
@@ -39,7 +39,35 @@ fn without_slip_check(forged: &mut Forgery) {
     protocol(forged, "\ncontact_threshold", "\nslip_mm = 0\ncontact_threshold");
 }
 
+/// Numbers the steps anew, as if there had never been others.
+fn renumber(forged: &mut Forgery) {
+    let is_step = |record: &&mut Forged| record.kind == "step_started";
+    let count = forged.records.iter_mut().filter(is_step).count();
+    for (index, step) in (1..=count).zip(forged.records.iter_mut().filter(is_step)) {
+        step.payload["index"] = index.into();
+        step.payload["count"] = count.into();
+    }
+    forged.records[0].payload["plan"]["steps"] = count.into();
+}
+
 pub(super) const CASES: &[Case] = &[
+    ("a reference left out, and the steps numbered anew", Check::Plan, |forged| {
+        let is_no_load = |payload: &Value| payload["action"]["action"] == "no_load";
+        let begin = forged.nth("step_started", 1, is_no_load);
+        let is_step = |&place: &usize| forged.records[place].kind == "step_started";
+        let next = (begin + 1..forged.records.len()).find(is_step).expect("a step");
+        forged.records.drain(begin..next);
+        renumber(forged);
+    }),
+    ("another policy for the reference", Check::Plan, |forged| {
+        protocol(forged, "\nseed", "\nno_load = \"every-sample\"\nseed");
+    }),
+    ("another order of the touches", Check::Plan, |forged| {
+        protocol(forged, "\nseed", "\norder = \"by-travel\"\nseed");
+    }),
+    ("another seed", Check::Plan, |forged| {
+        forged.records[0].payload["seed"] = 77.into();
+    }),
     ("swapped samples", Check::Sample, |forged| {
         result(forged, 0)["touch"]["sample"] = "5".into();
         result(forged, 6)["touch"]["sample"] = "1".into();
