@@ -114,7 +114,7 @@ pub(crate) struct Labels {
     /// When the computer was held up, s on the rig's clock.
     standstills: Vec<(f64, f64)>,
     /// The record of a refused touch with which the run ends.
-    ended_by: Option<u64>,
+    is_ended_by_refusal: bool,
     /// Why the last touch is said to be contradicted, and the last fault.
     contradiction: Option<(u64, String)>,
     fault: Option<String>,
@@ -154,7 +154,7 @@ impl Labels {
         self.again = None;
         self.attempt = attempt::Attempt::default();
         self.bench = bench::BenchChain::default();
-        (self.contradiction, self.fault, self.ended_by) = (None, None, None);
+        (self.contradiction, self.fault, self.is_ended_by_refusal) = (None, None, false);
         self.standstills.clear();
         self.is_anew = self.layout.is_empty();
     }
@@ -379,7 +379,6 @@ impl Labels {
         let is_complete = status.starts_with("completed");
         if is_complete {
             self.goes_on(seq, findings);
-            self.no_refusal_ends(seq, findings);
         }
         let has_outcome =
             |step: &String| self.results.contains_key(step) || self.elsewhere.contains(step);

@@ -287,7 +287,6 @@ impl Walk {
         match record {
             Record::RunStarted(started) => self.started(seq, *started),
             Record::StepStarted(started) => {
-                labels.no_refusal_ends(seq, findings);
                 labels.step_started((seq, rig_us), started, motion, settings, findings);
             }
             Record::PromptAsked(asked) => labels.asked(seq, &asked, motion, settings, findings),

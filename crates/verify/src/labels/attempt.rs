@@ -234,11 +234,12 @@ impl Labels {
         }
     }
 
-    /// After a person or the protocol has ended the run at a refused touch, it does not go on.
-    pub(super) fn goes_on(&self, seq: u64, findings: &mut Findings) {
-        if self.attempt.ended.as_ref().is_some_and(|(answer, _)| answer == "abort") {
-            let what = "a run that goes on after the answer abort";
-            findings.add(Check::Ends, seq, what, "the end of the run", "a step");
+    /// After a person or the protocol has ended the run at a refused touch, no step follows.
+    pub(super) fn goes_on(&mut self, seq: u64, findings: &mut Findings) {
+        let is_answered = self.attempt.ended.as_ref().is_some_and(|(answer, _)| answer == "abort");
+        if std::mem::take(&mut self.is_ended_by_refusal) || is_answered {
+            let what = "a run that goes on after a refused touch has ended it";
+            findings.add(Check::Stopped, seq, what, "the end of the run", "a step");
         }
     }
 }

@@ -349,7 +349,7 @@ impl Labels {
             return;
         }
         let ends = settings.is_some_and(|all| all.protocol.touch.ends_with_refusal());
-        self.ended_by = Some(seq).filter(|_| ends);
+        self.is_ended_by_refusal = ends;
         self.row(seq, &refused.touch, motion, findings);
         let stands = motion.rotary_deg.unwrap_or(f64::NAN);
         let what = "the tilt of the sample, °";
@@ -404,15 +404,6 @@ impl Labels {
                 let what = "the reason of a refused touch";
                 findings.add(Check::Copy, seq, what, expected, reason);
             }
-        }
-    }
-
-    /// A run goes on, or is completed, although its protocol ends it with a refused touch.
-    pub(crate) fn no_refusal_ends(&mut self, seq: u64, findings: &mut Findings) {
-        if let Some(refused) = self.ended_by.take() {
-            let what = "a run whose protocol ends it with a refused touch";
-            let expected = format!("the end after record {refused}");
-            findings.add(Check::Stopped, seq, what, expected, "it goes on");
         }
     }
 
