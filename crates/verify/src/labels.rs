@@ -113,7 +113,7 @@ pub(crate) struct Labels {
     numbered: BTreeMap<u64, u64>,
     /// When the computer was held up, s on the rig's clock.
     standstills: Vec<(f64, f64)>,
-    /// The record of a refused touch with which the run ends.
+    /// Whether the protocol ends the run with the refused touch before.
     is_ended_by_refusal: bool,
     /// Why the last touch is said to be contradicted, and the last fault.
     contradiction: Option<(u64, String)>,

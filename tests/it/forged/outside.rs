@@ -140,7 +140,7 @@ pub(super) const CASES: &[Case] = &[
         let twin = forged.records[place].clone();
         forged.records.insert(place, twin);
     }),
-    ("a run that goes on after the answer abort", Check::Ends, |forged| {
+    ("a run that goes on after the answer abort", Check::Stopped, |forged| {
         let place = forged.nth("touch_result", 3, any);
         let (rig_us, touch) =
             (forged.records[place].rig_us, forged.records[place].payload["touch"].clone());

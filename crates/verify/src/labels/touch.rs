@@ -348,8 +348,8 @@ impl Labels {
             contradicted(seq, &result, refused, findings);
             return;
         }
-        let ends = settings.is_some_and(|all| all.protocol.touch.ends_with_refusal());
-        self.is_ended_by_refusal = ends;
+        self.is_ended_by_refusal =
+            settings.is_some_and(|all| all.protocol.touch.ends_with_refusal());
         self.row(seq, &refused.touch, motion, findings);
         let stands = motion.rotary_deg.unwrap_or(f64::NAN);
         let what = "the tilt of the sample, °";
