@@ -14,7 +14,7 @@ pub enum Check {
     Complete,
     /// The digest of each record covers the record and the one before it.
     Digest,
-    /// The entry in the list of runs is the one that was written.
+    /// The entry in the list of runs is the one that was written, and fits the records.
     List,
     /// A run that has ended for good has the seal of its records, and no other run has one.
     Seal,
@@ -24,7 +24,7 @@ pub enum Check {
     OneWriter,
     /// A run begins with its settings and ends with its ending.
     Ends,
-    /// The planned touches are those of the protocol.
+    /// The planned touches are those of the protocol in its order, and the steps those that they need.
     Plan,
     /// Steps follow each other in the order of the plan.
     StepOrder,
@@ -44,7 +44,8 @@ pub enum Check {
     SearchStep,
     /// Moves are no faster than permitted.
     Speed,
-    /// Nothing but a retract follows a fault, and nothing moves while a person works at the bench.
+    /// Nothing but a retract follows a fault, nothing moves while a person works at the bench, and no step follows a
+    /// refusal that ends the run.
     Stopped,
     /// A run ends with the probe clear, or with a fault.
     EndsClear,
@@ -60,7 +61,8 @@ pub enum Check {
     Distinct,
     /// Sweeps are numbered in order, and have the purpose of their step.
     Sweep,
-    /// Every planned touch has at most one result; every touch of a completed run has one.
+    /// Every planned touch has at most one result, and is made again only after a refusal; every touch of a completed
+    /// run has one.
     Row,
     /// The reference of a touch is the last no-load sweep before it.
     Reference,
@@ -74,7 +76,7 @@ pub enum Check {
     Indentation,
     /// An accepted resonance follows from the readings.
     Resonance,
-    /// Its standard deviation follows from the readings.
+    /// Its standard deviation follows from the readings, and those of a run are not all small.
     Sigma,
     /// An accepted sweep keeps the window and the precision that the protocol asks for.
     Request,
