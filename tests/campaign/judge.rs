@@ -263,14 +263,13 @@ pub(crate) fn is_refuted(finding: &Finding, played: &Played, sweeps: &[StoredRec
             begun.phase,
             Phase::Run(RunPhase::Indentation | RunPhase::Dwell | RunPhase::Sweep)
         );
-        let mut later = sweeps.iter().filter(|sweep| begun.event < sweep.event);
-        let is_next = later.clone().next().is_some_and(|sweep| sweep.seq == finding.record);
+        let next = sweeps.iter().find(|sweep| begun.event < sweep.event);
+        let is_next = next.is_some_and(|sweep| sweep.seq == finding.record);
         let fault = begun.fault();
         let is_of_two_states = fault.lost_mm().is_some() || is_of_sense(fault);
+        // The frequency may stay also in a search.
         (is_of_sweep || is_of_time) && is_next && is_in_contact && is_of_two_states
-            || is_of_time
-                && later.any(|sweep| sweep.seq == finding.record)
-                && fault == Fault::Device("analyzer stuck-frequency")
+            || is_of_time && fault == Fault::Device("analyzer stuck-frequency")
     })
 }
 
