@@ -6,7 +6,7 @@ import { join } from "node:path";
 import { commissionedOnThePage } from "./commission.mjs";
 import { sensorOnThePage } from "./sensor.mjs";
 import { homedAfterALook } from "./home.mjs";
-import { button, config, keeper, look, run, serve, shots, state, visit } from "./support.mjs";
+import { button, config, keeper, look, passed, run, serve, shots, state, visit } from "./support.mjs";
 
 const rigOf = async (base) => (await fetch(`${base}/api/v1/rig`)).json();
 
@@ -54,12 +54,14 @@ async function atThePaceOfTheWall() {
   await button(other, /^Done$/).click();
   await changed("Running");
   await other.context().close();
-  await page.getByRole("img", { name: /^Impedance: [5-9] readings/ }).waitFor({ timeout: 60_000 });
+  // A sweep is drawn while it goes on.
+  await page.waitForFunction(() => window.readings.size >= 3, undefined, { timeout: 60_000 });
   assert.ok(await page.getByRole("button", { name: "Pause" }).isVisible());
   await page.getByText("In contact", { exact: true }).waitFor({ timeout: 60_000 });
   await look(page, "running");
+  const pressed = Date.now();
   await page.keyboard.press("p");
-  await state(page, "Pausing");
+  await passed(page, "Pausing", pressed);
   await state(page, "Paused");
   await button(page, "Go on").click();
   await changed("Running");

@@ -62,15 +62,23 @@ export async function visit(base, { width = 1440, height = 900, colorScheme = "l
   });
   await page.goto(base);
   await page.evaluate(() => {
-    // When each word of the state stood on the screen.
+    // When each word of the state stood on the screen, and how many readings a sweep had there. What
+    // is shown for a moment only is looked up in here: between two looks from outside it can pass.
     window.seen = [];
-    const note = () => requestAnimationFrame(() => window.seen.push([document.querySelector("h1")?.textContent, Date.now()]));
-    new MutationObserver(note).observe(document.body, { subtree: true, childList: true, characterData: true });
+    window.readings = new Set();
+    const note = () => requestAnimationFrame(() => {
+      window.seen.push([document.querySelector("h1")?.textContent, Date.now()]);
+      const shown = /^Impedance: (\d+) readings/.exec(document.querySelector('[aria-label^="Impedance:"]')?.ariaLabel);
+      if (shown) window.readings.add(Number(shown[1]));
+    });
+    new MutationObserver(note).observe(document.body, { subtree: true, childList: true, characterData: true, attributeFilter: ["aria-label"] });
   });
   return page;
 }
 
 export const state = (page, word) => page.getByRole("heading", { level: 1, name: word, exact: true }).waitFor({ timeout: 60_000 });
+/** A state that may have passed already: it stood on the screen at or after this moment, ms. */
+export const passed = (page, word, since) => page.waitForFunction(([wanted, from]) => window.seen.some(([text, ms]) => text === wanted && ms >= from), [word, since], { timeout: 60_000 });
 export const button = (page, name) => page.getByRole("button", { name });
 
 /** No violation of accessibility, in both themes and three sizes, with a picture of each. */
