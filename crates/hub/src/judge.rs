@@ -15,9 +15,7 @@ pub async fn judge(client: &mut Client) -> Result<usize, tokio_postgres::Error> 
         SELECT r.id::text, r.name, r.started_at, r.finished_at, r.status, r.records, r.epoch
         FROM hub.run AS r LEFT JOIN hub.result AS found ON found.run = r.id
         WHERE r.kind = 'run' AND r.seal IS NOT NULL AND r.pruned_at IS NULL
-          AND (found.run IS NULL OR found.amendments <> (
-              SELECT count(*) FROM hub.run AS a
-              WHERE a.kind = 'amendment' AND a.name = r.id::text AND a.seal IS NOT NULL))
+          AND (found.run IS NULL OR found.amendments <> hub.amendments(r))
         ORDER BY r.id";
     let runs = client.query(select, &[]).await?;
     for run in &runs {
@@ -61,11 +59,13 @@ const RECORDS: &str = "
            (extract(epoch FROM s.started_at::timestamptz - whole.started_at::timestamptz) * 1e6)::bigint
                + r.rig_us - s.rig_us,
            r.kind, r.payload, r.digest
-    FROM hub.run AS whole
+    FROM hub.run AS amended
+    JOIN hub.run AS whole ON whole.id = amended.id OR whole.kind = 'amendment' AND whole.name = amended.id::text
+                             AND whole.bench = amended.bench AND whole.seal IS NOT NULL
     JOIN hub.record AS r ON r.run = whole.id
     JOIN hub.record AS begun ON begun.run = whole.id AND begun.seq = 1
     JOIN hub.stretch AS s ON s.run = r.run AND s.epoch = r.epoch
-    WHERE whole.id = $1::text::uuid OR whole.kind = 'amendment' AND whole.name = $1 AND whole.seal IS NOT NULL
+    WHERE amended.id = $1::text::uuid
     ORDER BY whole.kind = 'amendment', begun.event, whole.id, r.seq";
 
 /// The results, or why there are none.

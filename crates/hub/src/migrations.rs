@@ -17,7 +17,7 @@ pub struct Migration {
 }
 
 /// All steps, in order; the version of a database is the number of those that it has.
-pub const MIGRATIONS: [Migration; 11] = [
+pub const MIGRATIONS: [Migration; 12] = [
     Migration { name: "tables", sql: include_str!("../sql/01-tables.sql") },
     Migration { name: "digests", sql: include_str!("../sql/02-digests.sql") },
     Migration { name: "typed", sql: include_str!("../sql/03-typed.sql") },
@@ -29,6 +29,7 @@ pub const MIGRATIONS: [Migration; 11] = [
     Migration { name: "links", sql: include_str!("../sql/09-links.sql") },
     Migration { name: "viewers", sql: include_str!("../sql/10-viewers.sql") },
     Migration { name: "ends", sql: include_str!("../sql/11-ends.sql") },
+    Migration { name: "amendments", sql: include_str!("../sql/12-amendments.sql") },
 ];
 
 /// Why the database cannot be brought to the version of this program.

@@ -63,8 +63,8 @@ pub async fn prune(
         by_run.entry(object.run().to_owned()).or_default().push(object);
     }
     let mut done = Pruned::default();
-    for (run, seal, reason) in old(client, keep_days).await? {
-        let checked = match (reason, by_run.remove(&run)) {
+    for (run, seal) in old(client, keep_days).await? {
+        let checked = match (must_stay(client, &run).await?, by_run.remove(&run)) {
             (Some(reason), _) => Err(reason),
             (None, None) => Err("it has no object".to_owned()),
             (None, Some(objects)) => check(&store, objects, &hex(&seal)).await?,
@@ -88,19 +88,25 @@ pub async fn prune(
     Ok(done)
 }
 
-/// The runs with records that are old enough: id, seal, and why it must stay.
+/// The runs with records that are old enough, amendments behind the others: id and seal.
 async fn old(
     client: &Client,
     keep_days: i32,
-) -> Result<Vec<(String, Vec<u8>, Option<String>)>, tokio_postgres::Error> {
+) -> Result<Vec<(String, Vec<u8>)>, tokio_postgres::Error> {
     let select = "
-        SELECT r.id::text, coalesce(r.seal, ''), hub.must_stay(r)
+        SELECT r.id::text, coalesce(r.seal, '')
         FROM hub.run AS r
         WHERE r.pruned_at IS NULL AND r.received_at < now() - make_interval(days => $1)
           AND hub.taken_at(r) < now() - make_interval(days => $1)
-        ORDER BY r.id";
+        ORDER BY r.kind = 'amendment', r.id";
     let rows = client.query(select, &[&keep_days]).await?;
-    Ok(rows.iter().map(|row| (row.get(0), row.get(1), row.get(2))).collect())
+    Ok(rows.iter().map(|row| (row.get(0), row.get(1))).collect())
+}
+
+/// Why a run must stay, whatever its object is. What was removed before it in this call counts: an amendment stays with its run.
+async fn must_stay(client: &Client, run: &str) -> Result<Option<String>, tokio_postgres::Error> {
+    let select = "SELECT hub.must_stay(r) FROM hub.run AS r WHERE r.id = $1::text::uuid";
+    Ok(client.query_one(select, &[&run]).await?.get(0))
 }
 
 /// The name of the first object that is sound and has this seal, or why there is none.

@@ -9,7 +9,7 @@ use tempfile::TempDir;
 
 use crate::{
     support::{Hub, append, command, contents_of, finished, sealed_run},
-    typed::{rows, started, touched},
+    typed::{rows, skipped, started, touched},
 };
 
 const KEEP_DAYS: i32 = 90;
@@ -51,14 +51,19 @@ async fn old(days: i32) -> Old {
     let mut open = journal.begin(RunKind::Run, "open").unwrap();
     append(&mut open, &[started(), touched()]);
     hub.ship(&role, data.path()).await.unwrap();
-    let ago = "UPDATE hub.record SET received_at = received_at - make_interval(days => $1)";
-    hub.admin.execute(ago, &[&days]).await.unwrap();
-    let ago = "UPDATE hub.run SET received_at = received_at - make_interval(days => $1)";
-    hub.admin.execute(ago, &[&days]).await.unwrap();
+    age(&hub, days).await;
     let runs = Reader::open(data.path()).unwrap().runs().unwrap();
     let second = runs.iter().find(|run| run.name == "other").unwrap().id;
     let runs = vec![first, second, open.id()];
     Old { hub, role, data, folder: TempDir::new().unwrap(), runs }
+}
+
+/// Has taken everything so many days ago.
+async fn age(hub: &Hub, days: i32) {
+    for table in ["record", "run"] {
+        let ago = format!("UPDATE hub.{table} SET received_at = now() - make_interval(days => $1)");
+        hub.admin.execute(&ago, &[&days]).await.unwrap();
+    }
 }
 
 impl Old {
@@ -174,4 +179,75 @@ async fn a_run_stays_that_is_young_or_whose_object_is_missing_or_damaged() {
     fs::write(&path, sound).unwrap();
     assert_eq!(old.prune().await.runs, 1);
     assert_eq!((old.records_of(0).await, old.records_of(1).await), (0, 22));
+}
+
+/// Has the bench skip a step of a run that has ended.
+fn amend(data: &Path, run: RunId) {
+    let digest = Reader::open(data).unwrap().records(run).unwrap().last().unwrap().digest;
+    skipped(&Store::open(data).unwrap(), run, digest);
+}
+
+#[tokio::test]
+async fn an_amendment_stays_and_leaves_with_its_run() {
+    let old = old(KEEP_DAYS + 1).await;
+    amend(old.data.path(), old.runs[0]);
+    old.hub.ship(&old.role, old.data.path()).await.unwrap();
+    age(&old.hub, KEEP_DAYS + 1).await;
+    old.judge().await;
+    let names = put(old.data.path(), old.folder.path(), |run| run != old.runs[1]);
+    assert_eq!(names.len(), 2);
+    let of_run = names.iter().find(|name| name.contains(&old.runs[0].to_string())).unwrap();
+    let aside = old.data.path().join("aside");
+    fs::rename(old.folder.path().join(of_run), &aside).unwrap();
+    let pruned = old.prune().await;
+    assert_eq!((pruned.runs, pruned.stayed["the run that it amends stays"]), (0, 1), "{pruned:?}");
+    fs::rename(aside, old.folder.path().join(of_run)).unwrap();
+    let pruned = old.prune().await;
+    assert_eq!(
+        (pruned.runs, pruned.stayed.get("the run that it amends stays")),
+        (2, None),
+        "{pruned:?}"
+    );
+}
+
+#[tokio::test]
+async fn results_are_withdrawn_when_a_pruned_run_is_amended() {
+    let old = old(KEEP_DAYS + 1).await;
+    put(old.data.path(), old.folder.path(), |_| true);
+    old.judge().await;
+    old.hub
+        .admin
+        .batch_execute("INSERT INTO hub.stiffness SELECT run, 'gel', 5, 0.1, 5 FROM hub.result")
+        .await
+        .unwrap();
+    assert_eq!(old.prune().await.runs, 2);
+    amend(old.data.path(), old.runs[0]);
+    old.hub.ship(&old.role, old.data.path()).await.unwrap();
+    assert_eq!(old.hub.alarms().await, ["amended"]);
+    let withdrawn = format!("run = '{}'", old.runs[0]);
+    assert_eq!(old.hub.count(&format!("hub.stiffness WHERE {withdrawn}")).await, 0);
+    let result = format!(
+        "hub.result WHERE {withdrawn} AND model_verdict IS NULL AND amendments = 1
+                          AND reason = 'it was amended after its records were removed'"
+    );
+    assert_eq!(old.hub.count(&result).await, 1);
+    assert_eq!(old.hub.count("hub.stiffness").await, 1, "the other run keeps its own");
+    assert_eq!(old.judge().await, 0);
+}
+
+#[tokio::test]
+async fn a_bench_does_not_amend_the_runs_of_another() {
+    let old = old(0).await;
+    assert_eq!(old.judge().await, 2);
+    let role = old.hub.bench("right").await;
+    let data = TempDir::new().unwrap();
+    let digest =
+        Reader::open(old.data.path()).unwrap().records(old.runs[0]).unwrap().last().unwrap().digest;
+    skipped(&Store::open(data.path()).unwrap(), old.runs[0], digest);
+    old.hub.ship(&role, data.path()).await.unwrap();
+    assert_eq!(old.judge().await, 0);
+    amend(old.data.path(), old.runs[0]);
+    old.hub.ship(&old.role, old.data.path()).await.unwrap();
+    assert_eq!(old.judge().await, 1, "of its own bench it counts");
+    assert_eq!(old.judge().await, 0);
 }

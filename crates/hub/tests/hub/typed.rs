@@ -3,7 +3,7 @@
 use rig_hub::{Batch, Inlet, admin};
 use rig_store::{
     Amended, Amendment, Digest, Direction, Ending, Phase, PlanSize, Pose, Reader, Record,
-    RefusedTouch, RunKind, RunStarted, Sample, Source, Store, Touch, TouchSettings,
+    RefusedTouch, RunId, RunKind, RunStarted, Sample, Source, Store, Touch, TouchSettings,
 };
 use tempfile::TempDir;
 
@@ -88,19 +88,12 @@ pub(crate) async fn rows(hub: &Hub) -> Vec<String> {
     rows
 }
 
-#[tokio::test]
-async fn touches_faults_and_amendments_have_rows_and_are_made_again_alike() {
-    let hub = Hub::new().await;
-    let role = hub.bench("left").await;
-    let data = TempDir::new().unwrap();
-    let store = Store::open(data.path()).unwrap();
-    let mut run = store.begin(RunKind::Run, "smoke").unwrap();
-    append(&mut run, &[started(), command("start"), touched(), refused(), fault()]);
-    append(&mut run, &[finished(Ending::CompletedWithRefusals)]);
-    let mut amendment = store.begin(RunKind::Amendment, &run.id().to_string()).unwrap();
+/// An amendment that skips a step of the run that ends with this digest.
+pub(crate) fn skipped(store: &Store, run: RunId, head: Digest) {
+    let mut amendment = store.begin(RunKind::Amendment, &run.to_string()).unwrap();
     let amended = Record::Amended(Amended {
-        run: run.id().to_string(),
-        head: run.digest().to_string(),
+        run: run.to_string(),
+        head: head.to_string(),
         step: settings("gel").step,
         what: Amendment::Skip,
         who: "ada".to_owned(),
@@ -110,6 +103,18 @@ async fn touches_faults_and_amendments_have_rows_and_are_made_again_alike() {
         changes: Vec::new(),
     });
     append(&mut amendment, &[amended, finished(Ending::Completed)]);
+}
+
+#[tokio::test]
+async fn touches_faults_and_amendments_have_rows_and_are_made_again_alike() {
+    let hub = Hub::new().await;
+    let role = hub.bench("left").await;
+    let data = TempDir::new().unwrap();
+    let store = Store::open(data.path()).unwrap();
+    let mut run = store.begin(RunKind::Run, "smoke").unwrap();
+    append(&mut run, &[started(), command("start"), touched(), refused(), fault()]);
+    append(&mut run, &[finished(Ending::CompletedWithRefusals)]);
+    skipped(&store, run.id(), run.digest());
     hub.ship(&role, data.path()).await.unwrap();
 
     let touches = hub
