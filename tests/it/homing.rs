@@ -14,10 +14,14 @@ use crate::out_of_contact::INCREMENTAL;
 
 /// The shipped simulated rig with a drive that forgets its position, and a person who waits.
 fn load() -> LoadedRig {
+    load_at(&text("config/scenes/paper.toml"))
+}
+
+/// The same, at a bench of this scene.
+fn load_at(scene_toml: &str) -> LoadedRig {
     let waits = [("person = \"answers\"", "person = \"waits\"")];
     let toml = changed(&text("config/rigs/simulated.toml"), &[&INCREMENTAL[..], &waits].concat());
-    let scene_toml = text("config/scenes/paper.toml");
-    let scene = rig_sim::scene::read("scene", &scene_toml).unwrap();
+    let scene = rig_sim::scene::read("scene", scene_toml).unwrap();
     let source = |name: &str, toml: String| rig_store::Source { name: name.to_owned(), toml };
     let file = rig_files::rig_file::RigFile::read("rig", &toml).unwrap();
     LoadedRig {
@@ -25,7 +29,7 @@ fn load() -> LoadedRig {
         instruments: rigd::loaded_rig::Instruments::shipped(&file).unwrap(),
         file,
         source: source("rig", toml),
-        scene: Some(LoadedScene { scene, source: source("scene", scene_toml) }),
+        scene: Some(LoadedScene { scene, source: source("scene", scene_toml.to_owned()) }),
     }
 }
 
@@ -112,4 +116,34 @@ async fn a_drive_without_a_position_moves_only_after_a_person_has_looked_below_t
     tokio::join!(person, rig.serve());
     let violations = bench.with(|now, rig| rig.world().violations(now).to_vec());
     assert!(violations.is_empty(), "{violations:?}");
+}
+
+/// Its position may be wrong, whatever it says.
+#[tokio::test(start_paused = true)]
+async fn a_drive_that_says_it_is_homed_is_homed_on_the_statement_of_a_person() {
+    let disk = MemoryDisk::new().unwrap();
+    // Each homing finds the zero somewhere else.
+    let scene = text("config/scenes/paper.toml");
+    let loose = changed(&scene, &[("[nuisances]\n", "[nuisances]\nhoming_mm = 0.5\n")]);
+    let (handle, rig) = rig::open_in_memory(load_at(&loose), &disk, None).await.unwrap();
+    let bench = handle.simulation().unwrap().clone();
+    let latched = async || {
+        handle.command(Command::Stop, None, "mo").await.unwrap();
+        let is_latched = |status: &Status| status.snapshot.state == RigState::Latched;
+        handle.status().wait_for(is_latched).await.unwrap();
+    };
+    let person = async {
+        settled(&handle).await;
+        home(&handle, &disk).await;
+        let homed_mm = tip_mm(&bench);
+        latched().await;
+        handle.command(Command::Acknowledge, None, "mo").await.unwrap();
+        settled(&handle).await;
+        assert!((tip_mm(&bench) - homed_mm).abs() < 0.01, "{}", tip_mm(&bench));
+        latched().await;
+        home(&handle, &disk).await;
+        assert!((tip_mm(&bench) - homed_mm).abs() > 0.01, "{}", tip_mm(&bench));
+        handle.close().await;
+    };
+    tokio::join!(person, rig.serve());
 }

@@ -122,6 +122,12 @@ impl Plan {
         (Self { steps, ..self.clone() }, from)
     }
 
+    /// The plan without its first steps.
+    #[must_use]
+    pub fn after(&self, steps: usize) -> Self {
+        Self { steps: self.steps.iter().skip(steps).cloned().collect(), ..self.clone() }
+    }
+
     /// This plan with the blind touches by mounting: with the fewest changes by hand.
     #[must_use]
     pub fn by_mounting(&self) -> Self {

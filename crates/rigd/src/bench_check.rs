@@ -12,10 +12,10 @@ use rig_commission::{
 };
 use rig_model::{ContactAngle, Direction, counted};
 use rig_record::{Digest, DigestPart, SweepOutcome, SweepPurpose};
-use rig_store::{Reader, Record, Run, RunStarted, StoreError};
+use rig_store::{Reader, Record, Run, RunStarted, RunStatus, StoreError};
 
 use crate::{
-    calibrations::{self, CalibrationsError, Witness},
+    calibrations::{self, CalibrationsError, InPieces, Witness, in_one_piece},
     loaded_rig::{FileError, RigFacts},
     local_time::local,
     protocol_file::LoadedProtocol,
@@ -51,6 +51,8 @@ pub(crate) enum CheckError {
     Samples { run: String, found: usize, part: &'static str, needed: usize },
     #[error("{run} is still under way")]
     UnderWay { run: String },
+    #[error(transparent)]
+    InPieces(#[from] InPieces),
     #[error("{run} belongs to the check of {made} already, and a run counts once")]
     Used { run: String, made: String },
     #[error(
@@ -192,6 +194,9 @@ fn read(
     (part, needed): (&'static str, usize),
     readings: &mut Readings,
 ) -> Result<RunStarted, CheckError> {
+    if run.status != RunStatus::Running {
+        in_one_piece(reader, run)?;
+    }
     let mut begun = None;
     for stored in reader.records(run.id)? {
         if !KINDS.contains(&stored.kind.as_str()) {

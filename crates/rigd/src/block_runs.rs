@@ -16,7 +16,7 @@ use rig_store::{Onset, Reader, Record, Run, RunStarted, StoreError};
 
 use crate::{
     bench_check::tilt_deg,
-    calibrations::{self, CalibrationsError, Witness},
+    calibrations::{self, CalibrationsError, InPieces, Witness, in_one_piece},
     loaded_rig::FileError,
 };
 
@@ -45,7 +45,7 @@ pub(crate) enum BlockRunError {
     #[error("{run} was made without geometry.pin_radius_mm in its rig file: it is no run on a pin")]
     NoPin { run: String },
     #[error(
-        "{run} was made with geometry.pin_radius_mm = {run_mm} in its rig file, and {asked_mm} mm is told"
+        "{run} was made with geometry.pin_radius_mm = {run_mm} in its rig file, but {asked_mm} mm was given"
     )]
     OtherPin { run: String, run_mm: f64, asked_mm: f64 },
     #[error("{run}: {why}")]
@@ -54,6 +54,8 @@ pub(crate) enum BlockRunError {
     NoGeometry(#[from] NoGeometry),
     #[error(transparent)]
     Calibrations(#[from] CalibrationsError),
+    #[error(transparent)]
+    InPieces(#[from] InPieces),
 }
 
 /// A surface that a touch of a run has found.
@@ -68,6 +70,7 @@ struct FoundSurface {
 /// The surfaces that a run has found, in order. The other mounting of the sensor has the ball elsewhere. Heights and tilts of
 /// another scale or zero are not those of the present rig file.
 fn surfaces(reader: &Reader, run: &Run, basis: &Basis) -> Result<Vec<FoundSurface>, BlockRunError> {
+    in_one_piece(reader, run)?;
     let mut surfaces = Vec::new();
     let mut speed_mm_per_s = None;
     for stored in reader.records(run.id)? {

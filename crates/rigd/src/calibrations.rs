@@ -11,7 +11,10 @@ use rig_commission::{
     UnreadableCalibration, Verdict, checks, file_name, holding, is_homing_begun,
 };
 use rig_files::rig_file::RigFile;
-use rig_store::{CitedCalibration, Digest, RunStarted, ScrewMap, Source, make_directory};
+use rig_store::{
+    CitedCalibration, Digest, Ending, Reader, Run, RunStarted, RunStatus, ScrewMap, Source,
+    StoreError, make_directory,
+};
 use sha2::{Digest as _, Sha256};
 
 use crate::{
@@ -145,6 +148,45 @@ pub(crate) fn has_axes_of(started: &RunStarted, basis: &Basis) -> Result<bool, F
     let rig = RigFile::read(name, toml).map_err(FileError::Faults)?;
     // The keys of the axes alone are compared; the instrument files of that time are not in the journal.
     Ok(Basis::of(&rig, [None, None]).sha256(Kind::Scale) == basis.sha256(Kind::Scale))
+}
+
+/// Why a run is no measurement of a bench in one piece.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum InPieces {
+    /// A part of it is missing.
+    #[error("{run} is {status}, and not completed: begin a new one")]
+    NotCompleted { run: String, status: String },
+    /// What lay under the probe, and the zero of an axis, may be others than before.
+    #[error(
+        "{run} was resumed after an interruption, in which sample and axes may have moved: begin a new one"
+    )]
+    Resumed { run: String },
+    /// A touch of it does not count.
+    #[error("a touch of {run} was left out or measured again: begin a new one")]
+    Amended { run: String },
+    /// The record of the journal.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
+
+/// Refuses a run that does not show a bench in one piece.
+///
+/// # Errors
+/// [`InPieces`].
+pub(crate) fn in_one_piece(reader: &Reader, run: &Run) -> Result<(), InPieces> {
+    let name = || run.short_name();
+    let is_completed =
+        matches!(run.status, RunStatus::Ended(Ending::Completed | Ending::CompletedWithRefusals));
+    if !is_completed {
+        return Err(InPieces::NotCompleted { run: name(), status: run.status.describe() });
+    }
+    if reader.records(run.id)?.iter().any(|stored| stored.kind == "resumed") {
+        return Err(InPieces::Resumed { run: name() });
+    }
+    if run.amendments > 0 {
+        return Err(InPieces::Amended { run: name() });
+    }
+    Ok(())
 }
 
 /// Who saw a step, in which session of the journal, and at which temperature.

@@ -95,11 +95,11 @@ impl Findings {
     }
 }
 
-/// The findings about the data directory, the last session with this rig, the computer, the ports, and
+/// The findings about the data directory, the last session with this rig (its name, and whether it is simulated), the computer, the ports, and
 /// the devices.
 pub(crate) fn findings(
     data: &Path,
-    rig: &str,
+    rig: (&str, bool),
     host: Option<&HostFacts>,
     inspection: &Inspection,
 ) -> Vec<Finding> {

@@ -19,7 +19,8 @@ pub(crate) const fn while_in(state: RigState) -> Option<&'static str> {
 
 /// Advice while the rig loop gives no sign of life.
 pub(crate) const WHILE_SILENT: &str = "keep away from the stages, which may end their last move; a \
-     stop, or 30 s without an answer, ends rigd, and `rigd safe` then stops both axes and retracts";
+     stop, or 30 s without an answer, ends rigd and starts `rigd safe`, which stops both axes and retracts the \
+     probe of a commissioned rig";
 
 /// Advice for a person at the bench.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,7 +63,9 @@ impl Hint {
     /// For clients of the daemon.
     pub(crate) fn over_http(self) -> String {
         let then = match self.then {
-            NextAction::Retract => "POST /api/v1/acknowledge, which retracts the probe first",
+            NextAction::Retract => {
+                "POST /api/v1/acknowledge, which moves the probe to its clear position before anything turns"
+            }
             NextAction::Prepare => "POST /api/v1/acknowledge",
             NextAction::Home => {
                 "POST /api/v1/home with {\"nothing_below_probe\": true}, which homes the linear stage in \
@@ -82,7 +85,8 @@ impl Hint {
         match self.then {
             NextAction::Retract => {
                 format!(
-                    "{}; then `rigd home`, which retracts the probe first, or `rigd run --resume`",
+                    "{}; then `rigd home`, which moves the probe to its clear position before anything turns, or \
+                     `rigd run --resume`",
                     self.text
                 )
             }
@@ -103,9 +107,10 @@ impl Hint {
 
 /// Advice for an axis with an impossible position. Nothing here may move it: a
 /// move that starts from a wrong position, or goes the wrong way, ends in the sample.
-pub(crate) const LOST: &str = "move nothing, not even with the tool of the drive: with the drives \
-                               off, check by eye where the axis is, and correct the sign and the \
-                               size of its step, its zero or its travel in the rig file";
+pub(crate) const LOST: &str = "move nothing, not even with the tool of the drive: check by eye \
+                               where the axis is (switch the drives off only if the linear stage has a \
+                               brake), and compare the sign and the size of its step, its zero and its \
+                               travel in the rig file with the bench";
 
 /// Advice for a linear stage that is not where its last moves can have led.
 const JUMPED: &str = "its position may be wrong, so that a move up may lead down: lift the probe by hand if it \
@@ -127,12 +132,12 @@ const UNCOMMISSIONED: &str =
 
 /// Advice after an emergency stop.
 const EMERGENCY_STOP: &str = "make the bench safe before the emergency stop is released: nothing moves by its release, and \
-                              the probe goes up first after the acknowledgement";
+                              the acknowledgement moves the probe to its clear position before anything turns";
 
 /// Advice when the journal fails while the probe may be in the sample: nothing else retracts without a journal.
-pub(crate) const WITHOUT_DISK: &str = "the probe may still be in contact: touch neither the sample nor the stages; end rigd, and \
-                                       `rigd safe` retracts the probe without a journal; then check the disk of the \
-                                       data directory";
+pub(crate) const WITHOUT_DISK: &str = "the probe may still be in contact: touch neither the sample nor the stages; end rigd, then run \
+                                       `rigd safe`, which retracts the probe without a journal; then check the disk of \
+                                       the data directory";
 
 /// Advice after a mistake of the program itself.
 const MAINTAINER: &str = "keep the journal of this run for the maintainer of rigd";
@@ -140,7 +145,11 @@ const MAINTAINER: &str = "keep the journal of this run for the maintainer of rig
 /// Advice during the way out of contact, which is automatic.
 pub(crate) fn during_retract(fault: &Fault) -> String {
     let is_silent = matches!(fault, Fault::Device(failure) if failure.kind == FailureKind::Line);
-    let cure = if is_silent { "; restore the power and the cable of the device" } else { "" };
+    let cure = if is_silent {
+        "; a power or cable that is seen to be off may be restored without touching these"
+    } else {
+        ""
+    };
     format!(
         "rigd is taking the probe out of contact and keeps trying for the patience_s of the rig \
          file: touch neither the sample nor the stages{cure}"
@@ -160,6 +169,11 @@ pub(crate) fn during_attempts(attempts: u32, then: Hint) -> String {
 pub(crate) fn is_unhomed(fault: &Fault) -> bool {
     matches!(fault, Fault::Device(failure)
         if (failure.device, failure.kind) == (Device::LinearStage, FailureKind::Unhomed))
+}
+
+/// Whether the position of the linear stage is unknown, or may be wrong, so that a person may have it homed.
+pub(crate) fn is_without_position(fault: &Fault) -> bool {
+    is_unhomed(fault) || matches!(fault, Fault::PositionJumped { .. })
 }
 
 /// After the contact sense has contradicted itself.

@@ -1,5 +1,7 @@
 //! The state in which a killed program left a run or session, as text and as JSON.
 
+use std::collections::BTreeSet;
+
 use rig_engine::Fault;
 use rig_model::with_causes;
 use rig_store::{Interruption, ProbeWord, Reader, Run, RunKind, RunStatus, StoreError, intact};
@@ -9,8 +11,10 @@ use serde::Serialize;
 /// Advice for a probe that may be in the sample. It names no move: a person must see first where
 /// the probe is.
 pub(crate) const ADVICE: &str = "check by eye where the probe is, and touch neither the sample \
-                                 nor the stages; then `rigd home` retracts the probe first, and \
-                                 `rigd run --resume` also resumes the run";
+                                 nor the stages; if a position is said to be wrong or lost, move \
+                                 nothing before that is mended; otherwise `rigd home` moves the \
+                                 probe to its clear position before anything turns, and `rigd run \
+                                 --resume` also resumes the run";
 
 /// An interruption for a program.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
@@ -110,10 +114,33 @@ pub(crate) struct InterruptedRig {
 }
 
 impl InterruptedRig {
-    /// The same, with every record behind it checked against its digest. Where one of them is
-    /// damaged,
-    /// nothing shows that the probe is clear.
-    pub(crate) fn left(reader: &Reader, rig: &str) -> Option<Self> {
+    /// The state in which a rig was left, with every record behind it checked against its digest. Where one of them is damaged,
+    /// nothing shows that the probe is clear. A real rig may have had another name in its file: what a session of another name
+    /// left since its own last one counts too, if the probe was not clear.
+    pub(crate) fn left(reader: &Reader, rig: &str, is_simulated: bool) -> Option<Self> {
+        let own = Self::left_by(reader, rig);
+        if is_simulated || own.as_ref().is_some_and(Self::is_latched_in_contact) {
+            return own;
+        }
+        let since = reader.runs().unwrap_or_default().into_iter();
+        let since = since.filter(|run| run.kind == RunKind::Session).map(|run| run.name);
+        let mut seen = BTreeSet::new();
+        let others = since.take_while(|name| name != rig).filter(|name| seen.insert(name.clone()));
+        let mut of_others = others.filter_map(|name| {
+            let left = Self::left_by(reader, &name).filter(Self::is_latched_in_contact)?;
+            let message =
+                format!("under the name `{name}`, which may be this rig: {}", left.message);
+            Some(Self { message, ..left })
+        });
+        of_others.next().or(own)
+    }
+
+    /// Whether the rig must not move, and its probe was not left clear.
+    fn is_latched_in_contact(&self) -> bool {
+        self.is_latched && self.probe != LeftProbe::Clear
+    }
+
+    fn left_by(reader: &Reader, rig: &str) -> Option<Self> {
         let checked = Self::read(reader, rig).and_then(|left| {
             if let Some(session) = reader.latest_session(rig)? {
                 intact(session.id, &reader.verify(session.id)?)?;
@@ -146,7 +173,7 @@ impl InterruptedRig {
     ///
     /// # Errors
     /// The record of the journal.
-    pub(crate) fn read(reader: &Reader, rig: &str) -> Result<Option<Self>, StoreError> {
+    fn read(reader: &Reader, rig: &str) -> Result<Option<Self>, StoreError> {
         let Some(session) = reader.latest_session(rig)? else { return Ok(None) };
         if session.status == RunStatus::Running {
             return Ok(None);
@@ -232,6 +259,10 @@ fn whereabouts(probe: ProbeWord) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::{path::Path, slice};
+
+    use rig_store::{Axis, Intent, Move, MoveReason, Record, Store};
+
     use super::*;
 
     #[test]
@@ -243,6 +274,41 @@ mod tests {
         let said = latch(&fault.to_string());
         assert!(said.starts_with("the rig was not commissioned when it was closed"), "{said}");
         assert_eq!(latch(&said), said);
+    }
+
+    /// A session of a rig of this name, whose program is killed.
+    fn killed(data: &Path, rig: &str, records: &[Record]) {
+        let store = Store::open(data).unwrap();
+        let mut session = store.begin(RunKind::Session, rig).unwrap();
+        for record in records {
+            session.append(0, record).unwrap();
+        }
+        session.commit().unwrap();
+    }
+
+    #[test]
+    fn a_real_rig_under_another_name_is_left_as_it_was() {
+        let data = tempfile::TempDir::new().unwrap();
+        let (what, axis) = (MoveReason::Approach, Axis::LinearMm);
+        let lowering = Record::Intent(Intent { what, axis, from: None, to: 9.5, limit: None });
+        let clear = Record::Moved(Move { axis, target: 24.5, read_back: 24.5, is_clear: true });
+        let left = |rig, is_simulated| {
+            let reader = Reader::open(data.path()).unwrap();
+            InterruptedRig::left(&reader, rig, is_simulated)
+        };
+        killed(data.path(), "bench", slice::from_ref(&clear));
+        assert_eq!(left("bench 2", false), None);
+        killed(data.path(), "bench", slice::from_ref(&lowering));
+        killed(data.path(), "simulated bench", slice::from_ref(&clear));
+        let found = left("bench 2", false).unwrap();
+        assert_eq!((found.is_latched, found.probe), (true, LeftProbe::Lowered));
+        let said =
+            "under the name `bench`, which may be this rig: the last session was interrupted";
+        assert!(found.message.starts_with(said), "{}", found.message);
+        assert_eq!(left("bench 2", true), None);
+        // Since it was shown clear under its new name, the old one says nothing.
+        killed(data.path(), "bench 2", slice::from_ref(&clear));
+        assert_eq!(left("bench 2", false).unwrap().probe, LeftProbe::Clear);
     }
 
     #[track_caller]

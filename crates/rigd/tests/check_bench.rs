@@ -176,4 +176,10 @@ fn a_bench_that_has_changed_is_told_by_the_quantity_that_shows_it() {
     assert!(record.contains(&format!("made = \"{}Z\"", &ended[..19])), "{ended}: {record}");
     let why = "check-references-5 has 2 samples, and the check on the block has 1";
     bench.refused(["check-references-5", "check-block-5"], why);
+    // A run of which a touch does not count shows no bench.
+    let skip = ["skip", "check-block-9", "main/block/front/0/1", "--why", "a hair"];
+    let skipped = bench.read(&skip);
+    assert!(skipped.status.success(), "{}", stderr(&skipped));
+    bench
+        .refused(["check-block-9", "check-references-10"], "a touch of check-block-9 was left out");
 }

@@ -67,7 +67,7 @@ fn check(person: Person, bench: &Bench) {
     }
     let (status, text, _) = program.end();
     assert_eq!(status.code(), Some(4), "{text}");
-    assert!(text.contains("rigd was ended, and the probe was retracted"), "{text}");
+    assert!(text.contains("rigd was ended, and the probe is clear"), "{text}");
     assert!(!bench.is_in_contact());
     // The block has no end of its own.
     assert!(blocked.exists());

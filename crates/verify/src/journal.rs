@@ -60,6 +60,13 @@ const HEAD: &str = "
     WHERE run = (SELECT key FROM amended) AND records.id < (SELECT id FROM first)
     ORDER BY seq DESC LIMIT 1";
 
+/// The resumptions of a run before the first record of an amendment.
+const SEAMS_BEFORE: &str = "
+    SELECT payload FROM records
+    WHERE run = (SELECT key FROM runs WHERE id = ?1) AND kind = 'resumed'
+        AND id < (SELECT min(id) FROM records WHERE run = ?2)
+    ORDER BY seq";
+
 /// The records of a run, and what moved the axes between them.
 const ENTRIES: &str = "
     WITH own AS (SELECT min(id) AS first, max(id) AS last FROM records WHERE run = ?1)
@@ -296,7 +303,7 @@ pub(crate) fn read(connection: &Connection, run: &str) -> Result<Journal, Journa
     }
     let first = journal.entries.iter().find(|entry| entry.is_own);
     if let Some(Ok(Record::Amended(amended))) = first.map(|e| serde_json::from_str(&e.payload)) {
-        journal.amended = settings_of(connection, &amended.run)?;
+        journal.amended = settings_of(connection, &amended.run, journal.run.key)?;
         journal.head = head(connection, &amended, journal.run.key)?;
     }
     Ok(journal)
@@ -506,10 +513,11 @@ fn done_elsewhere(
     Ok(done)
 }
 
-/// The settings of another run.
+/// The settings of a run when it was amended in the records with this key: those of its last resumption before.
 fn settings_of(
     connection: &Connection,
     run: &str,
+    key: i64,
 ) -> Result<Option<Box<RunStarted>>, rusqlite::Error> {
     let payload: Option<String> = connection
         .query_row(
@@ -518,10 +526,21 @@ fn settings_of(
             |row| row.get(0),
         )
         .optional()?;
-    Ok(match payload.map(|payload| serde_json::from_str(&payload)) {
-        Some(Ok(Record::RunStarted(started))) => Some(started),
-        _ => None,
-    })
+    let Some(Ok(Record::RunStarted(mut started))) =
+        payload.map(|payload| serde_json::from_str(&payload))
+    else {
+        return Ok(None);
+    };
+    let mut seams = connection.prepare_cached(SEAMS_BEFORE)?;
+    let mut rows = seams.query(params![run, key])?;
+    while let Some(row) = rows.next()? {
+        if let Ok(Record::Resumed(resumed)) = serde_json::from_str(&row.get::<_, String>(0)?)
+            && let Some(rig) = resumed.rig
+        {
+            started.rig = rig;
+        }
+    }
+    Ok(Some(started))
 }
 
 /// The end of a run when it was amended in the records with this key; `None` if it has no record before them.

@@ -372,7 +372,9 @@ fn check_outcome(
         }
     }
     let Some(circuit) = circuit else { return };
-    for (what, expected, stated, [least, most]) in values(fitted, circuit) {
+    for (what, expected, stated, [least, most]) in
+        values(&fitted.circuit, &fitted.circuit_sigma, circuit)
+    {
         if !(least..=most).contains(&stated) {
             let limit = Some(format!("from {least} to {most}"));
             add(Check::Resonance, what, expected.to_string(), stated, limit);
@@ -410,8 +412,11 @@ pub(crate) fn most_scatter(noise: Option<FitNoise>, degrees: f64, sigmas: f64) -
 
 /// Name, value of this checker, stated value and its limits, of each value of a circuit. Few readings
 /// determine some of them poorly.
-fn values(fitted: &Fitted, stated: &Circuit) -> [(&'static str, f64, f64, [f64; 2]); 4] {
-    let Fitted { circuit: found, circuit_sigma: sigma, .. } = fitted;
+fn values(
+    found: &Circuit,
+    sigma: &Circuit,
+    stated: &Circuit,
+) -> [(&'static str, f64, f64, [f64; 2]); 4] {
     let of = |factors: [f64; 2], value: f64, sigma: f64| {
         let sigmas = CIRCUIT_SIGMAS * sigma;
         let more = 1.0 + sigmas;
@@ -422,6 +427,7 @@ fn values(fitted: &Fitted, stated: &Circuit) -> [(&'static str, f64, f64, [f64; 
     };
     let (q, c0) = (found.quality_factor, found.static_capacitance_f);
     let (ratio, loss) = (found.capacitance_ratio, found.loss_tangent);
+    let positive = |limit: f64| limit.max(0.0);
     let of_loss = LOSS.max(CIRCUIT_SIGMAS * sigma.loss_tangent);
     [
         ("the quality factor", q, stated.quality_factor, of(Q_RATIO, q, sigma.quality_factor)),
@@ -437,6 +443,47 @@ fn values(fitted: &Fitted, stated: &Circuit) -> [(&'static str, f64, f64, [f64; 
             stated.capacitance_ratio,
             of(Q_RATIO, ratio, sigma.capacitance_ratio),
         ),
-        ("the loss tangent", loss, stated.loss_tangent, [loss - of_loss, loss + of_loss]),
+        // One below zero is stated as zero.
+        (
+            "the loss tangent",
+            loss,
+            stated.loss_tangent,
+            [loss - of_loss, loss + of_loss].map(positive),
+        ),
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[track_caller]
+    fn loss_holds(found: f64, stated: f64, holds: bool) {
+        let of = |loss_tangent| Circuit {
+            quality_factor: 60.0,
+            static_capacitance_f: 30e-9,
+            capacitance_ratio: 0.1,
+            loss_tangent,
+        };
+        let sigma = Circuit {
+            quality_factor: 0.02,
+            static_capacitance_f: 0.02,
+            capacitance_ratio: 0.02,
+            loss_tangent: 0.05,
+        };
+        let all = values(&of(found), &sigma, &of(stated));
+        let broken = all.iter().filter(|(.., stated, [low, high])| !(low..=high).contains(&stated));
+        let broken: Vec<_> = broken.map(|(what, ..)| *what).collect();
+        assert_eq!(broken.is_empty(), holds, "{found} {stated}: {broken:?}");
+    }
+
+    #[test]
+    fn a_loss_tangent_below_zero_is_stated_as_zero() {
+        loss_holds(0.02, 0.03, true);
+        loss_holds(0.02, 0.3, false);
+        loss_holds(-0.458, 0.0, true);
+        loss_holds(-0.458, -0.458, false);
+        loss_holds(-0.458, 0.05, false);
+        loss_holds(0.4, 0.0, false);
+    }
 }

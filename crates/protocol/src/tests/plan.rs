@@ -236,6 +236,7 @@ fn the_rest_of_a_plan_has_every_touch_that_is_left_and_what_it_needs() {
             all[..done].iter().any(|known| known == step) || done > 3 && step == all[all.len() - 1]
         };
         let (rest, from) = plan.resumed(|step| is_done(&step.0));
+        assert_eq!(rest.after(from).steps, rest.steps[from..]);
         let mut found = touches(&rest);
         let left = &rest.steps[from..];
         assert!(left.iter().all(|step| !is_done(&step.id.0)), "{done} done");

@@ -323,15 +323,17 @@ export function FaultCard({ view }: { view: View }) {
   const isClear = rig.probe === "clear";
   const at = rig.linear_mm === undefined ? "Its height is not known." : `The tip was last read back at ${fixed(rig.linear_mm, 3)} mm.`;
   const where = isClear ? "Clear of the sample." : rig.probe === "in contact"
-    ? `In contact or close to it${model.sample ? `, sample ${model.sample}` : ""}: it was lowered, and nothing has shown it clear since.`
+    ? `Perhaps in contact${model.sample ? ` with sample ${model.sample}` : ""}: no read-back has shown it clear.`
     : `Not known${model.sample ? `, perhaps still in sample ${model.sample}` : ""}.`;
   // The words of the interface for programs, as the buttons of this page.
   const hint = fault.hint
-    .replace(/POST \/api\/v1\/acknowledge(, which retracts the probe first)?/, isClear ? "acknowledge below" : "acknowledge below, which retracts the probe first")
+    .replace("POST /api/v1/acknowledge", "acknowledge below")
     .replace("POST /api/v1/commission asks", "the card below asks")
     .replace('POST /api/v1/home with {"nothing_below_probe": true}', "Home below")
     .replace("POST /api/v1/stop", "Stop all");
-  const needsLook = fault.kind === "not_homed";
+  // A person who has looked below the probe may have the stage homed.
+  const needsLook = fault.kind === "not_homed" || fault.kind === "position_jumped";
+  const isUntrusted = needsLook || fault.kind === "position_lost";
   // An acknowledgement does not open a bench that nobody has commissioned.
   const isNew = fault.kind === "not_commissioned";
   const steps = hint.split(/; (?=and |then |check )|(?<=\.) /);
@@ -342,16 +344,16 @@ export function FaultCard({ view }: { view: View }) {
       <section class="card bad-card" role="alert" aria-labelledby="fault-title">
         <div class="fault-text">
           <p class="bad-word"><Icon name="fault" size={18} /> {clock(wallMs(rig, story?.rig_s ?? rig.state_since_s))}{story?.step ? `, at ${story.step}` : ""}</p>
-          <h2 id="fault-title">{needsLook ? "The linear stage has lost its position" : rest.length > 0 && (head?.length ?? 0) < 60 ? head : cause}</h2>
+          <h2 id="fault-title">{fault.kind === "not_homed" ? "The linear stage has lost its position" : rest.length > 0 && (head?.length ?? 0) < 60 ? head : cause}</h2>
           <dl>
-            {(needsLook || (rest.length > 0 && (head?.length ?? 0) < 60)) && <><dt>What happened</dt><dd>{rest.join(": ")}</dd></>}
+            {(fault.kind === "not_homed" || (rest.length > 0 && (head?.length ?? 0) < 60)) && <><dt>What happened</dt><dd>{rest.join(": ")}</dd></>}
             <dt>Where the probe is</dt><dd><strong class={isClear ? "good-word" : "bad-word"}>{where}</strong> {at}</dd>
             <dt>What to do</dt><dd>{steps.length > 1 ? <ol class="steps">{steps.map((step) => <li key={step}>{step}</li>)}</ol> : hint}</dd>
           </dl>
           {needsLook && <HomeAfterLook isLost={view.link === "lost"} isDone={rig.state !== "latched"} />}
           {!isNew && <div class="answer-bar fault-bar">
-            <AskButton class={needsLook ? "" : "primary done"} icon="up" send={() => post("acknowledge")} isDone={rig.state !== "latched"} disabled={view.link === "lost"}>{needsLook ? "Acknowledge and look again" : isClear ? "Acknowledge and prepare" : "Acknowledge and retract"}</AskButton>
-            <p class="soft">Acknowledges the fault{operator() ? `, signed ${operator()}` : ""}. {needsLook ? "Both axes are asked again where they are; without a position nothing moves." : isClear ? "Both axes are checked, and homed if they must be." : "The probe goes up first, then both axes are checked."} A run does not go on by itself: continue it on its page in <a href="#/runs">Runs</a>.</p>
+            <AskButton class={isUntrusted ? "" : "primary done"} icon="up" send={() => post("acknowledge")} isDone={rig.state !== "latched"} disabled={view.link === "lost"}>{isUntrusted ? "Acknowledge and look again" : isClear ? "Acknowledge and prepare" : "Acknowledge and retract"}</AskButton>
+            <p class="soft">Acknowledges the fault{operator() ? `, signed ${operator()}` : ""}. {isUntrusted ? "Both axes are asked again where they are; without a position that can be trusted nothing moves." : `The probe moves to its clear position; then the rotary stage is homed if it has no position, and turns to level.${isClear ? "" : " Keep your hands away."}`} A run does not go on by itself: continue it on its page in <a href="#/runs">Runs</a>.</p>
           </div>}
         </div>
         <div>

@@ -27,7 +27,7 @@ export interface Rig {
   prompt?: string;
   asked?: Asked;
   refused?: RefusedTouch;
-  fault?: { kind: "fault" | "interrupted" | "not_homed" | "not_commissioned"; cause: string; hint: string; attempts?: number };
+  fault?: { kind: "fault" | "interrupted" | "not_homed" | "position_jumped" | "position_lost" | "not_commissioned"; cause: string; hint: string; attempts?: number };
   /** Who operates the rig, where clients have tokens. */
   lease?: { name: string; since_unix_ms: number };
   journal_error?: string;

@@ -191,13 +191,15 @@ impl CommissionFailure {
             | Self::Block(
                 BlockRunError::OtherAxes { .. }
                 | BlockRunError::NoPin { .. }
-                | BlockRunError::OtherPin { .. },
+                | BlockRunError::OtherPin { .. }
+                | BlockRunError::InPieces(_),
             )
             | Self::NoStep { trouble: NotMade::Refused(_), .. }
             | Self::Check(
                 CheckError::OtherAxes { .. }
                 | CheckError::Samples { .. }
                 | CheckError::UnderWay { .. }
+                | CheckError::InPieces(_)
                 | CheckError::Used { .. }
                 | CheckError::Apart { .. }
                 | CheckError::Changed { .. },
@@ -258,8 +260,7 @@ pub(super) fn commission(args: &CommissionArgs) -> Result<(), Failure> {
 }
 
 /// What follows the last step.
-const COMMISSIONED: &str =
-    "The rig is commissioned. `rigd home` brings it into service: it retracts the probe first.";
+const COMMISSIONED: &str = "The rig is commissioned. `rigd home` brings it into service: it moves the probe to its clear position first.";
 
 /// Makes the steps that are missing, or one step again.
 fn walk(args: &WalkArgs, again: Option<Step>) -> Result<(), Failure> {

@@ -64,13 +64,13 @@ pub(super) fn doctor(args: &DoctorArgs) -> Result<(), Failure> {
         return ladder(&rig);
     }
     let host = HostFacts::look(&rig.file);
-    let name = rig.file.name.clone();
+    let (name, is_simulated) = (rig.file.name.clone(), rig.is_simulated());
     let shown = (!rig.is_put_together_as_described()).then(|| {
         let standing = calibrations::standing(&rig.basis(), &args.data.dir());
         commissioning::findings(&standing, &rig.unproven())
     });
-    let mut findings =
-        doctor::findings(&args.data.dir(), &name, host.as_ref(), &rig::inspect(rig)?);
+    let (left, inspection) = ((name.as_str(), is_simulated), rig::inspect(rig)?);
+    let mut findings = doctor::findings(&args.data.dir(), left, host.as_ref(), &inspection);
     findings.extend(shown.into_iter().flatten());
     match settings::hub() {
         Ok(Some(hub)) => findings.extend(doctor::hub::findings(&hub, &args.data.dir())),

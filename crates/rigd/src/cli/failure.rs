@@ -147,13 +147,13 @@ pub(super) enum Failure {
     /// The faults have been listed.
     #[error("the probe is {}{hint}", probe.name())]
     NotClear { probe: Clearance, hint: String },
-    /// The daemon was ended, and the probe retracted.
-    #[error("{because}; rigd was ended, and the probe was retracted")]
+    /// The daemon was ended, and the probe is clear.
+    #[error("{because}; rigd was ended, and the probe is clear")]
     Replaced { because: String },
     /// It has been said how the probe was left.
-    #[error("the HTTP server ended by itself, and the rig was closed")]
+    #[error("the HTTP server ended unexpectedly, and the rig was closed")]
     HttpEnded,
-    #[error("aborted; the probe was retracted")]
+    #[error("aborted")]
     Aborted,
     /// The runs have been listed already.
     #[error("touches were refused")]
@@ -189,8 +189,8 @@ pub(super) enum Failure {
     NotSound,
     #[error(
         "ended at once while the rig was {}; it is left as it is, and the probe is {}{}. The \
-         drives may still carry out their last command. First check by eye where the probe is; \
-         then `rigd home` retracts it",
+         drives may still carry out their last command: keep your hands away, and check by eye \
+         where the probe is; `rigd doctor` says what to do next, and moves nothing",
         state.name(),
         probe.text(),
         linear.map_or_else(String::new, |at| format!(" (last read back at {at})"))

@@ -83,7 +83,8 @@ fn replace(way_out: &WayOut, silence: Silence) {
     let error = replace_by(safe, NOT_CLEAR);
     say(&format!(
         "rigd: {silence}, and `rigd safe` cannot be started: {error}. The drives may still carry out \
-         their last command. First check by eye where the probe is; then `rigd home` retracts it"
+         their last command: keep your hands away, and check by eye where the probe is; `rigd doctor` says what to do \
+         next, and moves nothing"
     ));
     process::exit(NOT_CLEAR);
 }
@@ -110,7 +111,8 @@ pub(super) fn say_probe(status: &Status) {
 /// What the last status of a rig says of its probe, for a person.
 fn probe_left(status: &Status) -> &'static str {
     if status.silence.is_some() {
-        return "the rig loop does not answer, and where the probe is now is not known; `rigd safe` retracts it";
+        return "the rig loop does not answer, and where the probe is now is not known; `rigd safe` stops both axes, and \
+                retracts the probe of a commissioned rig";
     }
     match (status.snapshot.clearance, &status.snapshot.fault) {
         (Clearance::Clear, _) => "the probe is clear",

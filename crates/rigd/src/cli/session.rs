@@ -78,7 +78,7 @@ pub(super) async fn open(
     data: PathBuf,
     signals: &mut Signals,
 ) -> Result<(RigHandle, RigThread), Failure> {
-    say_what_was_left(&data, &rig.file.name);
+    say_what_was_left(&data, &rig);
     open_by(rig::open, rig, data, signals).await
 }
 
@@ -108,11 +108,17 @@ pub(super) async fn open_by(
 
 /// Reports an interrupted session before anything moves. Opening the rig reports faults of the
 /// journal.
-fn say_what_was_left(data: &Path, rig: &str) {
-    let left = Reader::open(data).ok().and_then(|reader| InterruptedRig::left(&reader, rig));
+fn say_what_was_left(data: &Path, rig: &LoadedRig) {
+    let left = |reader: Reader| InterruptedRig::left(&reader, &rig.file.name, rig.is_simulated());
+    let left = Reader::open(data).ok().and_then(left);
     if let Some(left) = left.filter(|left| left.is_latched) {
         say(&left.message);
     }
+}
+
+/// Whether the rig was left with its probe lowered.
+const fn is_lowered(fault: &Fault) -> bool {
+    matches!(fault, Fault::Interrupted { was_lowered: true, .. })
 }
 
 impl Session {
@@ -124,16 +130,19 @@ impl Session {
             match (status.snapshot.state, &status.snapshot.fault) {
                 _ if self.signals.count > 0 => {}
                 (RigState::Idle, _) => return Ok(()),
+                // What was left may be a position that is wrong, which a homing alone mends.
+                (RigState::Latched, Some(fault))
+                    if may_home && (hint::is_without_position(fault) || is_lowered(fault)) =>
+                {
+                    may_home = false;
+                    self.handle.command(Command::HomeLinear, None, self.operator()).await?;
+                    continue;
+                }
                 // A person at the bench has read the report above.
                 (RigState::Latched, Some(Fault::Interrupted { was_lowered, .. }))
                     if !was_lowered || left != LeftInContact::Refuse =>
                 {
                     self.handle.command(Command::Acknowledge, None, self.operator()).await?;
-                    continue;
-                }
-                (RigState::Latched, Some(fault)) if hint::is_unhomed(fault) && may_home => {
-                    may_home = false;
-                    self.handle.command(Command::HomeLinear, None, self.operator()).await?;
                     continue;
                 }
                 (RigState::Latched, _) => return Err(latched(&status)),

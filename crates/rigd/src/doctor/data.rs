@@ -17,7 +17,7 @@ const SPACE_MIN_BYTES: u64 = 100 << 20;
 /// A smaller free space gives a warning.
 const SPACE_GOOD_BYTES: u64 = 1 << 30;
 
-pub(super) fn findings(data: &Path, rig: &str) -> Vec<Finding> {
+pub(super) fn findings(data: &Path, rig: (&str, bool)) -> Vec<Finding> {
     let mut findings = Findings::of("data directory");
     // A missing directory will be made at this path.
     let place = existing(data);
@@ -75,10 +75,11 @@ fn space(findings: &mut Findings, free_bytes: u64) {
 }
 
 /// The journal is only read: interrupted runs stay unchanged.
-fn journal(findings: &mut Findings, data: &Path, rig: &str) {
-    let left = Reader::open(data).and_then(|reader| {
-        let left = InterruptedRig::read(&reader, rig)?;
-        Ok((reader.has_writer(), left))
+fn journal(findings: &mut Findings, data: &Path, (rig, is_simulated): (&str, bool)) {
+    let left = Reader::open(data).map(|reader| {
+        let has_writer = reader.has_writer();
+        let left = if has_writer { None } else { InterruptedRig::left(&reader, rig, is_simulated) };
+        (has_writer, left)
     });
     match left {
         // A missing journal is created at the next start.
@@ -154,18 +155,18 @@ mod tests {
         let scratch = tempfile::TempDir::new().unwrap();
         let data = scratch.path().join("not/yet");
         assert_eq!(existing(&data), scratch.path());
-        let found = findings(&data, "bench");
+        let found = findings(&data, ("bench", false));
         assert_eq!(found[0].level, Level::Ok, "{found:?}");
         assert!(!data.exists() && scratch.path().read_dir().unwrap().next().is_none());
         // The path is a file.
         fs::write(data.parent().unwrap(), "").unwrap();
-        assert_eq!(findings(&data, "bench")[0].level, Level::Problem);
+        assert_eq!(findings(&data, ("bench", false))[0].level, Level::Problem);
     }
 
     #[test]
     fn the_journal_of_another_program_is_left_alone() {
         let scratch = tempfile::TempDir::new().unwrap();
-        let journal = |path: &Path| findings(path, "bench").pop().unwrap();
+        let journal = |path: &Path| findings(path, ("bench", false)).pop().unwrap();
         let store = Store::open(scratch.path()).unwrap();
         assert_eq!(journal(scratch.path()).level, Level::Warning);
         drop(store);

@@ -168,7 +168,7 @@ pub(super) const FAULTS: [ListedFault; 14] = [
         class: Device,
         what: "an emergency stop is pressed",
         reaction: "where the drive tells it (a flag of an IAI, alarm 0x68 of an AZ): latched at once. Its release \
-                   moves nothing; after the acknowledgement the probe goes up first. A button that takes the power \
+                   moves nothing; after the acknowledgement the probe moves to its clear position before anything turns. A button that takes the power \
                    off the drives shows as 1 and then as 24, one that opens the enable input of a Leadshine as 22: \
                    the run ends, nothing is lowered or turned before a person acknowledges, and when the power is \
                    back, the probe may be retracted by itself. rigd is no safety function",

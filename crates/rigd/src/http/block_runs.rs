@@ -260,6 +260,7 @@ impl From<BlockRunError> for Problem {
             | BlockRunError::NoLatency { .. }
             | BlockRunError::NoPin { .. }
             | BlockRunError::OtherPin { .. }
+            | BlockRunError::InPieces(_)
             | BlockRunError::NoGeometry(_)
             | BlockRunError::NoRadius { .. } => Self::unprocessable(detail),
             BlockRunError::Store(error) => error.into(),

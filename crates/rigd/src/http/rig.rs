@@ -3,7 +3,7 @@
 use std::time::SystemTime;
 
 use axum::{Extension, Json, extract::State, http::header, response::IntoResponse};
-use rig_engine::{Command, Fault, RefusalAnswer, RigState};
+use rig_engine::{Command, FailureKind, Fault, RefusalAnswer, RigState};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -119,6 +119,8 @@ fn kind(fault: &Fault) -> &'static str {
     match fault {
         Fault::Interrupted { .. } => "interrupted",
         Fault::NotCommissioned { .. } => "not_commissioned",
+        Fault::PositionJumped { .. } => "position_jumped",
+        Fault::Device(failure) if failure.kind == FailureKind::Lost => "position_lost",
         fault if hint::is_unhomed(fault) => "not_homed",
         _ => "fault",
     }

@@ -113,7 +113,8 @@ impl Shell {
         let data = store.directory().map_or_else(|| PathBuf::from("memory"), PathBuf::from);
         let data_error = |source| OpenError::Data { data: data.clone(), source };
         let name = rig.file.name.clone();
-        let left = InterruptedRig::left(&store.reader().map_err(data_error)?, &name);
+        let reader = store.reader().map_err(data_error)?;
+        let left = InterruptedRig::left(&reader, &name, rig.is_simulated());
         let clock = Clock::start();
         let proof = Proof::of(&rig, store.directory());
         let uncommissioned = Uncommissioned::new(rig.basis(), store.directory(), purpose, &proof);

@@ -3,7 +3,7 @@
 use rusqlite::{Connection, params};
 
 use super::{
-    AMENDED, DONE_ELSEWHERE, ENTRIES, HEAD, SESSIONS,
+    AMENDED, DONE_ELSEWHERE, ENTRIES, HEAD, SEAMS_BEFORE, SESSIONS,
     before::{BEGINS, LAST_MOVE, SINCE, before},
 };
 
@@ -64,7 +64,9 @@ fn what_came_before_the_last_completed_run_is_not_read() {
 #[test]
 fn no_statement_walks_through_all_records() {
     let connection = session(&[]);
-    for sql in [SESSIONS, AMENDED, DONE_ELSEWHERE, HEAD, ENTRIES, BEGINS, LAST_MOVE, SINCE] {
+    for sql in
+        [SESSIONS, AMENDED, DONE_ELSEWHERE, HEAD, SEAMS_BEFORE, ENTRIES, BEGINS, LAST_MOVE, SINCE]
+    {
         let mut plan = connection.prepare(&format!("EXPLAIN QUERY PLAN {sql}")).unwrap();
         let values = (1..=plan.parameter_count()).map(|_| 1);
         let rows =

@@ -110,7 +110,7 @@ impl Shell {
         let admitted = self.engine.admit(command)?;
         self.journal_is_fine()?;
         known.confirm(is_confirmed)?;
-        self.has_space(&rest.plan)?;
+        self.has_space(&rest.plan.after(rest.from))?;
         let history = self.history();
         let mut journal = self.log.store().reopen(id).map_err(ResumeRefusal::from)?;
         let resumed = known.resumed(&rest, self.log.store().epoch()?, by, &self.setting);
