@@ -434,7 +434,7 @@ impl Engine {
                 self.linear = Some(at);
                 self.reach = Some(Span { min: at, max: at });
             }
-            (Operation::HomeLinear, Some(&Report::LinearAt(read_back)))
+            (Operation::HomeLinear { .. }, Some(&Report::LinearAt(read_back)))
             | (_, Some(&Report::LinearHomed(read_back))) => {
                 self.linear = Some(read_back);
                 self.reach = Some(Span { min: read_back, max: read_back });
@@ -456,7 +456,7 @@ impl Engine {
                     reach.max = if target > reach.max { target } else { reach.max };
                 }
             }
-            Operation::HomeLinear => self.reach = None,
+            Operation::HomeLinear { .. } => self.reach = None,
             _ => {}
         }
     }

@@ -162,7 +162,7 @@ impl Interlock {
     pub fn admit(&mut self, operation: &Operation) -> Result<(), InterlockError> {
         let rest = self.limits.linear.rest_target();
         match operation {
-            Operation::HomeLinear => {
+            Operation::HomeLinear { .. } => {
                 if !std::mem::take(&mut self.is_nothing_below) {
                     return Err(InterlockError::HomingUnproven);
                 }
@@ -238,7 +238,9 @@ impl Interlock {
                 }
             }
             (
-                Operation::MoveLinear { .. } | Operation::HomeLinear | Operation::FindLinear { .. },
+                Operation::MoveLinear { .. }
+                | Operation::HomeLinear { .. }
+                | Operation::FindLinear { .. },
                 _,
             )
             | (Operation::Descend { .. }, None) => {
@@ -271,8 +273,8 @@ mod tests {
         let rotate = Operation::MoveRotary { target, speed_deg_per_s: 1.0 };
         let measure = Operation::Measure { points: Vec::new(), level: DriveLevel { volt: 1.0 } };
         vec![
-            (Operation::HomeLinear, at(49.0)),
-            (Operation::HomeLinear, None),
+            (Operation::HomeLinear { anew: true }, at(49.0)),
+            (Operation::HomeLinear { anew: true }, None),
             (move_linear(40.0), at(40.005)),
             // A stall on the way up: the move has ended, but not where it should.
             (move_linear(40.0), at(20.0)),
@@ -291,7 +293,7 @@ mod tests {
     /// either ended at rest as read back, or the probe counts as down.
     fn is_up(history: &[(Operation, Option<Report>)]) -> bool {
         let is_linear = |operation: &Operation| {
-            matches!(operation, Operation::MoveLinear { .. } | Operation::HomeLinear)
+            matches!(operation, Operation::MoveLinear { .. } | Operation::HomeLinear { .. })
         };
         history.iter().rev().find(|(operation, _)| is_linear(operation)).is_some_and(|last| {
             last.0 == move_linear(40.0) && last.1 == Some(Report::LinearAt(Position::new(40.005)))
@@ -310,7 +312,7 @@ mod tests {
             for _ in 0..5 {
                 let (operation, report) = &moves[rest_of_code % moves.len()];
                 rest_of_code /= moves.len();
-                if *operation == Operation::HomeLinear {
+                if matches!(operation, Operation::HomeLinear { .. }) {
                     interlock.state_nothing_below();
                 }
                 let is_admitted = interlock.admit(operation).is_ok();
@@ -338,18 +340,21 @@ mod tests {
     fn one_homing_in_an_unknown_direction_follows_each_statement_that_nothing_is_below() {
         let mut interlock = Interlock::new(limits());
         for _ in 0..2 {
-            let refused = interlock.admit(&Operation::HomeLinear);
+            let refused = interlock.admit(&Operation::HomeLinear { anew: false });
             assert_eq!(refused, Err(InterlockError::HomingUnproven));
             interlock.state_nothing_below();
-            interlock.admit(&Operation::HomeLinear).unwrap();
-            interlock.ended(&Operation::HomeLinear, Some(&Report::LinearAt(Position::new(49.0))));
+            interlock.admit(&Operation::HomeLinear { anew: false }).unwrap();
+            interlock.ended(
+                &Operation::HomeLinear { anew: false },
+                Some(&Report::LinearAt(Position::new(49.0))),
+            );
         }
         // A clear probe proves nothing about what is below it.
         interlock.admit(&move_linear(40.0)).unwrap();
         let clear = Report::LinearAt(Position::new(40.0));
         interlock.ended(&move_linear(40.0), Some(&clear));
         assert_eq!(interlock.clearance(), Clearance::Clear);
-        interlock.admit(&Operation::HomeLinear).unwrap_err();
+        interlock.admit(&Operation::HomeLinear { anew: false }).unwrap_err();
     }
 
     #[test]

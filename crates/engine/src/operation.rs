@@ -13,9 +13,12 @@ pub struct OperationId(pub u64);
 /// analyzer, and its late report is ignored.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Operation {
-    /// Home the linear stage if it is not homed, in the direction that is set in its drive: only after
-    /// a person has stated that nothing is below the probe.
-    HomeLinear,
+    /// Home the linear stage, in the direction that is set in its drive: only after a person has stated
+    /// that nothing is below the probe.
+    HomeLinear {
+        /// Whether it is homed although its drive says that it is homed: its position may be wrong.
+        anew: bool,
+    },
     /// Home the rotary stage if it is not homed.
     PrepareRotary,
     /// Find the linear stage again after a fault: open its port again, identify its drive, and read
@@ -97,7 +100,9 @@ pub(crate) const fn retract(limits: &RigLimits, target: Target<Mm>) -> Operation
 pub(crate) fn limit(operation: &Operation, travel_mm: f64, travel_deg: f64) -> Duration {
     const SLACK_S: f64 = 60.0;
     let seconds = match operation {
-        Operation::HomeLinear | Operation::PrepareRotary | Operation::FindLinear { .. } => 300.0,
+        Operation::HomeLinear { .. } | Operation::PrepareRotary | Operation::FindLinear { .. } => {
+            300.0
+        }
         Operation::MoveLinear { speed_mm_per_s, .. }
         | Operation::Descend { speed_mm_per_s, .. } => travel_mm / speed_mm_per_s,
         Operation::MoveRotary { speed_deg_per_s, .. } => travel_deg / speed_deg_per_s,
@@ -113,7 +118,7 @@ pub(crate) fn limit(operation: &Operation, travel_mm: f64, travel_deg: f64) -> D
 /// Name of an operation in messages.
 pub(crate) const fn name(operation: &Operation) -> &'static str {
     match operation {
-        Operation::HomeLinear => "homing the linear stage",
+        Operation::HomeLinear { .. } => "homing the linear stage",
         Operation::PrepareRotary => "homing the rotary stage",
         Operation::FindLinear { .. } => "finding the linear stage again",
         Operation::MoveLinear { .. } => "a move of the linear stage",

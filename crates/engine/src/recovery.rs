@@ -268,7 +268,10 @@ impl Recovery {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Preparing {
     /// A person has stated that nothing is below the probe.
-    HomingLinear,
+    HomingLinear {
+        /// Whether the stage is homed although its drive says that it is homed.
+        anew: bool,
+    },
     /// A sample may be below the probe, and the probe may be in it.
     FindingLinear,
     Clearing,
@@ -280,7 +283,7 @@ impl Preparing {
     /// The operation of this stage.
     pub(crate) fn operation(self, limits: &RigLimits) -> Operation {
         match self {
-            Self::HomingLinear => Operation::HomeLinear,
+            Self::HomingLinear { anew } => Operation::HomeLinear { anew },
             Self::FindingLinear => Operation::FindLinear { may_reset_alarm: true },
             Self::Clearing => retract(limits, limits.linear.rest_target()),
             Self::HomingRotary => Operation::PrepareRotary,
@@ -294,7 +297,7 @@ impl Preparing {
     /// The stage after this one.
     pub(crate) const fn next(self) -> Option<Self> {
         match self {
-            Self::HomingLinear | Self::FindingLinear => Some(Self::Clearing),
+            Self::HomingLinear { .. } | Self::FindingLinear => Some(Self::Clearing),
             Self::Clearing => Some(Self::HomingRotary),
             Self::HomingRotary => Some(Self::Levelling),
             Self::Levelling => None,

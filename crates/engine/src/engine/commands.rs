@@ -144,7 +144,11 @@ impl Engine {
             Command::Prepare | Command::Acknowledge => {
                 self.prepare(now, Preparing::FindingLinear, effects);
             }
-            Command::HomeLinear => self.prepare(now, Preparing::HomingLinear, effects),
+            Command::HomeLinear => {
+                // A fault before may have been one of the position.
+                let anew = matches!(self.activity, Activity::Latched(_));
+                self.prepare(now, Preparing::HomingLinear { anew }, effects);
+            }
             Command::Run(plan) => self.begin_run(now, Run::new(*plan, 0, false), effects),
             Command::Continue { plan, from, has_refusals } => {
                 self.begin_run(now, Run::new(*plan, from, has_refusals), effects);
@@ -277,7 +281,7 @@ impl Engine {
         if self.end_attempts(now, first, effects) {
             return;
         }
-        if first == Preparing::HomingLinear {
+        if matches!(first, Preparing::HomingLinear { .. }) {
             self.interlock.state_nothing_below();
         }
         self.last_fault = None;

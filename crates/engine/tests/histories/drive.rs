@@ -92,7 +92,7 @@ impl Drive {
                     Some(Ok(Report::LinearHomed(Position::new(49.0))))
                 }
                 // A person has taken the sample away.
-                Operation::HomeLinear => {
+                Operation::HomeLinear { .. } => {
                     (world.drive, world.is_lost) = (None, false);
                     None
                 }

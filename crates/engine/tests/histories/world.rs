@@ -399,9 +399,9 @@ impl World {
     pub(crate) fn stalled(&mut self, operation: &Operation) -> Report {
         match operation {
             Operation::Descend { .. } => self.not_descended(),
-            Operation::MoveLinear { .. } | Operation::HomeLinear | Operation::FindLinear { .. } => {
-                Report::LinearAt(Position::new(self.linear_mm))
-            }
+            Operation::MoveLinear { .. }
+            | Operation::HomeLinear { .. }
+            | Operation::FindLinear { .. } => Report::LinearAt(Position::new(self.linear_mm)),
             Operation::MoveRotary { .. } | Operation::PrepareRotary => {
                 Report::RotaryAt(Position::new(self.rotary_deg))
             }
@@ -412,7 +412,7 @@ impl World {
 
     pub(crate) fn perform(&mut self, operation: &Operation) -> Report {
         match operation {
-            Operation::HomeLinear => {
+            Operation::HomeLinear { .. } => {
                 self.homings += 1;
                 self.linear_mm = 49.0;
             }

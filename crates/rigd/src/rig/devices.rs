@@ -79,19 +79,17 @@ impl Axes {
         let linear = |error| stage_failure(Device::LinearStage, &error);
         let rotary = |error| stage_failure(Device::RotaryStage, &error);
         match operation {
-            Operation::HomeLinear => prepare(&mut self.linear, Homing::Always, stop)
-                .await
-                .map(Report::LinearAt)
-                .map_err(linear),
+            &Operation::HomeLinear { anew } => {
+                prepare(&mut self.linear, anew, stop).await.map(Report::LinearAt).map_err(linear)
+            }
             &Operation::FindLinear { may_reset_alarm } => {
                 find(&mut self.linear, may_reset_alarm, self.is_homing_up, stop)
                     .await
                     .map_err(linear)
             }
-            Operation::PrepareRotary => prepare(&mut self.rotary, Homing::IfLost, stop)
-                .await
-                .map(Report::RotaryAt)
-                .map_err(rotary),
+            Operation::PrepareRotary => {
+                prepare(&mut self.rotary, false, stop).await.map(Report::RotaryAt).map_err(rotary)
+            }
             &Operation::MoveLinear { target, speed_mm_per_s } => {
                 let moved = self.linear.move_to(target, speed_mm_per_s, stop).await;
                 moved.map(Report::LinearAt).map_err(linear)
@@ -181,20 +179,11 @@ pub(crate) fn analyzer_failure(error: AnalyzerError) -> Failure {
     Failure { device: Device::Analyzer, kind, detail: with_causes(&error) }
 }
 
-/// When an axis is homed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Homing {
-    /// Also where the drive says that it knows its position, which may be wrong.
-    Always,
-    /// Where the drive says that it has no position.
-    IfLost,
-}
-
-/// Finds the drive again, clears an old alarm, homes the axis, and reads back where it is. Does nothing to an axis that
-/// says that it is where it cannot be.
+/// Finds the drive again, clears an old alarm, homes the axis if it is not homed, or `anew`, and reads back where it is.
+/// Does nothing to an axis that says that it is where it cannot be.
 async fn prepare<U: Unit>(
     stage: &mut Stage<U>,
-    homing: Homing,
+    anew: bool,
     stop: &StopSignal,
 ) -> Result<Position<U>, StageError<U>> {
     // Another device may answer now than before the fault.
@@ -206,7 +195,7 @@ async fn prepare<U: Unit>(
     if status.alarm.is_some() {
         stage.reset_alarm().await?;
     }
-    if homing == Homing::Always || !status.is_homed {
+    if anew || !status.is_homed {
         stage.home(stop).await?;
     }
     stage.status().await?;

@@ -121,7 +121,7 @@ fn refused(refusal: Refusal) -> Failure {
 /// An operation as the interlock sees it.
 fn command(operation: &Operation) -> PortCommand {
     match *operation {
-        Operation::HomeLinear => PortCommand::HomeLinear,
+        Operation::HomeLinear { .. } => PortCommand::HomeLinear,
         Operation::PrepareRotary => PortCommand::HomeRotary,
         Operation::FindLinear { .. } => PortCommand::FindLinear,
         Operation::MoveLinear { target, speed_mm_per_s } => {

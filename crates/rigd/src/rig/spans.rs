@@ -116,7 +116,7 @@ impl Spans {
 /// The name of an operation.
 const fn word(operation: &Operation) -> &'static str {
     match operation {
-        Operation::HomeLinear => "home linear",
+        Operation::HomeLinear { .. } => "home linear",
         Operation::PrepareRotary => "prepare rotary",
         Operation::FindLinear { .. } => "find linear",
         Operation::MoveLinear { .. } => "move linear",
