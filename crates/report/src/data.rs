@@ -1,12 +1,12 @@
 //! The records of a run, sorted by kind.
 
-use std::fmt::Write as _;
+use std::{collections::BTreeMap, fmt::Write as _};
 
 use rig_record::{
     Amended, Amendment, BlackBox, Change, CitedCalibration, Clearance, ClockJumped, Confirmed,
     Direction, Expected, Fault, Intent, MoveReason, Prompt, Record, ReferenceJumped,
-    RefusalAnswered, RefusedTouch, Resumed, RetractTried, RunId, RunStarted, Sample, Stalled,
-    StoredRecord, Sweep, SweepOutcome, Touch, TouchSettings, UnreadableRecord,
+    RefusalAnswered, RefusedTouch, Resumed, RetractTried, RunId, RunStarted, Sample, Source,
+    Stalled, StoredRecord, Sweep, SweepOutcome, Touch, TouchSettings, UnreadableRecord,
 };
 
 use crate::{
@@ -41,6 +41,14 @@ pub(crate) struct RunData {
     amendment: Option<(Amended, u64)>,
     /// Every planned touch, in order, with its outcome.
     pub(crate) planned: Vec<PlannedTouch>,
+    /// What the touches rest on, one part of the run after the other.
+    pub(crate) parts: Vec<Part>,
+    /// For each event from which the run itself rests on another part: that part.
+    run_parts: Vec<(u64, usize)>,
+    /// The part whose records are being read.
+    part: usize,
+    /// The part of the touch with each sweep in contact.
+    part_of: BTreeMap<u64, usize>,
     /// Which measured touches are confirmed.
     pub(crate) confirmed: Confirmed,
     /// Whether the surface was looked for again in the touch under way.
@@ -57,6 +65,33 @@ pub(crate) struct RunData {
     operator: Option<String>,
     /// Cause of the first fault.
     pub(crate) fault: Option<String>,
+}
+
+/// What touches rest on.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Part {
+    /// The rig file; `None` where it has changed, and an older journal does not have its text.
+    pub(crate) rig: Option<Source>,
+    /// The calibrations that hold.
+    pub(crate) calibrations: Vec<CitedCalibration>,
+}
+
+impl Part {
+    /// The part after this one, with what has changed. An older journal does not have the calibrations that have changed:
+    /// nothing rests on them.
+    pub(crate) fn after(
+        &self,
+        changes: &[Change],
+        rig: Option<Source>,
+        calibrations: Option<Vec<CitedCalibration>>,
+    ) -> Self {
+        let has_changed = |what: &str| changes.iter().any(|change| change.what == what);
+        let still_holds =
+            |cited: &&CitedCalibration| !has_changed(&format!("calibration ({})", cited.kind));
+        let kept = || self.calibrations.iter().filter(still_holds).cloned().collect();
+        let same_rig = self.rig.clone().filter(|_| !has_changed("rig file"));
+        Self { rig: rig.or(same_rig), calibrations: calibrations.unwrap_or_else(kept) }
+    }
 }
 
 /// A planned touch.
@@ -215,6 +250,42 @@ impl RunData {
         self.started.as_ref().is_some_and(|started| started.is_simulated)
     }
 
+    /// The part of the run that a touch rests on.
+    pub(crate) fn part_of(&self, touch: &Touch) -> usize {
+        self.part_of.get(&touch.sweep).copied().unwrap_or(0)
+    }
+
+    /// Whether each touch of another reading of the records rests on what it rests on here.
+    pub(crate) fn rests_alike(&self, other: &Self) -> bool {
+        self.parts == other.parts && self.part_of == other.part_of
+    }
+
+    /// The following records rest on this part.
+    fn begin_part(&mut self, part: Part) {
+        let known = self.parts.iter().position(|known| *known == part);
+        self.part = known.unwrap_or(self.parts.len());
+        if known.is_none() {
+            self.parts.push(part);
+        }
+    }
+
+    /// The run goes on, or a touch of it is measured again, with what has changed since its part before this event.
+    fn change_part(&mut self, event: u64, record: &Record) {
+        let before = self.run_parts.iter().rev().find(|(begun, _)| *begun < event);
+        let before = before.map_or(0, |(_, part)| *part);
+        let Some(part) = self.parts.get(before) else { return };
+        match record {
+            Record::Resumed(Resumed { changes, rig, calibrations, .. }) => {
+                self.begin_part(part.after(changes, rig.clone(), calibrations.clone()));
+                self.run_parts.push((event, self.part));
+            }
+            Record::Amended(Amended { changes, rig, calibrations, .. }) => {
+                self.begin_part(part.after(changes, rig.clone(), calibrations.clone()));
+            }
+            _ => {}
+        }
+    }
+
     /// The last daily check of the bench before the run.
     pub(crate) fn daily_check(&self) -> Option<&CitedCalibration> {
         let cited = self.started.iter().flat_map(|started| &started.calibrations);
@@ -338,11 +409,14 @@ impl RunData {
     fn take(&mut self, stored: &StoredRecord, record: Record) {
         let clock = self.clock(stored.epoch);
         let run_us = stored.run_us + self.amendment.as_ref().map_or(0, |(_, begun_us)| *begun_us);
+        self.change_part(stored.event, &record);
         let mut note = |step: Option<String>, kind, text| {
             self.log.push(LogEntry { run_us, step, kind, text });
         };
         match record {
             Record::RunStarted(mut started) => {
+                let (rig, calibrations) = (Some(started.rig.clone()), started.calibrations.clone());
+                self.parts.push(Part { rig, calibrations });
                 let touches = std::mem::take(&mut started.touches);
                 self.planned = touches.into_iter().map(PlannedTouch::new).collect();
                 self.started = Some(started);
@@ -377,6 +451,7 @@ impl RunData {
             }
             Record::TouchResult(touch) => {
                 let step = touch.touch.step.clone();
+                self.part_of.insert(touch.sweep, self.part);
                 self.touches.push(touch);
                 self.end_touch(&step, Outcome::Measured(self.touches.len() - 1));
             }

@@ -101,7 +101,9 @@ impl RunResults {
             data.sweeps.iter().zip(&data.clock_zeros_s).filter_map(reference).collect();
         let classification = Classification::of(&data);
         let is_same = |earlier: &&Self| {
-            earlier.data.touches == data.touches && earlier.data.started == data.started
+            earlier.data.touches == data.touches
+                && earlier.data.started == data.started
+                && earlier.data.rests_alike(&data)
         };
         let kept = earlier.filter(is_same).and_then(|earlier| earlier.stiffness.as_ref().ok());
         let stiffness = match kept {

@@ -33,7 +33,7 @@ impl Amends {
 
 /// Checks the first record of an amendment.
 pub(crate) fn check(seq: u64, amended: &Amended, amends: Option<&Amends>, findings: &mut Findings) {
-    let Amended { run, head, who, step, what, why } = amended;
+    let Amended { run, head, who, step, what, why, .. } = amended;
     let mut add = |check, of: &str, expected: &str, found: &str| {
         findings.add(check, seq, format!("{of} of the amendment of {step}"), expected, found);
     };
@@ -92,7 +92,7 @@ mod tests {
         ];
         for (name, values, has_ended, expected) in rows {
             let [run, head, who, step, what, why] = values.map(str::to_owned);
-            let amended = Amended { run, head, who, step, what, why };
+            let amended = Amended { run, head, who, step, what, why, rig: None };
             let mut findings = Findings::default();
             check(1, &amended, Some(&amends(has_ended)), &mut findings);
             assert_eq!(findings.0.len(), expected, "{name}: {findings:?}");

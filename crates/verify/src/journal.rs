@@ -130,13 +130,22 @@ pub(crate) struct Journal {
 }
 
 impl Journal {
-    /// The calibrations that the run cites.
+    /// The calibrations that the run cites, at its beginning and where it goes on.
     pub(crate) fn cited(&self) -> Vec<Cited> {
-        let first = self.entries.iter().find(|entry| entry.is_own);
-        match first.map(|entry| serde_json::from_str(&entry.payload)) {
-            Some(Ok(Record::RunStarted(started))) => started.calibrations,
+        let own = self.entries.iter().filter(|entry| entry.is_own);
+        let begun = own.filter(|entry| ["run_started", "resumed"].contains(&entry.kind.as_str()));
+        let cited = begun.flat_map(|entry| match serde_json::from_str(&entry.payload) {
+            Ok(Record::RunStarted(started)) => started.calibrations,
+            Ok(Record::Resumed(resumed)) => resumed.calibrations.unwrap_or_default(),
             _ => Vec::new(),
+        });
+        let mut all: Vec<Cited> = Vec::new();
+        for cited in cited {
+            if all.iter().all(|known| known.sha256 != cited.sha256) {
+                all.push(cited);
+            }
         }
+        all
     }
 
     /// A sealed run without the journal that it was in.
@@ -303,7 +312,7 @@ pub(crate) fn read(connection: &Connection, run: &str) -> Result<Journal, Journa
     }
     let first = journal.entries.iter().find(|entry| entry.is_own);
     if let Some(Ok(Record::Amended(amended))) = first.map(|e| serde_json::from_str(&e.payload)) {
-        journal.amended = settings_of(connection, &amended.run, journal.run.key)?;
+        journal.amended = settings_of(connection, &amended, journal.run.key)?;
         journal.head = head(connection, &amended, journal.run.key)?;
     }
     Ok(journal)
@@ -513,10 +522,10 @@ fn done_elsewhere(
     Ok(done)
 }
 
-/// The settings of a run when it was amended in the records with this key: those of its last resumption before.
+/// The settings of an amendment in the records with this key: its own, or those of the last resumption of its run before.
 fn settings_of(
     connection: &Connection,
-    run: &str,
+    Amended { run, rig, .. }: &Amended,
     key: i64,
 ) -> Result<Option<Box<RunStarted>>, rusqlite::Error> {
     let payload: Option<String> = connection
@@ -539,6 +548,9 @@ fn settings_of(
         {
             started.rig = rig;
         }
+    }
+    if let Some(rig) = rig {
+        started.rig = rig.clone();
     }
     Ok(Some(started))
 }

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     between::Between,
     journal::{self, Journal, JournalError},
-    record::{Record, RunStarted, TouchResult},
+    record::{Cited, Record, Resumed, RunStarted, Source, TouchResult},
 };
 use beam::{Beam, Contact, Law};
 
@@ -150,6 +150,11 @@ fn touches(journal: &Journal) -> Result<(RunStarted, Vec<TouchResult>), &'static
         between.take(&record);
         match record {
             Record::RunStarted(found) => started = Some(*found),
+            Record::Resumed(resumed) => {
+                if started.as_ref().is_some_and(|started| !rests_alike(started, &resumed)) {
+                    return Err("the run went on with another sensor or map of the screw");
+                }
+            }
             Record::TouchResult(found) => {
                 touches.insert(found.touch.step.clone(), *found);
             }
@@ -171,6 +176,21 @@ fn touches(journal: &Journal) -> Result<(RunStarted, Vec<TouchResult>), &'static
         }
     }
     Ok((started, touches))
+}
+
+/// Whether the touches after a resumption rest on the same sensor and the same map of the screw as those at the beginning.
+fn rests_alike(started: &RunStarted, resumed: &Resumed) -> bool {
+    let sensor = |rig: &Source| -> Option<[Option<toml::Value>; 2]> {
+        let rig: toml::Table = toml::from_str(&rig.toml).ok()?;
+        let radius = rig.get("geometry").and_then(|geometry| geometry.get("probe_radius_mm"));
+        Some([rig.get("sensor").cloned(), radius.cloned()])
+    };
+    let screw = |cited: &[Cited]| cited.iter().find_map(|cited| cited.screw.clone());
+    resumed.rig.as_ref().is_none_or(|rig| sensor(rig) == sensor(&started.rig))
+        && resumed
+            .calibrations
+            .as_ref()
+            .is_none_or(|cited| screw(cited) == screw(&started.calibrations))
 }
 
 /// Whether the references of a run are measured when the drift asks for them.

@@ -478,6 +478,7 @@ pub(crate) struct Resumed {
     pub(crate) software: Option<String>,
     pub(crate) rig: Option<Source>,
     pub(crate) scene: Option<Source>,
+    pub(crate) calibrations: Option<Vec<Cited>>,
     pub(crate) devices: Option<Vec<Device>>,
 }
 
@@ -502,6 +503,7 @@ pub(crate) struct Amended {
     pub(crate) step: String,
     pub(crate) what: String,
     pub(crate) why: String,
+    pub(crate) rig: Option<Source>,
 }
 
 #[derive(Debug, Clone, Deserialize)]

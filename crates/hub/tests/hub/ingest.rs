@@ -61,6 +61,7 @@ async fn a_run_that_is_resumed_is_running_again() {
         software: "rigd 0".to_owned(),
         rig: None,
         scene: None,
+        calibrations: None,
         devices: Vec::new(),
     });
     append(&mut run, &[resumed]);

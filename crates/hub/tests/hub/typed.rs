@@ -99,6 +99,8 @@ pub(crate) fn skipped(store: &Store, run: RunId, head: Digest) {
         who: "ada".to_owned(),
         why: "it was dry".to_owned(),
         software: "rigd 0.1.0".to_owned(),
+        rig: None,
+        calibrations: None,
         devices: Vec::new(),
         changes: Vec::new(),
     });

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Device, Source};
+use super::{CitedCalibration, Device, Source};
 
 /// A run is resumed after an interruption, a fault or an abort. The times of the following records
 /// count on the clock of this epoch.
@@ -31,6 +31,9 @@ pub struct Resumed {
     /// The scene behind a simulated rig, where its file has changed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scene: Option<Source>,
+    /// What a run would cite that began now, if a calibration or a correction has changed: touches from here on rest on it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibrations: Option<Vec<CitedCalibration>>,
     /// Devices on the ports.
     pub devices: Vec<Device>,
 }
@@ -41,7 +44,7 @@ pub struct Change {
     /// The changes: `rig file`, `scene file`, `software`, the role of a device, or a calibration or correction, such as
     /// `calibration (scale)`.
     pub what: String,
-    /// Before; of a file, its name. Of a calibration, the one that the run cites: its results rest on that one.
+    /// Before; of a file, its name. Of a calibration, the one that the part before cites.
     pub was: String,
     /// Now; of a file, its name.
     pub is: String,
@@ -93,6 +96,13 @@ pub struct Amended {
     pub why: String,
     /// Version of the program.
     pub software: String,
+    /// The text of the rig file, for a touch that is measured again with another one than that of the run's last part.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rig: Option<Source>,
+    /// What a run would cite that began now, for a touch that is measured again after a calibration or a correction has
+    /// changed: it rests on it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibrations: Option<Vec<CitedCalibration>>,
     /// Devices on the ports, for a touch that is measured again.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub devices: Vec<Device>,

@@ -33,7 +33,7 @@ pub(crate) use depth::MappedDepths;
 pub(crate) use site::Site;
 pub(crate) use values::TouchStiffness;
 
-use crate::data::{PlannedTouch, RunData};
+use crate::data::{Part, PlannedTouch, RunData};
 use depth::Depths;
 use shared::Together;
 use site::{RepeatedTouch, UnknownAngle};
@@ -103,9 +103,10 @@ impl Stiffness {
         let sensor = rig.map_err(NoStiffness::RigFile)?.sensor;
         let surface_mm = surface_sigma_mm(data);
         let compensation = Compensation::new(&sensor, surface_mm);
-        let depths = Depths::of(started)?;
+        let depths = Depths::of(data)?;
+        let is_described = described(data, &sensor);
         let free_hz = compensation.no_load_hz();
-        let (main, blind) = touched(data, &sensor, &depths, free_hz);
+        let (main, blind) = touched(data, &sensor, (&is_described, &depths), free_hz);
         let known_mpa: Vec<Option<f64>> =
             data.samples().iter().map(|sample| sample.stiffness_mpa).collect();
         let mean_hz = main.iter().map(|(touch, _)| touch.no_load_hz).sum::<f64>();
@@ -257,15 +258,25 @@ fn by_address(
 fn touched<'a>(
     data: &'a RunData,
     sensor: &SensorDescription,
-    depths: &Depths<'_>,
+    (is_described, depths): (&[bool], &Depths<'_>),
     free_hz: f64,
 ) -> (Vec<Touched<'a>>, Vec<Touched<'a>>) {
     let touched = |touch: &'a Touch| {
+        is_described.get(data.part_of(touch)).filter(|is_described| **is_described)?;
         let posed = posed(touch, sensor, data, free_hz)?;
         Some((touch, depths.correct(touch, posed)))
     };
     let is_main = |(touch, _): &Touched<'_>| touch.touch.phase == Phase::Main;
     data.touches.iter().filter_map(touched).partition(is_main)
+}
+
+/// For each part of a run, whether its rig file describes this sensor. One model holds for one sensor.
+fn described(data: &RunData, sensor: &SensorDescription) -> Vec<bool> {
+    let is_same = |part: &Part| {
+        let rig = part.rig.as_ref().map(|rig| RigFile::read(&rig.name, &rig.toml));
+        matches!(rig, Some(Ok(rig)) if rig.sensor == *sensor)
+    };
+    data.parts.iter().map(is_same).collect()
 }
 
 const fn source(protocol: &Protocol) -> ModelSource {

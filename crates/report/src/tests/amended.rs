@@ -1,16 +1,30 @@
 //! Runs that were resumed or amended.
 
-use rig_record::{Action, Amended, Amendment, Record, Resumed, RunId, StepStarted, Touch};
+use rig_record::{
+    Action, Amended, Amendment, Change, CitedCalibration, Record, Resumed, RunId, RunStarted,
+    ScrewMap, Source, StepStarted, Touch,
+};
 use uuid::Uuid;
 
 use super::{
     check_markup,
     sample::{SampleRun, Story, chain},
 };
-use crate::{TouchRow, TouchStatus, units::with_sigma};
+use crate::{TouchRow, TouchStatus, data::Part, units::with_sigma};
 
 /// The records of an amendment of the first touch: of this kind, with these records behind it.
-fn amend(sample: &mut SampleRun, what: Amendment, mut behind: Vec<Record>) {
+fn amend(sample: &mut SampleRun, what: Amendment, behind: Vec<Record>) {
+    amend_on(sample, what, (None, None), behind);
+}
+
+/// The same, with another rig file and other calibrations than those of the run.
+fn amend_on(
+    sample: &mut SampleRun,
+    what: Amendment,
+    (rig, calibrations): (Option<Source>, Option<Vec<CitedCalibration>>),
+    mut behind: Vec<Record>,
+) {
+    let event = sample.chain.records.last().unwrap().event;
     let amended = Amended {
         run: sample.run.id.to_string(),
         head: String::new(),
@@ -19,6 +33,8 @@ fn amend(sample: &mut SampleRun, what: Amendment, mut behind: Vec<Record>) {
         who: "Ada".to_owned(),
         why: "the sample had slipped".to_owned(),
         software: String::new(),
+        rig,
+        calibrations,
         devices: Vec::new(),
         changes: Vec::new(),
     };
@@ -27,6 +43,7 @@ fn amend(sample: &mut SampleRun, what: Amendment, mut behind: Vec<Record>) {
     for mut stored in chain(&records).records {
         stored.run = RunId::new(Uuid::from_u128(7));
         stored.epoch = 3;
+        stored.event += event;
         sample.chain.records.push(stored);
     }
 }
@@ -75,6 +92,84 @@ fn an_amended_touch_keeps_its_old_outcome_beside_the_new_one() {
     assert!(html.contains("skipped (skip by Ada: the sample had slipped)"));
 }
 
+/// A calibration with a screw whose error grows by this for each millimetre.
+fn map(file: &str, error_per_mm: f64) -> CitedCalibration {
+    let text = str::to_owned;
+    CitedCalibration {
+        kind: text("blocks"),
+        made: text("2026-11-28T08:00:00Z"),
+        person: text("Ada"),
+        file: text(file),
+        sha256: text(file),
+        verdict: None,
+        screw: Some(ScrewMap {
+            heights_mm: vec![0.0, 50.0],
+            errors_mm: vec![0.0, 50.0 * error_per_mm],
+            covariance_um2: vec![vec![1.0], vec![0.0, 1.0]],
+        }),
+        cable: None,
+    }
+}
+
+fn started(sample: &SampleRun) -> RunStarted {
+    match sample.chain.records[0].record().unwrap() {
+        Record::RunStarted(started) => started,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// The stiffness by the first touch, measured again alike on this, over that before; and what is said of the screw.
+fn redone_on(on: (Option<Source>, Option<Vec<CitedCalibration>>)) -> (Option<f64>, Option<String>) {
+    let mut sample = SampleRun::new(Story::Complete);
+    let (before, mut touch) = (sample.results(), first_touch(&sample));
+    touch.sweep = 1000;
+    amend_on(&mut sample, Amendment::Redo, on, vec![Record::TouchResult(touch)]);
+    let after = sample.results();
+    for (row, earlier) in after.touches().iter().zip(before.touches()).skip(1) {
+        assert!(row.stiffness_mpa.is_some() == earlier.stiffness_mpa.is_some(), "{}", row.step);
+    }
+    let [was, is] = [&before, &after].map(|results| results.touches()[0].stiffness_mpa);
+    (is.map(|is| is / was.unwrap()), after.screw_note())
+}
+
+#[test]
+fn a_touch_rests_on_the_rig_file_and_the_calibrations_with_which_it_was_measured() {
+    let rig = rig();
+    let other = |from: &str, to: &str| {
+        assert!(rig.toml.contains(from), "{}", rig.toml);
+        Some(Source { toml: rig.toml.replacen(from, to, 1), ..rig.clone() })
+    };
+    let (same, note) = redone_on((None, None));
+    assert!((same.unwrap() - 1.0).abs() < 1e-9 && note.is_none(), "{same:?}");
+
+    let renamed = other("name = \"simulated bench\"", "name = \"renamed\"");
+    assert!((redone_on((renamed, None)).0.unwrap() - 1.0).abs() < 1e-9);
+    // One model does not hold for two sensors.
+    let longer = other("length_mm = 35", "length_mm = 36");
+    assert_eq!(redone_on((longer, None)).0, None);
+    // The true depth is less, so that the sample is stiffer.
+    let (mapped, note) = redone_on((None, Some(vec![map("2026-11-28.toml", 0.05)])));
+    assert!(mapped.unwrap() > 1.01, "{mapped:?}");
+    assert!(note.unwrap().contains("by 2026-11-28.toml is taken out of 1 of 110"));
+}
+
+#[test]
+fn a_map_that_an_older_journal_does_not_have_corrects_nothing() {
+    let change =
+        |what: &str| Change { what: what.to_owned(), was: String::new(), is: String::new() };
+    let part = Part { rig: Some(rig()), calibrations: vec![map("a", 0.1)] };
+    let after = |what: &str| part.after(&[change(what)], None, None);
+    assert_eq!(after("software"), part);
+    assert_eq!(after("calibration (blocks)"), Part { calibrations: Vec::new(), ..part.clone() });
+    assert_eq!(after("rig file"), Part { rig: None, ..part.clone() });
+    let named = part.after(&[change("calibration (blocks)")], None, Some(vec![map("b", 0.2)]));
+    assert_eq!(named.calibrations, [map("b", 0.2)]);
+}
+
+fn rig() -> Source {
+    started(&SampleRun::new(Story::Complete)).rig
+}
+
 #[test]
 fn a_resumed_run_counts_the_time_of_its_parts_and_not_the_time_between_them() {
     let mut sample = SampleRun::new(Story::Faulted);
@@ -89,6 +184,7 @@ fn a_resumed_run_counts_the_time_of_its_parts_and_not_the_time_between_them() {
         software: String::new(),
         rig: None,
         scene: None,
+        calibrations: None,
         devices: Vec::new(),
     };
     let mut touch = first_touch(&sample);

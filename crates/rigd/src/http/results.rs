@@ -183,6 +183,8 @@ mod tests {
                 who: "the lab".to_owned(),
                 why: "a bubble".to_owned(),
                 software: "rigd".to_owned(),
+                rig: None,
+                calibrations: None,
                 devices: Vec::new(),
                 changes: Vec::new(),
             });

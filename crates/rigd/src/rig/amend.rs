@@ -31,6 +31,8 @@ pub(super) fn redo(
 ) -> Result<Journal, ResumeRefusal> {
     let head = known.head();
     let amended = Amended {
+        rig: known.changed_rig(setting),
+        calibrations: known.changed_calibrations(),
         devices: devices(setting),
         changes: known.changes.clone(),
         ..amended(order, Amendment::Redo, who, head)
@@ -91,6 +93,8 @@ fn amended(order: &TouchOrder, what: Amendment, who: &str, head: String) -> Amen
         who: who.to_owned(),
         why,
         software: SOFTWARE.to_owned(),
+        rig: None,
+        calibrations: None,
         devices: Vec::new(),
         changes: Vec::new(),
     }

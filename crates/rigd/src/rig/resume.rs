@@ -109,6 +109,8 @@ pub(super) struct Known {
     pub(super) protocol: LoadedProtocol,
     /// Differences between then and now.
     pub(super) changes: Vec<Change>,
+    /// What a run would cite that began now.
+    calibrations: Vec<CitedCalibration>,
 }
 
 /// The finished and the missing touches of a run.
@@ -151,7 +153,7 @@ impl Known {
         let protocol = LoadedProtocol::of_run(&started, &setting.limits, known.as_deref())
             .map_err(ResumeRefusal::Protocol)?;
         let changes = changes(&records, &started, now)?;
-        Ok(Self { run, records, protocol, changes })
+        Ok(Self { run, records, protocol, changes, calibrations: now.calibrations.to_vec() })
     }
 
     /// Digest of the last record of the run itself, in hexadecimal.
@@ -176,6 +178,23 @@ impl Known {
         Err(ResumeRefusal::Changed { run, changes })
     }
 
+    fn has_changed(&self, what: &str) -> bool {
+        self.changes.iter().any(|change| change.what == what)
+    }
+
+    /// The rig file, if it has changed.
+    pub(super) fn changed_rig(&self, setting: &Setting) -> Option<Source> {
+        self.has_changed(RIG_FILE).then(|| setting.rig.clone())
+    }
+
+    /// What a run would cite that began now, if a calibration or a correction has changed.
+    pub(super) fn changed_calibrations(&self) -> Option<Vec<CitedCalibration>> {
+        let is_cited = |change: &Change| {
+            ["calibration (", "correction ("].iter().any(|begin| change.what.starts_with(begin))
+        };
+        self.changes.iter().any(is_cited).then(|| self.calibrations.clone())
+    }
+
     pub(super) fn rest(&self) -> Result<Rest, ResumeRefusal> {
         let outcomes = Outcomes::of(&self.records)?;
         let (plan, from) = self.protocol.plan.resumed(|step| outcomes.done.contains(&step.0));
@@ -188,7 +207,6 @@ impl Known {
         let left = rest.plan.steps[rest.from..].iter();
         let mut left = left.filter(|step| matches!(step.action, Action::Touch(_)));
         let next = left.next().map(|step| step.id.to_string());
-        let has_changed = |file: &str| self.changes.iter().any(|change| change.what == file);
         let count = |touches| u32::try_from(touches).unwrap_or(u32::MAX);
         Record::Resumed(Resumed {
             epoch,
@@ -198,8 +216,9 @@ impl Known {
             touches_done: count(rest.touches_done),
             changes: self.changes.clone(),
             software: SOFTWARE.to_owned(),
-            rig: has_changed(RIG_FILE).then(|| setting.rig.clone()),
-            scene: setting.scene.clone().filter(|_| has_changed(SCENE_FILE)),
+            rig: self.changed_rig(setting),
+            scene: setting.scene.clone().filter(|_| self.has_changed(SCENE_FILE)),
+            calibrations: self.changed_calibrations(),
             devices: devices(setting),
         })
     }
@@ -275,6 +294,7 @@ fn changes(
 ) -> Result<Vec<Change>, StoreError> {
     let (mut rig, mut scene) = (&started.rig, started.scene.as_ref());
     let (mut software, mut known) = (&started.software, &started.devices);
+    let mut cites = &started.calibrations;
     let seams: Vec<Resumed> = records
         .iter()
         .filter(|stored| stored.kind == "resumed")
@@ -288,6 +308,7 @@ fn changes(
         rig = seam.rig.as_ref().unwrap_or(rig);
         scene = seam.scene.as_ref().or(scene);
         (software, known) = (&seam.software, &seam.devices);
+        cites = seam.calibrations.as_ref().unwrap_or(cites);
     }
     let mut changes = Vec::new();
     let mut compare = |what: &str, was: &str, is: &str, is_same: bool| {
@@ -307,7 +328,7 @@ fn changes(
         let was = was.map_or("none", |was| was.identity.as_str());
         compare(&role, was, &identity, was == identity);
     }
-    for (kind, was, is) in both(&started.calibrations, calibrations) {
+    for (kind, was, is) in both(cites, calibrations) {
         let text = |cited: Option<&CitedCalibration>| {
             cited.map_or_else(|| "none".to_owned(), |of| format!("{} of {}", of.file, of.made))
         };

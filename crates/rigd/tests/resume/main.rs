@@ -9,7 +9,7 @@ mod support;
 use std::{collections::BTreeMap, fs, path::Path, time::Duration};
 
 use rig_engine::{Command as RigCommand, RigState, RunStatus};
-use rig_store::{Clearance, Reader, Record, StoredRecord};
+use rig_store::{Clearance, Reader, Record, Resumed, StoredRecord};
 use rigd::rig::{self, RequestRefusal, ResumeRefusal};
 use tempfile::TempDir;
 
@@ -248,7 +248,7 @@ fn assert_sound(data: &Path) {
     }
 }
 
-/// A run cites the calibrations and corrections that hold when it begins, and its results rest on them.
+/// Each part of a run cites the calibrations and corrections that hold when it begins.
 #[test]
 fn a_correction_that_was_made_since_has_to_be_confirmed() {
     let bench = Interrupted::behind(88);
@@ -279,9 +279,15 @@ fn a_correction_that_was_made_since_has_to_be_confirmed() {
         Ok(Record::Resumed(resumed)) => Some(resumed),
         _ => None,
     });
-    let changes = seam.unwrap().changes;
+    let Resumed { changes, calibrations, .. } = seam.unwrap();
     assert_eq!(changes.len(), 1, "{changes:?}");
     assert_eq!((&*changes[0].what, &*changes[0].was), ("correction (open)", "none"));
+    assert!(calibrations.unwrap().iter().any(|cited| cited.kind == "open"));
+    // What was confirmed once is what the next part is held against.
+    let redo = ["redo", "latest", "main/1/front/30/1", "--why", "a hair", "--rig", &bench.rig];
+    let redone = bench.rigd(&redo);
+    assert!(redone.status.success(), "{}", String::from_utf8_lossy(&redone.stderr));
+    assert_sound(&bench.data);
 }
 
 #[test]

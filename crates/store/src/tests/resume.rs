@@ -17,6 +17,7 @@ fn resumed(store: &Store) -> Record {
         software: "rigd".to_owned(),
         rig: None,
         scene: None,
+        calibrations: None,
         devices: Vec::new(),
     })
 }
@@ -202,6 +203,8 @@ fn amendments_stand_behind_the_records_of_their_run() {
             who: "Ada".to_owned(),
             why: "the sample slipped".to_owned(),
             software: "rigd".to_owned(),
+            rig: None,
+            calibrations: None,
             devices: Vec::new(),
             changes: Vec::new(),
         };

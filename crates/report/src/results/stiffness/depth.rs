@@ -6,18 +6,22 @@ use rig_analysis::{
     stiffness::{Halfway, PosedTouch},
 };
 use rig_contact::Depth;
-use rig_record::{CitedCalibration, RunStarted, Touch};
+use rig_record::{CitedCalibration, Touch};
 
-/// The map of the screw of a run.
+use crate::data::{Part, RunData};
+
+/// The maps of the screw of a run.
 #[derive(Debug)]
 pub(super) struct Depths<'a> {
-    cited: Option<(&'a CitedCalibration, ScrewMap)>,
+    data: &'a RunData,
+    /// That of each part of the run, if it cites one.
+    maps: Vec<Option<(&'a CitedCalibration, ScrewMap)>>,
 }
 
 /// What the map of the screw does to the depths of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct MappedDepths {
-    /// Name of the file of the calibration.
+    /// Name of the file of the calibration; of several, their names.
     pub(crate) file: String,
     /// Touches whose depth is on the map, and all touches.
     pub(crate) touches: [usize; 2],
@@ -28,19 +32,29 @@ pub(crate) struct MappedDepths {
 }
 
 impl<'a> Depths<'a> {
-    /// The map that a run cites.
-    pub(super) fn of(started: &'a RunStarted) -> Result<Self, NoScrewMap> {
-        let cited =
-            started.calibrations.iter().find_map(|cited| Some((cited, cited.screw.as_ref()?)));
-        let Some((cited, map)) = cited else { return Ok(Self { cited: None }) };
-        let map = ScrewMap::new(&map.heights_mm, &map.errors_mm, &map.covariance_um2)?;
-        Ok(Self { cited: Some((cited, map)) })
+    /// The maps that a run cites.
+    pub(super) fn of(data: &'a RunData) -> Result<Self, NoScrewMap> {
+        let map = |part: &'a Part| {
+            let cited = part.calibrations.iter();
+            let cited = cited.filter_map(|cited| Some((cited, cited.screw.as_ref()?))).next();
+            let read = cited.map(|(cited, map)| {
+                let map = ScrewMap::new(&map.heights_mm, &map.errors_mm, &map.covariance_um2)?;
+                Ok((cited, map))
+            });
+            read.transpose()
+        };
+        Ok(Self { data, maps: data.parts.iter().map(map).collect::<Result<_, _>>()? })
+    }
+
+    /// The map on which a touch rests.
+    fn map_of(&self, touch: &Touch) -> Option<&(&'a CitedCalibration, ScrewMap)> {
+        self.maps.get(self.data.part_of(touch))?.as_ref()
     }
 
     /// The way of a touch on the map; `None` without a map, or outside of it. The way to half of the depth is on it as
     /// well, because it lies between.
     fn way(&self, touch: &Touch) -> Option<(&ScrewMap, Way)> {
-        let (_, map) = self.cited.as_ref()?;
+        let (_, map) = self.map_of(touch)?;
         Some((map, map.way(touch.surface_mm, touch.linear_mm)?))
     }
 
@@ -63,34 +77,45 @@ impl<'a> Depths<'a> {
     }
 
     /// Correlation of the depths of touches whose surfaces have this standard deviation, mm; `None` without a map.
-    /// It is zero where a touch is not on the map.
+    /// It is zero where a touch is not on the map, and between touches on two maps.
     pub(super) fn correlation(&self, touches: &[&Touch], surface_mm: f64) -> Option<Vec<Vec<f64>>> {
-        let (_, map) = self.cited.as_ref()?;
-        let ways: Vec<Option<(Way, f64)>> = touches
+        self.maps.iter().find(|map| map.is_some())?;
+        let ways: Vec<Option<(&str, Way, f64)>> = touches
             .iter()
             .map(|touch| {
+                let (cited, _) = self.map_of(touch)?;
                 let (map, way) = self.way(touch)?;
-                Some((way, map.sigma_mm(&way).hypot(surface_mm)))
+                Some((cited.sha256.as_str(), way, map.sigma_mm(&way).hypot(surface_mm)))
             })
             .collect();
-        let entry = |a: &Option<(Way, f64)>, b: &Option<(Way, f64)>| match (a, b) {
-            (Some((a, of_a)), Some((b, of_b))) if of_a * of_b > 0.0 => {
-                map.covariance_mm2(a, b) / (of_a * of_b)
+        let entry = |(first, a): (&&Touch, &Option<(&str, Way, f64)>), b: &Option<_>| {
+            let (Some((of_map, a, of_a)), Some((of_other, b, of_b))) = (a, b) else { return 0.0 };
+            match self.map_of(first) {
+                Some((_, map)) if of_map == of_other && of_a * of_b > 0.0 => {
+                    map.covariance_mm2(a, b) / (of_a * of_b)
+                }
+                _ => 0.0,
             }
-            _ => 0.0,
         };
-        Some(ways.iter().map(|a| ways.iter().map(|b| entry(a, b)).collect()).collect())
+        let row = |first| ways.iter().map(|b| entry(first, b)).collect();
+        Some(touches.iter().zip(&ways).map(row).collect())
     }
 
-    /// What the map does to these touches; `None` without a map.
+    /// What the maps do to these touches; `None` without a map.
     pub(super) fn summary(&self, touches: &[Touch]) -> Option<MappedDepths> {
-        let (cited, map) = self.cited.as_ref()?;
-        let ways: Vec<Way> = touches.iter().filter_map(|touch| Some(self.way(touch)?.1)).collect();
-        let errors = ways.iter().map(|way| [way.error_mm; 2]);
+        let mut files: Vec<&str> =
+            self.maps.iter().flatten().map(|(cited, _)| cited.file.as_str()).collect();
+        files.dedup();
+        if files.is_empty() {
+            return None;
+        }
+        let ways: Vec<(&ScrewMap, Way)> =
+            touches.iter().filter_map(|touch| self.way(touch)).collect();
+        let errors = ways.iter().map(|(_, way)| [way.error_mm; 2]);
         let range = errors.reduce(|[least, most], [error, _]| [least.min(error), most.max(error)]);
-        let squares: f64 = ways.iter().map(|way| map.sigma_mm(way).powi(2)).sum();
+        let squares: f64 = ways.iter().map(|(map, way)| map.sigma_mm(way).powi(2)).sum();
         Some(MappedDepths {
-            file: cited.file.clone(),
+            file: files.join(" and "),
             touches: [ways.len(), touches.len()],
             errors_mm: range.unwrap_or_default(),
             sigma_mm: (squares / ways.len().max(1) as f64).sqrt(),
