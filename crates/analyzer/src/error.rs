@@ -101,7 +101,7 @@ pub enum AnalyzerError {
         reports: Vec<ErrorReport>,
     },
     /// The instrument was switched off and on, and has lost its settings.
-    #[error("{port}: was switched off and on again")]
+    #[error("{port}: says that it was switched on again, so that its settings are lost")]
     Restarted {
         /// Name of the port.
         port: Arc<str>,

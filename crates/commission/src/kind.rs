@@ -89,7 +89,7 @@ impl Kind {
     pub const fn remedy(self) -> &'static str {
         match self {
             Self::Stop => {
-                "let nothing else move; wire the stop so that it takes the power from both motors"
+                "let nothing else move; see that the stop takes the power from both motors, and that both axes move again after its release"
             }
             Self::Signs => {
                 "look at the axis from close by, with a mark on its edge, and begin the step again"
@@ -110,21 +110,21 @@ impl Kind {
             }
             Self::Blocks => "see that the block is clean and lies flat, and run its protocol again",
             Self::Touches => {
-                "clean the block and the ball, see that the clamps of sensor and block are fast and the bench is warm, and run \
+                "clean the block and the ball, see that the clamps of sensor and block are tight and the bench is warm, and run \
                  the protocol again"
             }
             Self::Latency => {
-                "see that the sample lies fast and the bench is warm, and run the protocol again with more repeats"
+                "see that the sample is fixed and the bench is warm, and run the protocol again with more repeats"
             }
             Self::Pin => {
-                "see that the pin is clean, lies fast along the rotary axis and has the radius that was told, touch two blocks \
+                "see that the pin is clean, is fixed along the rotary axis and has the stated radius, touch two blocks \
                  and evaluate them by `rigd commission blocks` before, and run the protocol of the pin again"
             }
             Self::Sensor => {
-                "see that the clamp of the sensor is fast, its cable hangs free and the analyzer is warm, correct the cable again, \
+                "see that the clamp of the sensor is tight, its cable hangs free and the analyzer is warm, correct the cable again, \
                  and check again; after the sensor was clamped again or exchanged, say so by `rigd commission changed sensor`"
             }
-            Self::Check => "do what is said of each quantity, and check again",
+            Self::Check => "follow the advice for each quantity, and check again",
         }
     }
 }

@@ -18,7 +18,7 @@ use crate::{
 };
 
 const WORDS: Words = Words {
-    fails: "viewers are not told by NATS what the rig does, which is tried on",
+    fails: "live messages do not reach NATS, which is tried again",
     goes_on: "viewers are told by NATS again",
 };
 

@@ -104,7 +104,7 @@ fn a_run_of_a_daemon_is_watched_paused_resumed_aborted_and_stopped_from_a_termin
     wait_for(&mut lines, "running");
     let status = check(&data, &["status"], 0);
     assert!(status.contains("running") && status.contains("0 of 18 measured"), "{status}");
-    assert!(check(&data, &["answer"], 1).contains("asks for nothing"));
+    assert!(check(&data, &["answer"], 1).contains("no prompt is open"));
     check(&data, &["pause", "--operator", "Grace Hopper"], 0);
     wait_for(&mut lines, "paused");
     check(&data, &["resume"], 0);

@@ -305,7 +305,7 @@ fn a_daemon_that_others_can_reach_does_not_lose_its_last_token() {
     let bench = Bench::start(&file(&format!("token_file = {token:?}\n")));
     bench.service(&file(""));
     let said = bench.refused();
-    assert!(said.contains("could lead the rig"), "{said}");
+    assert!(said.contains("could move the rig"), "{said}");
     assert!(bench.get("").starts_with("HTTP/1.1 401"));
     bench.end();
 }

@@ -226,7 +226,7 @@ pub enum StageError<U: Unit> {
     },
     /// The drive does not know where the axis is, so that no move from there is safe. It was not sent, or it ended when
     /// this was seen.
-    #[error("not homed: its position {at} is meaningless")]
+    #[error("not homed: the position {at} that it reports means nothing")]
     Unhomed {
         /// Position that the drive reports.
         at: Position<U>,
@@ -268,7 +268,7 @@ pub enum StageError<U: Unit> {
         at: Position<U>,
     },
     /// The drive is at rest and never accepted the target, without an alarm.
-    #[error("the drive ignored the move to {wanted} and is at {at}; {hint}")]
+    #[error("did not move to {wanted} and is at {at}, without an alarm; {hint}")]
     Ignored {
         /// Requested position.
         wanted: Position<U>,

@@ -80,7 +80,7 @@ impl Quantity {
     pub const fn advice(self) -> &'static str {
         match self {
             Self::FreeResonance => {
-                "see that nothing sticks to the probe, that sensor and cable are fast, and that the bench is warm"
+                "see that nothing sticks to the probe, that sensor and cable are fixed, and that the bench is warm"
             }
             Self::Surface => {
                 "clean the block and the ball; then look for a loose clamp of the sensor, a worn ball, or a lost zero of \
@@ -94,11 +94,11 @@ impl Quantity {
                 "look for a lost zero of the rotary stage, and for a probe that was bent to a side"
             }
             Self::FirstReference | Self::SecondReference => {
-                "clean ball and sample; if both references have changed alike, the ball is worn or the depth is wrong; if \
-                 one has, that sample has aged"
+                "clean ball and sample; if both references have changed alike, look for a worn ball and a wrong depth; if one \
+                 has, look at that sample"
             }
             Self::ReferenceRatio => {
-                "one of the reference samples has aged, or both were exchanged with each other"
+                "see that each reference sample is in its place, and measure both beside another sample of known stiffness"
             }
         }
     }

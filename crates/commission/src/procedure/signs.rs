@@ -61,7 +61,7 @@ async fn sense<B: Bench>(
     if sense == 0.0 {
         let axis = axis.name();
         return Err(Early::Failed(format!(
-            "the drive of the {axis} says that it moved, and no motion was seen"
+            "the drive of the {axis} reports a motion, and none was seen"
         )));
     }
     // Back to where it was.

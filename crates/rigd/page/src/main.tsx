@@ -50,7 +50,7 @@ function Page() {
       <Band view={view} tab={place.tab} />
       <StateRow view={view} />
       {rig?.lease && <LeaseLine name={rig.lease.name} />}
-      {rig?.journal_error !== undefined && <p class="alarm" role="alert">The journal cannot be written: {rig.journal_error}. Nothing can begin; free the disk and start rigd again.</p>}
+      {rig?.journal_error !== undefined && <p class="alarm" role="alert">The journal cannot be written: {rig.journal_error}. Nothing can begin. Check the disk of the data directory, and start rigd again when the probe is clear.</p>}
       {rig?.silence && <p class="alarm" role="alert">{rig.silence.message}. What to do: {rig.silence.hint}.</p>}
       <Screen view={view} place={place} />
       <Tabs tab={place.tab} place="bar" />

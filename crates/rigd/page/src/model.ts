@@ -286,9 +286,9 @@ export function stateOf(model: Model): { word: string; reason: string; tone: "bu
   const progress = rig.run;
   const touch = progress && Math.min(progress.touches_measured + progress.touches_refused + 1, progress.touches_planned);
   const doing = progress ? `Touch ${touch} of ${progress.touches_planned}: ${activity ? `${activity}, ` : ""}${progress.doing}` : "";
-  if (rig.silence) return { word: "No answer", reason: "The rig loop gives no sign of life. What is shown is old.", tone: "bad" };
+  if (rig.silence) return { word: "No answer", reason: "The rig loop does not answer. What is shown is old.", tone: "bad" };
   switch (rig.state) {
-    case "preparing": return { word: "Preparing", reason: "Homing the axes and proving that the probe is clear.", tone: "busy" };
+    case "preparing": return { word: "Preparing", reason: "Reading both axes, moving the probe to its clear position, and turning the sample to level.", tone: "busy" };
     case "idle": return { word: "Ready", reason: readyReason(run), tone: "good" };
     case "running":
       if (!progress) return { word: "Running", reason: activity ? `${activity[0]?.toUpperCase()}${activity.slice(1)}.` : "A move or a single sweep.", tone: "busy" };

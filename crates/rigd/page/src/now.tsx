@@ -286,7 +286,7 @@ export function PromptCard({ view, asked }: { view: View; asked: Asked }) {
         {isCannot && run && <div class="buttons"><AskButton icon="pause" send={() => post(`runs/${run.id}/pause`)} isDone={run.is_pausing}>Pause after this answer</AskButton><AskButton icon="abort" send={() => post(`runs/${run.id}/abort`)}>Abort the run, keep its touches</AskButton></div>}
         <p class="soft"><kbd>Enter</kbd> here, on any other open page or over HTTP{operator() ? `. Signed: ${operator()}` : ""}</p>
         <div class="two" id="prompt-note">
-          <div><h3>Until you answer</h3><p><strong>Nothing moves.</strong> The probe is {rig.probe}{rig.linear_mm === undefined ? "" : ` at ${fixed(rig.linear_mm, 3)} mm`}. rigd cannot see what lies on the bench: it records your word.</p></div>
+          <div><h3>Until you answer</h3><p><strong>{isLost ? "The link is lost, and another person may have answered: keep your hands away." : "Nothing moves until somebody answers or stops the rig."}</strong> The probe is {rig.probe}{rig.linear_mm === undefined ? "" : ` at ${fixed(rig.linear_mm, 3)} mm`}. rigd cannot see what lies on the bench: it records your word.</p></div>
           <div><h3>After that</h3><p>{next?.touches === 0 ? <>At once you are asked: {next.prompt}</> : next ? <>rigd goes on by itself with {next.touches} {next.touches === 1 ? "touch" : "touches"}, <strong>about {duration(next.in_s)}</strong>. Then: {next.prompt}</> : "rigd goes on by itself to the end of the run."}</p></div>
         </div>
       </div>

@@ -48,7 +48,7 @@ export function Protocols({ view, again }: { view: View; again: string | undefin
             </button></li>
           ))}
         </ul>
-        {choices && all.length === 0 && <p class="soft">None is loaded. Open a protocol file, such as smoke.toml: about 3 minutes.</p>}
+        {choices && all.length === 0 && <p class="soft">None is loaded. Open a protocol file, such as smoke.toml.</p>}
         <label class="file">Open a file…<input type="file" accept=".toml,application/toml,text/plain" onChange={(event) => void openFile(event.currentTarget.files?.[0])} /></label>
         <QueuePanel view={view} />
       </section>

@@ -60,7 +60,7 @@ export function Runs({ view }: { view: View }) {
       {pair[0] && pair[1] && <Compare a={pair[0]} b={pair[1]} onClose={() => setPicked([])} />}
       <section class="card" aria-label="Runs">
         <div class="row find"><label class="hidden" for="find">Find a run</label><input id="find" type="search" placeholder="Find: name, day, end, note, starred" value={wanted} onInput={(event) => setWanted(event.currentTarget.value)} /><span class="soft">{runs ? runs.length === 1 ? "1 run" : `${runs.length} runs` : "reading…"}</span></div>
-        {runs?.length === 0 && <p>No runs yet. <a href="#/protocols">Start with smoke, about 5 minutes.</a></p>}
+        {runs?.length === 0 && <p>No runs yet. <a href="#/protocols">Start with smoke.</a></p>}
         {page.length > 0 && (
           <div class="scroll"><table class="run-list">
             <thead><tr><th scope="col">run</th><th scope="col">shift by angle</th><th scope="col">end</th><th scope="col">measured</th><th scope="col">took</th><th scope="col">compare</th></tr></thead>

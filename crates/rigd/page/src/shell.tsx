@@ -129,8 +129,8 @@ function StopButton({ view }: { view: View }) {
     addEventListener("keydown", onKey, { capture: true });
     return () => removeEventListener("keydown", onKey, { capture: true });
   });
-  const note = asking.at === "asked" ? (asking.isLate ? "no answer: press again, or use the wired stop" : "asked…")
-    : asking.at === "refused" ? asking.why : isLost ? "may not arrive: use the wired stop" : undefined;
+  const note = asking.at === "asked" ? (asking.isLate ? "no answer: press again, or use the emergency stop" : "asked…")
+    : asking.at === "refused" ? asking.why : isLost ? "may not arrive: use the emergency stop" : undefined;
   return (
     <>
       <button type="button" class={`stop${isLost ? " outlined" : ""}`} onClick={go}>

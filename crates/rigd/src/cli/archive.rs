@@ -44,7 +44,7 @@ pub(super) struct ArchiveArgs {
 struct Age(SignedDuration);
 
 #[derive(Debug, thiserror::Error)]
-#[error("`{0}` is no time: give a number of days or weeks, such as `90d` or `12w`")]
+#[error("`{0}` is not a duration: give a number of days or weeks, such as `90d` or `12w`")]
 struct AgeError(String);
 
 impl FromStr for Age {

@@ -45,7 +45,7 @@ pub(super) enum DaemonError {
     Refused(Problem),
     #[error("no run is under way")]
     NoRun,
-    #[error("the daemon asks for nothing")]
+    #[error("no prompt is open")]
     NothingAsked,
     #[error("{0}")]
     WrongAnswer(&'static str),

@@ -31,7 +31,7 @@ impl Question {
     pub(crate) fn text(self) -> String {
         match self {
             Self::Asked(asked) => asked.text().to_owned(),
-            Self::Drive(order) => format!("When you say yes, {order} May it?"),
+            Self::Drive(order) => format!("When you answer yes: {order} May it?"),
         }
     }
 }

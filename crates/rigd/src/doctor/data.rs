@@ -42,7 +42,7 @@ pub(super) fn findings(data: &Path, rig: (&str, bool)) -> Vec<Finding> {
     }
     if let Some(text) = rig_system::files::protection(&place) {
         let advice =
-            "look at the access list of the directory: its files decide who may lead the rig";
+            "look at the access list of the directory: its files decide who may operate the rig";
         findings.warning("access", text, advice);
     }
     journal(&mut findings, data, rig);

@@ -55,7 +55,7 @@ pub(crate) fn findings(file: &HubFile, data: &Path) -> Vec<Finding> {
             found.ok("journal", "there is none to ship yet");
         }
         Err(error) => {
-            let advice = "the rig measures on, and the journal is shipped later: look at network, certificate and \
+            let advice = "the rig goes on measuring, and the journal is shipped later: look at network, certificate and \
                           `rigd-hub doctor`";
             found.problem("connection", format!("{host}:{port}: {}", with_causes(&error)), advice);
         }
@@ -65,7 +65,7 @@ pub(crate) fn findings(file: &HubFile, data: &Path) -> Vec<Finding> {
         match audience.try_out() {
             Ok(()) => found.ok("live messages", format!("{address} takes messages of {bench}")),
             Err(error) => {
-                let advice = "the rig measures on and its journal is shipped, and only viewers miss it: look at the log of \
+                let advice = "the rig goes on measuring and its journal is shipped, and only viewers miss it: look at the log of \
                               nats-server, and at `rigd-hub doctor`";
                 found.warning("live messages", with_causes(&error), advice);
             }

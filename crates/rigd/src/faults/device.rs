@@ -167,11 +167,11 @@ pub(super) const FAULTS: [ListedFault; 14] = [
         number: 26,
         class: Device,
         what: "an emergency stop is pressed",
-        reaction: "where the drive tells it (a flag of an IAI, alarm 0x68 of an AZ): latched at once. Its release \
+        reaction: "where the drive reports it (a flag of an IAI, alarm 0x68 of an AZ): latched at once. Its release \
                    moves nothing; after the acknowledgement the probe moves to its clear position before anything turns. A button that takes the power \
                    off the drives shows as 1 and then as 24, one that opens the enable input of a Leadshine as 22: \
                    the run ends, nothing is lowered or turned before a person acknowledges, and when the power is \
-                   back, the probe may be retracted by itself. rigd is no safety function",
+                   back, the probe may be retracted by itself. rigd is not a safety function",
         seen: Some(|| linear(&StageError::EmergencyStopped { at: at(9.812) })),
         tests: &[
             (

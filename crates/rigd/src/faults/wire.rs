@@ -100,7 +100,7 @@ pub(super) const FAULTS: [ListedFault; 16] = [
         number: 10,
         class: Wire,
         what: "a device refuses (exceptions 1 to 4)",
-        reaction: "asks no second time; refuses to start, or safe",
+        reaction: "does not ask again; refuses to start, or safe",
         seen: Some(|| linear(&refusal(Exception::IllegalAddress))),
         tests: &[ANY_FRAME, NO_LIE],
     },

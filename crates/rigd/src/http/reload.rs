@@ -64,7 +64,7 @@ pub(crate) enum ReloadRefusal {
     #[error("{0}")]
     Files(String),
     #[error(
-        "other computers can reach this daemon, and could lead the rig: it needs `token_file` or tokens \
+        "other computers can reach this daemon, and could move the rig: it needs `token_file` or tokens \
          (`rigd token new`)"
     )]
     Open,
@@ -122,7 +122,7 @@ impl Shared {
         self.inner.access.has_token(token)
     }
 
-    /// Checks that not everybody could lead the rig with this secret for everybody.
+    /// Checks that not everybody could move the rig with this secret for everybody.
     ///
     /// # Errors
     /// [`ReloadRefusal::Open`].

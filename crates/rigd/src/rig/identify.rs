@@ -46,8 +46,9 @@ pub(super) async fn analyzer(known: DeviceIdentity, gated: &mut GatedAnalyzer) -
 }
 
 /// A stop and `rigd acknowledge` bring the rig into service again.
-const OTHER_SETTINGS: &str = "it has other settings than it was given; stop the rig and acknowledge, \
-                              which gives it those of the rig file again";
+const OTHER_SETTINGS: &str = "its settings differ from those that rigd wrote: find out whether it was exchanged, reset or set by another program; after \
+                              an exchange, `rigd commission changed drive`; otherwise a stop and an acknowledgement write those of the \
+                              rig file again, and move both axes";
 
 pub(super) async fn axes(known: [DeviceIdentity; 2], axes: &mut Axes) -> Vec<Identified> {
     let [linear, rotary] = known;
