@@ -77,6 +77,10 @@ pub(crate) struct Part {
 }
 
 impl Part {
+    fn of(RunStarted { rig, calibrations, .. }: &RunStarted) -> Self {
+        Self { rig: Some(rig.clone()), calibrations: calibrations.clone() }
+    }
+
     /// The part after this one, with what has changed. An older journal does not have the calibrations that have changed:
     /// nothing rests on them.
     pub(crate) fn after(
@@ -197,6 +201,7 @@ impl RunData {
             data.mark_slip_check(&mut record);
             let Self { between, touches, .. } = &mut data;
             between.take(&record, touches);
+            data.take_part(stored.event, &record);
             data.take(stored, record);
         }
         Ok(data)
@@ -269,19 +274,24 @@ impl RunData {
         }
     }
 
-    /// The run goes on, or a touch of it is measured again, with what has changed since its part before this event.
-    fn change_part(&mut self, event: u64, record: &Record) {
+    /// Follows what the run rests on. Where it goes on, or a touch of it is measured again, that is what its part before
+    /// this event rests on, with what has changed.
+    fn take_part(&mut self, event: u64, record: &Record) {
         let before = self.run_parts.iter().rev().find(|(begun, _)| *begun < event);
-        let before = before.map_or(0, |(_, part)| *part);
-        let Some(part) = self.parts.get(before) else { return };
-        match record {
-            Record::Resumed(Resumed { changes, rig, calibrations, .. }) => {
-                self.begin_part(part.after(changes, rig.clone(), calibrations.clone()));
+        let before = before.and_then(|(_, part)| self.parts.get(*part));
+        match (record, before) {
+            (Record::RunStarted(started), _) => {
+                self.begin_part(Part::of(started));
                 self.run_parts.push((event, self.part));
             }
-            Record::Amended(Amended { changes, rig, calibrations, .. }) => {
-                self.begin_part(part.after(changes, rig.clone(), calibrations.clone()));
+            (Record::Resumed(Resumed { changes, rig, calibrations, .. }), Some(before)) => {
+                self.begin_part(before.after(changes, rig.clone(), calibrations.clone()));
+                self.run_parts.push((event, self.part));
             }
+            (Record::Amended(Amended { changes, rig, calibrations, .. }), Some(before)) => {
+                self.begin_part(before.after(changes, rig.clone(), calibrations.clone()));
+            }
+            (Record::TouchResult(touch), _) => _ = self.part_of.insert(touch.sweep, self.part),
             _ => {}
         }
     }
@@ -409,14 +419,11 @@ impl RunData {
     fn take(&mut self, stored: &StoredRecord, record: Record) {
         let clock = self.clock(stored.epoch);
         let run_us = stored.run_us + self.amendment.as_ref().map_or(0, |(_, begun_us)| *begun_us);
-        self.change_part(stored.event, &record);
         let mut note = |step: Option<String>, kind, text| {
             self.log.push(LogEntry { run_us, step, kind, text });
         };
         match record {
             Record::RunStarted(mut started) => {
-                let (rig, calibrations) = (Some(started.rig.clone()), started.calibrations.clone());
-                self.parts.push(Part { rig, calibrations });
                 let touches = std::mem::take(&mut started.touches);
                 self.planned = touches.into_iter().map(PlannedTouch::new).collect();
                 self.started = Some(started);
@@ -451,7 +458,6 @@ impl RunData {
             }
             Record::TouchResult(touch) => {
                 let step = touch.touch.step.clone();
-                self.part_of.insert(touch.sweep, self.part);
                 self.touches.push(touch);
                 self.end_touch(&step, Outcome::Measured(self.touches.len() - 1));
             }

@@ -150,10 +150,10 @@ fn touches(journal: &Journal) -> Result<(RunStarted, Vec<TouchResult>), &'static
         between.take(&record);
         match record {
             Record::RunStarted(found) => started = Some(*found),
-            Record::Resumed(resumed) => {
-                if started.as_ref().is_some_and(|started| !rests_alike(started, &resumed)) {
-                    return Err("the run went on with another sensor or map of the screw");
-                }
+            Record::Resumed(resumed)
+                if started.as_ref().is_some_and(|started| !rests_alike(started, &resumed)) =>
+            {
+                return Err("the run went on with another sensor or map of the screw");
             }
             Record::TouchResult(found) => {
                 touches.insert(found.touch.step.clone(), *found);

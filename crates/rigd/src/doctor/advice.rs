@@ -126,7 +126,9 @@ fn on_analyzer(error: &AnalyzerError, kind: PortKind) -> &'static str {
              in \
              the rig file"
         }
-        AnalyzerError::HeldUp { .. } => "look for the load of this computer and of its disk, and keep it from sleeping",
+        AnalyzerError::HeldUp { .. } => {
+            "look for the load of this computer and of its disk, and keep it from sleeping"
+        }
         _ => "read the display of the instrument, and find the command in its manual",
     }
 }

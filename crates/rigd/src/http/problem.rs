@@ -320,7 +320,9 @@ impl From<RequestRefusal> for Problem {
                 ..Self::new(StatusCode::CONFLICT, "not asked", detail)
             },
             RequestRefusal::Journal { .. } => Self {
-                hint: Some("check the disk of the data directory, and start the daemon again when the probe is clear"),
+                hint: Some(
+                    "check the disk of the data directory, and start the daemon again when the probe is clear",
+                ),
                 ..Self::new(StatusCode::SERVICE_UNAVAILABLE, "no journal", detail)
             },
             RequestRefusal::Silent(_) => Self {

@@ -395,7 +395,10 @@ async fn nothing_moves_from_where_the_axis_cannot_be() {
         stage.status().await.unwrap();
         let frames = drive.seen().len();
         let error = stage.move_to(target(0.0), 6.0, &stop).await.unwrap_err();
-        assert_eq!(error.to_string(), "not homed: the position 12.000 mm that it reports means nothing");
+        assert_eq!(
+            error.to_string(),
+            "not homed: the position 12.000 mm that it reports means nothing"
+        );
         assert_eq!(drive.seen().len(), frames, "{}", make.map.name);
         stage.home(&stop).await.unwrap();
         stage.move_to(target(5.0), 6.0, &stop).await.unwrap();

@@ -35,8 +35,8 @@ impl<'a> Depths<'a> {
     /// The maps that a run cites.
     pub(super) fn of(data: &'a RunData) -> Result<Self, NoScrewMap> {
         let map = |part: &'a Part| {
-            let cited = part.calibrations.iter();
-            let cited = cited.filter_map(|cited| Some((cited, cited.screw.as_ref()?))).next();
+            let mut cited = part.calibrations.iter();
+            let cited = cited.find_map(|cited| Some((cited, cited.screw.as_ref()?)));
             let read = cited.map(|(cited, map)| {
                 let map = ScrewMap::new(&map.heights_mm, &map.errors_mm, &map.covariance_um2)?;
                 Ok((cited, map))
