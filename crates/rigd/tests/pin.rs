@@ -138,7 +138,7 @@ fn a_pin_shows_the_radius_of_the_ball_and_what_to_change_in_the_rig_file() {
     assert!(stderr(&refused).contains("screw-1 was made without geometry.pin_radius_mm"));
     let refused = bench.commission(&["pin", "pin-1", "--pin-radius-mm", "2.2"]);
     assert_eq!(refused.status.code(), Some(2));
-    assert!(stderr(&refused).contains("pin_radius_mm = 2 in its rig file, and 2.2 mm is told"));
+    assert!(stderr(&refused).contains("pin_radius_mm = 2 in its rig file, but 2.2 mm was given"));
 
     let found = bench.commission(&of_pin);
     let (shown, said) = (stdout(&found), stderr(&found));
