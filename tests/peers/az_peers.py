@@ -53,7 +53,7 @@ def drive(program, analyzer, server, bus):
             moves = [line for line in heard if line.startswith(f"unit {unit}: move ")]
             # It may have been said twice when the answer was late.
             check(moves and moves[-1].startswith(f"unit {unit}: move 1 {steps} "), f"{steps} in {heard}")
-        for axis, to, word in [("linear", 44, "overload"), ("rotary", 48, "ignored")]:
+        for axis, to, word in [("linear", 44, "overload"), ("rotary", 48, "did not move")]:
             ended, heard = move(axis, to)
             equal(ended.returncode, LATCHED, f"the exit code of a move that fails: {ended.stderr}")
             check(word in ended.stderr, f"the reason: {ended.stderr}")
