@@ -61,7 +61,9 @@ def stays_of(frequency_hz, begin_s, integration_s, first_gap_s):
     for i, hz in enumerate(frequency_hz):
         after_s = begin_s[i] - begin_s[i - 1] if i else 0.0
         if i == 0 or hz != frequency_hz[i - 1]:
-            since_s.append((start_s[i - 1] if i else 0.0) + after_s)
+            # The first readings of both stays are wrong by the same time.
+            has_gap = bool(stays) and len(stays[-1]) > 1
+            since_s.append((start_s[i - 1] - first_gap_s * has_gap if i else 0.0) + after_s)
             stays.append([i])
             continue
         stay = stays[-1]

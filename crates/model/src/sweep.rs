@@ -93,7 +93,7 @@ pub struct SweepRequest {
     pub method: SweepMethod,
     /// The requested standard deviation, Hz.
     pub target_sigma_hz: f64,
-    /// The time allowed on the rig's clock, s.
+    /// The time allowed on the rig's clock, s; of a survey, for the adaptive sweep before it.
     pub time_limit_s: f64,
     /// Whole cycles integrated at each point of a uniform sweep; the adaptive ones choose.
     pub cycles: u32,

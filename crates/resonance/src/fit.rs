@@ -18,8 +18,8 @@ use crate::{
     circuit::points::Points,
     circuit::trace::{CIRCUIT, ModelEstimate},
     diagnose::doubts::{
-        GAIN_MIN, POINTS_MIN, doubt_circuit, doubt_existence, doubt_place, doubt_precision,
-        doubt_resolution,
+        GAIN_MIN, POINTS_MIN, doubt_circuit, doubt_existence, doubt_loss, doubt_place,
+        doubt_precision, doubt_resolution,
     },
     diagnose::rounding,
     fit::full::{BROAD, Model},
@@ -84,6 +84,7 @@ impl Fitter {
                 && doubt_existence(&resonance, found.gain).is_none()
                 && doubt_place(&resonance, window).is_none()
                 && doubt_circuit(&resonance, span).is_none()
+                && doubt_loss(&at, &resonance).is_none()
                 && doubt_resolution(&resonance, span, count).is_none()
                 && !is_broad(&resonance, span)
                 && let Some(unsettled) = self.unsettled(&resonance, at, readings, options)
@@ -173,6 +174,7 @@ fn judge(
             Some(model.outliers_in_the_way().unwrap_or(reason))
         })
         .or(model.reason)
+        .or_else(|| doubt_loss(&model.found.at, &found))
         .or_else(|| {
             let sigmas = noise::CHI_SQUARED_SIGMAS;
             let allowed = noise::allowed(model.degrees(), options.noise.as_ref(), sigmas);

@@ -216,7 +216,8 @@ pub enum ModelOrder {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Extra {
     /// A resonance that drifts linearly with time: its relative change from the middle of the first and
-    /// last reading to the last.
+    /// last reading to the last, or, of readings with a free decay, half of that from the begin of the first to the end of the
+    /// last.
     Drift {
         /// As a part of the resonance.
         change: f64,

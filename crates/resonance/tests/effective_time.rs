@@ -99,7 +99,7 @@ fn a_planned_sweep_of_a_moving_resonance_holds_for_its_moment() {
     let request = SweepRequest { target_sigma_hz: 0.02, ..request(SweepMethod::Adaptive) };
     let noise = Some(NoisePrior { at_ten_cycles: NOISE, degrees_of_freedom: 1000.0 });
     let prior = Prior { circuit: None, within: request.window, noise, bench: None };
-    let (mut answers, mut most_off) = (0, 0.0_f64);
+    let (mut answers, mut without_window, mut most_off) = (0, 0, 0.0_f64);
     for seed in 0..10 {
         let mut random = Random::new(seed);
         let mut plant = Plant::at_rest(circuit(100.0, 0.1));
@@ -126,6 +126,14 @@ fn a_planned_sweep_of_a_moving_resonance_holds_for_its_moment() {
         };
         assert!(off(effective_time_s).abs() < 4.5, "seed {seed}: {effective_time_s} s: {found:?}");
         most_off = most_off.max(off(0.0).abs());
+        // Readings without a window have a time too.
+        let anywhere = FitOptions { window: None, ..planner.fit_options() };
+        if let Some(found) = fit(planner.readings(), &anywhere).accepted() {
+            let effective_time_s = found.effective_time_s(planner.readings(), &anywhere).unwrap();
+            assert!(off(effective_time_s).abs() < 4.5, "seed {seed}: {effective_time_s} s");
+            without_window += 1;
+        }
     }
     assert!(answers >= 8 && most_off > 1.5, "{answers} {most_off}");
+    assert!(without_window > 0, "none is accepted without a window");
 }

@@ -267,3 +267,23 @@ fn a_loss_below_zero_is_zero_with_its_uncertainty_and_costs_the_resonance_nothin
     let rms = (squares / f64::from(below)).sqrt();
     assert!((60..140).contains(&below) && (0.8..1.2).contains(&rms), "{below}: {rms}");
 }
+
+/// A phase error of an analyzer makes a loss tangent of −0.1 at most.
+#[test]
+fn a_sensor_that_gives_power_to_the_drive_is_refused() {
+    for (loss_tangent, is_possible) in [(-0.3, false), (-0.15, false), (-0.08, true)] {
+        let circuit = Circuit { loss_tangent, ..circuit(30.0, 0.05) };
+        let mut random = Random::new(5);
+        let readings = sweep(WINDOW, 101, 0.005, &mut random, |f| circuit.impedance_ohm(f));
+        if is_possible {
+            let verdict = fit(&readings, &FitOptions::default());
+            assert!(verdict.accepted().is_some(), "{verdict:?}");
+            continue;
+        }
+        check_refused(&readings, |reason| {
+            let says = reason.to_string();
+            let is_below = says.contains("loss tangent of -0.") && says.contains("at least -0.100");
+            matches!(reason, Reason::NotASensor { .. }) && is_below
+        });
+    }
+}

@@ -63,7 +63,12 @@ struct Descended {
     surface_mm: f64,
     /// How deep the probe was when the contact was noticed.
     noticed_mm: f64,
+    /// How far the surface lies elsewhere if the no-load resonance is [`WRONG_HZ`] higher.
+    moved_mm: Option<f64>,
 }
+
+/// As wrong as the no-load resonance of a planned sweep of the shipped protocols is in one of a thousand.
+const WRONG_HZ: f64 = 0.03;
 
 fn descend(sample: &str, seed: u64, speed: f64, late_s: f64) -> Descended {
     let nuisances = Nuisances { impedance_rel: 0.005, ..Nuisances::NONE };
@@ -121,17 +126,23 @@ fn descend(sample: &str, seed: u64, speed: f64, late_s: f64) -> Descended {
     let noticed_mm = depth_mm - (way.position_mm(noticed.as_seconds()) - rest_mm).max(0.0);
     let latency = Latency { mean_s: 0.0, sigma_s: 0.003 };
     let found = Onset::fit(&free, &readings, &way, latency, 0.01);
-    Descended { found, surface_mm: rest_mm + depth_mm, noticed_mm }
+    let higher = Resonance { resonance_hz: free.resonance_hz + WRONG_HZ, ..free };
+    let moved = Onset::fit(&higher, &readings, &way, latency, 0.01);
+    let moved_mm = found.ok().zip(moved.ok()).map(|(one, other)| other.surface_mm - one.surface_mm);
+    Descended { found, surface_mm: rest_mm + depth_mm, noticed_mm, moved_mm }
 }
 
 /// Errors in µm with their stated standard deviations, refusals, and depths at which contacts are noticed, µm.
 fn errors(sample: &str, speed: f64, late_s: f64, seeds: u64) -> (Vec<(f64, f64)>, u32, Vec<f64>) {
     let (mut errors, mut refused, mut depths) = (Vec::new(), 0, Vec::new());
     for seed in 0..seeds {
-        let Descended { found, surface_mm, noticed_mm } = descend(sample, seed, speed, late_s);
+        let Descended { found, surface_mm, noticed_mm, moved_mm } =
+            descend(sample, seed, speed, late_s);
         depths.push(1e3 * noticed_mm);
         match found {
             Ok(onset) => {
+                let moved_sigmas = moved_mm.map_or(0.0, |moved_mm| moved_mm / onset.sigma_mm);
+                assert!(moved_sigmas.abs() < 0.5, "{sample}, {seed}: {moved_sigmas}");
                 errors.push((1e3 * (onset.surface_mm - surface_mm), 1e3 * onset.sigma_mm));
             }
             Err(_) => refused += 1,

@@ -45,9 +45,8 @@ const TIME_REL: f64 = 0.3;
 /// The stated quality factor and ratio of capacitances over those of this checker.
 const Q_RATIO: [f64; 2] = [0.5, 2.0];
 /// Shortest time constant of a relaxation that readings with a free decay tell from it, in time constants of that
-/// decay, and in durations of the sweep. rigd follows none that is shorter than 1.8 such decays by the quality factor of that
-/// fit; the last fit, with the noise of the readings, may find one that is larger by a fifth.
-const RELAXATION_DECAYS: f64 = 1.5;
+/// decay, and in durations of the sweep. rigd accepts none that is shorter than 1.8 such decays.
+const RELAXATION_DECAYS: f64 = 1.75;
 const RELAXATION_SPANS: f64 = 0.9 / 10.0;
 /// Largest number of readings of which each is tried as a wrong one.
 const SUSPECTS: usize = 60;

@@ -262,8 +262,11 @@ pub(super) fn of_sites(sites: &[(usize, Young)], shared: &[Vec<f64>]) -> Option<
     let of_sites: Vec<usize> = sites.iter().map(|site| site.0).collect();
     let expected = Chi2Expected::of_freedom(freedom as f64, 1.0);
     let expected = expected.sharing(&of_sites, &weights, shared);
+    let by_chi2 = expected.probability(chi2);
+    let is_beyond = by_chi2 < BY_CHANCE;
+    let beyond = if is_beyond { chi2 - expected.mean } else { 0.0 };
     Some(ModelCheck {
-        verdict: Verdict::of(expected.probability(chi2)),
+        verdict: Verdict::of(by_chi2),
         chi2,
         freedom,
         independent_chi2: chi2,
@@ -272,7 +275,7 @@ pub(super) fn of_sites(sites: &[(usize, Young)], shared: &[Vec<f64>]) -> Option<
         residuals,
         exponent_noticed: None,
         slip_noticed: None,
-        added_rel: ((chi2 - expected.mean) / freedom as f64 / mean_weight).max(0.0).sqrt(),
+        added_rel: (beyond / freedom as f64 / mean_weight).max(0.0).sqrt(),
     })
 }
 

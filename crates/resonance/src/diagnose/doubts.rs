@@ -2,7 +2,7 @@
 
 use rig_model::Window;
 
-use crate::{Reason, Resonance, Side};
+use crate::{Reason, Resonance, Side, circuit::trace::ModelEstimate};
 
 /// Smallest number of readings: five parameters and two more, to leave residuals for the checks.
 pub(crate) const POINTS_MIN: usize = 7;
@@ -18,6 +18,11 @@ pub(crate) const SIGMA_MAX_LINEWIDTHS: f64 = 0.5;
 
 /// Largest coupling factor squared; above k33² of the softest ceramics, 0.56.
 const K_SQUARED_MAX: f64 = 0.6;
+
+/// Smallest loss tangent: that of a sensor without losses, behind the largest phase error that an analyzer has. A fit must lie this
+/// many standard deviations below.
+const LOSS_TANGENT_MIN: f64 = -0.1;
+const LOSS_SIGMAS: f64 = 4.0;
 
 /// Largest mean distance of the readings of a grid, in linewidths. With more, a resonance can hide between
 /// them, and one or two wrong readings resemble one.
@@ -58,6 +63,14 @@ pub(crate) fn doubt_circuit(found: &Resonance, window: Window) -> Option<Reason>
         !is_possible
     })
     .map(|(quantity, found, limit)| Reason::NotASensor { quantity, found, limit })
+}
+
+/// Checks that the sensor takes power from the drive, given the circuit fitted, whose loss may be below zero.
+pub(crate) fn doubt_loss(at: &ModelEstimate, found: &Resonance) -> Option<Reason> {
+    let (loss_tangent, sigma) = (at.g / at.c0, found.loss_tangent_sigma().unwrap_or(0.0));
+    let is_below = loss_tangent + LOSS_SIGMAS * sigma < LOSS_TANGENT_MIN;
+    let (quantity, limit) = ("loss tangent", LOSS_TANGENT_MIN);
+    is_below.then_some(Reason::NotASensor { quantity, found: loss_tangent, limit })
 }
 
 /// Checks that the readings, spread over a span, can show a resonance as narrow as the one found.

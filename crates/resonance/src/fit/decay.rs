@@ -246,7 +246,12 @@ impl Stays {
                 stay.samples.push(sample);
             }
             stay => {
-                let before_s = stay.and_then(|stay| stay.samples.last()).map_or(0.0, |x| x.start_s);
+                // The first readings of both stays have the same error of their times.
+                let first_gap_s = self.bench.map_or(0.0, |bench| bench.first_gap_s);
+                let before_s = stay.map_or(0.0, |stay| match stay.samples[..] {
+                    [.., _, last] => last.start_s - first_gap_s,
+                    _ => 0.0,
+                });
                 self.all.push(Stay {
                     frequency_hz: reading.frequency_hz,
                     since_s: before_s + after_s,

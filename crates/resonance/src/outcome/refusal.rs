@@ -100,15 +100,16 @@ pub enum Reason {
     },
     /// The circuit that explains the readings best cannot be a piezoelectric sensor.
     #[error(
-        "no resonance of a sensor: the best circuit has a {quantity} of {found:.3}, at most \
-         {limit:.3} is possible here"
+        "no resonance of a sensor: the best circuit has a {quantity} of {found:.3}, at {} \
+         {limit:.3} is possible here",
+        if found < limit { "least" } else { "most" }
     )]
     NotASensor {
         /// The name of the impossible quantity, with its unit.
         quantity: &'static str,
         /// Its fitted value.
         found: f64,
-        /// Its largest possible value.
+        /// Its largest possible value, or the smallest one if `found` lies below it.
         limit: f64,
     },
     /// The uncertainty is not small compared with the linewidth, so that it is itself unreliable.

@@ -85,8 +85,12 @@ pub(super) fn stays(readings: &[Reading], unit: f64, first_gap_s: f64) -> Vec<St
         let is_same = before.is_some_and(|before| before.frequency_hz == reading.frequency_hz);
         before = Some(reading);
         let Some(stay) = stays.last_mut().filter(|_| is_same) else {
-            let last = stays.last().and_then(|stay| stay.samples.last());
-            let since_s = last.map_or(0.0, |last| last.start_s) + after_s;
+            // The first readings of both stays are wrong by the same time.
+            let last_s = stays.last().map_or(0.0, |stay| match stay.samples.len() {
+                1 => 0.0,
+                count => stay.samples[count - 1].start_s - first_gap_s,
+            });
+            let since_s = last_s + after_s;
             let omega = TAU * reading.frequency_hz;
             stays.push(Stay { omega, since_s, samples: vec![sample] });
             continue;

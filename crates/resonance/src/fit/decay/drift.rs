@@ -156,8 +156,7 @@ impl Stays {
         }
         let trials = &Trials::none();
         let search = Search { stays: &stays, trials, expected, noise };
-        let is_slow = stays.drift.is_none_or(|drift| drift.shape.is_slow(&found.at));
-        if !is_slow || search.is_misfit(&found) {
+        if !stays.has_slow_drift(&found.at) || search.is_misfit(&found) {
             return self.drift.and_then(|_| constant());
         }
         if self.drift.is_none() {
@@ -244,6 +243,11 @@ impl Stays {
             shapes.add_at_rest(&normal, &sizes);
         }
         shapes
+    }
+
+    /// Whether a drift, if there is one, is slow enough to differ from the free decay of this circuit.
+    pub(super) fn has_slow_drift(&self, at: &ModelEstimate) -> bool {
+        self.drift.is_none_or(|drift| drift.shape.is_slow(at))
     }
 
     /// The change of the logarithm of the resonance during the sweep.

@@ -12,7 +12,9 @@ use super::{
 use crate::{
     FitOptions, FitOutcome, ModelOrder, Reason, Refusal, Resonance,
     circuit::trace::{CIRCUIT, ModelEstimate},
-    diagnose::doubts::{POINTS_MIN, doubt_circuit, doubt_existence, doubt_place, doubt_precision},
+    diagnose::doubts::{
+        POINTS_MIN, doubt_circuit, doubt_existence, doubt_loss, doubt_place, doubt_precision,
+    },
     fit::grid::{CircuitPrior, Q_TYPICAL},
     noise::NOISE,
     noise::PooledVariance,
@@ -54,11 +56,7 @@ pub(crate) fn fit(readings: &[Reading], options: &FitOptions) -> FitOutcome {
     if stays.degrees() < 1.0 {
         return refused(Reason::TooFewPoints { found, needed: found + 1 });
     }
-    let frequencies = || readings.iter().map(|reading| reading.frequency_hz);
-    let window = options.window.unwrap_or_else(|| Window {
-        min_hz: frequencies().fold(f64::INFINITY, f64::min),
-        max_hz: frequencies().fold(0.0, f64::max),
-    });
+    let window = window(readings, options);
     let Some((mut best, expected)) = best(&mut stays, window, noise, options) else {
         return refused(Reason::NotConverged);
     };
@@ -68,11 +66,20 @@ pub(crate) fn fit(readings: &[Reading], options: &FitOptions) -> FitOutcome {
     judge(&stays, &best, &expected, noise, window)
 }
 
+/// The window of the fit: the span of the readings if none is given.
+fn window(readings: &[Reading], options: &FitOptions) -> Window {
+    let frequencies = || readings.iter().map(|reading| reading.frequency_hz);
+    options.window.unwrap_or_else(|| Window {
+        min_hz: frequencies().fold(f64::INFINITY, f64::min),
+        max_hz: frequencies().fold(0.0, f64::max),
+    })
+}
+
 /// Effective time of the resonance, s after the start of the first reading.
 pub(crate) fn effective_time_s(readings: &[Reading], options: &FitOptions) -> Option<f64> {
     let noise = PooledVariance::known(&options.noise.unwrap_or(NOISE));
     let mut stays = Stays::of(Known::with(noise.variance()), options.bench, readings)?;
-    let (best, expected) = best(&mut stays, options.window?, noise, options)?;
+    let (best, expected) = best(&mut stays, window(readings, options), noise, options)?;
     stays.effective_time_s(&best, &expected)
 }
 
@@ -189,7 +196,8 @@ fn judge(
         let noise = (best.normal.cost / degrees).max(1.0);
         let is_moving =
             stays.drift.is_none() && stays.gain_by_drift(best, expected) > MOVES_GAIN * noise;
-        is_moving.then_some(Reason::Drift)
+        // The last fit may have lengthened the decay of the circuit.
+        (is_moving || !stays.has_slow_drift(&best.at)).then_some(Reason::Drift)
     });
     if let Some(reason) = doubt {
         return refused(reason, roughly);
@@ -211,6 +219,7 @@ fn judge(
         .or((!is_followed).then_some(Reason::Drift))
         .or(outside)
         .or_else(|| doubt_circuit(&found, window))
+        .or_else(|| doubt_loss(&best.at, &found))
         .or_else(|| doubt_precision(&found, found.sigma_hz))
         .map_or(FitOutcome::Accepted(found), |reason| refused(reason, Some(found)))
 }

@@ -44,6 +44,9 @@ const FIRST_GAP_SIGMA_S: f64 = 3e-3;
 const FIRST_GAP_MAX_S: f64 = 20e-3;
 /// Standard deviation of the dispersion before it is measured, as a part of the static capacitance: a tan δ of 0.08.
 const DISPERSION_SIGMA: f64 = 0.05;
+/// Largest dispersion that is corrected, as a part of the static capacitance: that of a tan δ of 0.16, eight times that of a
+/// soft piezoceramic.
+const DISPERSION_MAX: f64 = 0.1;
 /// Largest phase error of an analyzer, rad.
 const PHASE_MAX: f64 = 0.1;
 /// Smallest standard deviation of the phase error, rad: it changes with time and range.
@@ -89,11 +92,20 @@ pub(crate) fn learn(readings: &[Reading], options: &FitOptions) -> Result<Bench,
             Analyzer::of(&normal).ok_or(Reason::NotConverged)?;
         let is_same = phase.is_same() && first_gap.is_same() && dispersion.is_same();
         if is_same || round == ROUNDS {
-            // A second mode may be what keeps them from converging.
-            (bench.mode_sigma, bench.surveyed) = modes(&stays, &best, &expected, &bench)?;
+            // A second mode or a large dispersion may be what keeps them from converging.
+            let modes = modes(&stays, &best, &expected, &bench);
+            let more = modes.present.as_ref().map_or(0.0, |mode| mode.dispersion_step);
+            let dispersion_now = bench.dispersion_farad / stays.unit_farad + more;
+            if dispersion_now.abs() > DISPERSION_MAX * best.at.c0 {
+                return Err(Reason::Dispersion);
+            }
+            if let Some(Mode { near_hz, .. }) = modes.present {
+                return Err(Reason::SecondMode { near_hz });
+            }
             if !is_same {
                 return Err(Reason::NotConverged);
             }
+            (bench.mode_sigma, bench.surveyed) = (modes.sigma, modes.surveyed);
             bench.phase_sigma_rad = phase.sigma.max(PHASE_SIGMA_MIN);
             bench.dispersion_sigma_farad = dispersion.sigma * stays.unit_farad;
             return Ok(bench);
@@ -160,41 +172,68 @@ impl Remainder {
     }
 }
 
-/// Standard deviation of a possible second mode relative to the first, the largest of all places, and
-/// the frequencies in the window at which one would have been noticed.
-fn modes(
-    stays: &Stays,
-    best: &Hypothesis,
-    expected: &CircuitPrior,
-    bench: &Bench,
-) -> Result<(f64, Window), Reason> {
+/// What the readings say of second modes.
+struct Modes {
+    /// Standard deviation of the capacitance of a possible one relative to the first, the largest of all places.
+    sigma: f64,
+    /// The frequencies in the window at which one would have been noticed; nowhere if no place was looked at.
+    surveyed: Window,
+    /// The one that gains most, if the readings require one.
+    present: Option<Mode>,
+}
+
+/// A second mode that the readings require.
+struct Mode {
+    near_hz: f64,
+    /// Twice the log-likelihood that it gains.
+    gain: f64,
+    /// The change of the dispersion if both are fitted, in the unit of capacitance.
+    dispersion_step: f64,
+}
+
+/// The places at which a second mode is looked for, Hz: at the same distances from the resonance in every survey.
+fn places(at_hz: f64, width_hz: f64, surveyed: Window) -> impl Iterator<Item = f64> {
+    let length_hz = surveyed.max_hz - surveyed.min_hz;
+    let step_hz = (width_hz / PER_WIDTH).max(length_hz / PLACES_MAX);
+    let first = (NEAREST * width_hz / step_hz).ceil();
+    let last = (surveyed.max_hz - at_hz).max(at_hz - surveyed.min_hz) / step_hz;
+    let steps = std::iter::successors(Some(first), |step| Some(step + 1.0));
+    let steps = steps.take_while(move |step| *step <= last);
+    steps
+        .flat_map(move |step| [at_hz - step * step_hz, at_hz + step * step_hz])
+        .filter(move |hz| surveyed.contains(*hz))
+}
+
+/// Looks for a second mode beside this circuit.
+fn modes(stays: &Stays, best: &Hypothesis, expected: &CircuitPrior, bench: &Bench) -> Modes {
     let window = bench.surveyed;
     let (at_hz, width_hz) = (best.at.resonance_hz, best.linewidth_hz());
     let half_hz = 0.5 * (window.max_hz - window.min_hz);
     let margin_hz = width_hz.min(0.5 * half_hz);
     let surveyed = Window { min_hz: window.min_hz + margin_hz, max_hz: window.max_hz - margin_hz };
-    let length_hz = surveyed.max_hz - surveyed.min_hz;
-    let count = (PER_WIDTH * length_hz / width_hz).ceil().clamp(1.0, PLACES_MAX);
-    let mut mode_sigma = 0.0_f64;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small")]
-    for i in 0..=count as u32 {
-        let near_hz = surveyed.min_hz + length_hz * f64::from(i) / count;
-        let away = (near_hz - at_hz).abs() / width_hz;
-        if away < NEAREST {
-            continue;
-        }
+    let (mut sigma, mut present) = (None::<f64>, None::<Mode>);
+    for near_hz in places(at_hz, width_hz, surveyed) {
         let normal = normal(stays, best, expected, bench, Some(near_hz));
         let Some(factor) = Cholesky::new(&normal.matrix, WITH_BENCH, 0.0) else { continue };
-        let size = -factor.solve(&normal.gradient)[MODE];
+        let step = factor.solve(&normal.gradient);
         let variance = factor.inverse()[MODE][MODE];
-        if size > 0.0 && size * size > MODE_GAIN * variance {
-            return Err(Reason::SecondMode { near_hz });
+        let gain = step[MODE] * step[MODE] / variance;
+        // Its capacitance is positive.
+        if step[MODE] < 0.0
+            && gain > MODE_GAIN
+            && present.as_ref().is_none_or(|mode| mode.gain < gain)
+        {
+            present = Some(Mode { near_hz, gain, dispersion_step: -step[DISPERSION] });
         }
-        if away < RELEVANT {
-            mode_sigma = mode_sigma.max(variance.sqrt() / best.at.c1);
+        if (near_hz - at_hz).abs() < RELEVANT * width_hz {
+            let of_place = variance.sqrt() / best.at.c1;
+            sigma = Some(sigma.map_or(of_place, |sigma| sigma.max(of_place)));
         }
     }
-    Ok((mode_sigma, surveyed))
+    let middle_hz = window.min_hz + half_hz;
+    let nowhere = Window { min_hz: middle_hz, max_hz: middle_hz };
+    let surveyed = if sigma.is_some() { surveyed } else { nowhere };
+    Modes { sigma: sigma.unwrap_or(0.0), surveyed, present }
 }
 
 /// The normal equations of the circuit, a second mode at this frequency, the phase error, the error of
@@ -242,4 +281,31 @@ fn normal(
         sum.gradient[unknown] += precision * present;
     }
     sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn second_modes_are_looked_for_at_the_same_distances_on_both_sides_of_any_resonance() {
+        let surveyed = Window { min_hz: 120.0, max_hz: 160.0 };
+        for (at_hz, width_hz) in [(140.0, 4.0), (141.3, 4.0), (121.0, 1.5), (140.0, 0.3)] {
+            let all: Vec<f64> = places(at_hz, width_hz, surveyed).collect();
+            assert!(all.len() as f64 <= PLACES_MAX, "{}", all.len());
+            assert!(all.iter().all(|hz| surveyed.contains(*hz)), "{all:?}");
+            let step_hz = (width_hz / PER_WIDTH).max(0.4);
+            let nearest = |side: f64| {
+                let away = all.iter().map(|hz| side * (hz - at_hz)).filter(|hz| *hz > 0.0);
+                away.fold(f64::INFINITY, f64::min)
+            };
+            for side in [-1.0, 1.0] {
+                let found_hz = nearest(side);
+                let is_nearest = NEAREST * width_hz <= found_hz + 1e-9
+                    && found_hz < NEAREST * width_hz + step_hz;
+                assert!(is_nearest, "{at_hz}, {width_hz}: {found_hz}");
+            }
+        }
+        assert_eq!(places(140.0, 4.0, Window { min_hz: 139.0, max_hz: 141.0 }).count(), 0);
+    }
 }

@@ -30,8 +30,8 @@ const ALONE_WITH_SHAPES: usize = ALONE + WITH_SHAPES - CIRCUIT;
 /// Variance of each part of the amplitude relative to its mean square: half for a random phase,
 /// increased by half for the uncertainty of the circuit.
 pub(super) const AMPLITUDE_SHARE: f64 = 0.75;
-/// Fraction of an amplitude that its readings determine; its prior, which is wider than the actual
-/// amplitudes, determines the rest. The amplitude of the first stay has no prior.
+/// Degrees of freedom that each part of an amplitude takes from the residuals: one, less the mean cost of its prior, which is
+/// wider than the actual amplitudes. The amplitude of the first stay has no prior.
 pub(super) const AMPLITUDE_FREE: f64 = 1.0 - 0.5 / AMPLITUDE_SHARE;
 /// Largest number of rounds to find the amplitude of a stay. A step that raises the cost is halved.
 const ROUNDS: usize = 12;

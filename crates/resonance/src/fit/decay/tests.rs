@@ -123,6 +123,39 @@ fn the_gradient_is_that_of_the_cost() {
     }
 }
 
+/// The first readings of all stays are wrong by the same time, so that it is not between them.
+#[test]
+fn a_wrong_first_gap_is_between_the_readings_of_a_stay_and_not_between_stays() {
+    let bench = Bench {
+        phase_rad: 0.0,
+        phase_sigma_rad: 1e-3,
+        first_gap_s: 2e-3,
+        dispersion_farad: 0.0,
+        dispersion_sigma_farad: 1e-11,
+        mode_sigma: 0.01,
+        surveyed: rig_model::Window { min_hz: 125.0, max_hz: 161.0 },
+    };
+    let readings: Vec<Reading> = [138.0, 141.0, 141.0, 141.0, 139.0, 139.0]
+        .into_iter()
+        .zip(0_u64..)
+        .map(|(frequency_hz, n)| Reading {
+            frequency_hz,
+            measured: PointResult::Value(Impedance { resistance_ohm: 1e3, reactance_ohm: -4e4 }),
+            started: RigTime::from_micros(100_000 * n),
+            settle_s: 0.0,
+            integration_s: 0.07,
+        })
+        .collect();
+    let stays = Stays::of(Known::with(2.5e-5), Some(bench), &readings).unwrap();
+    let since_s: Vec<f64> = stays.all.iter().map(|stay| stay.since_s).collect();
+    let starts_s: Vec<f64> = stays.all[1].samples.iter().map(|sample| sample.start_s).collect();
+    for (found, right) in
+        since_s.into_iter().chain(starts_s).zip([0.0, 0.1, 0.3, 0.0, 0.102, 0.202])
+    {
+        assert!((found - right).abs() < 1e-9, "{found} s, not {right} s");
+    }
+}
+
 /// As by a fit of readings that are wrong by one standard deviation of each.
 #[test]
 fn the_uncertainty_of_the_bench_moves_the_resonance_as_a_refit_does() {
