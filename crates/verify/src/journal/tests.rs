@@ -3,7 +3,8 @@
 use rusqlite::{Connection, params};
 
 use super::{
-    AMENDED, DONE_ELSEWHERE, ENTRIES, HEAD, SEAMS_BEFORE, SESSIONS,
+    ENTRIES, SESSIONS,
+    amendments::{AMENDED, DONE_ELSEWHERE, HEAD, SEAMS_BEFORE},
     before::{BEGINS, LAST_MOVE, SINCE, before},
 };
 

@@ -1,0 +1,136 @@
+//! A run and its amendments: what one says of the other.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use rusqlite::{Connection, OptionalExtension, params};
+
+use super::Listed;
+use crate::record::{Amended, Record, RunStarted};
+
+/// What each amendment of the journal amends.
+pub(super) const AMENDED: &str = "
+    SELECT payload FROM runs CROSS JOIN records ON records.run = runs.key
+    WHERE runs.kind = 'amendment' AND records.kind = 'amended' AND seq = 1";
+
+/// What may be the outcome of a touch in an amendment that ended before a run went on.
+pub(super) const DONE_ELSEWHERE: &str = "
+    SELECT seam.seq, outcome.payload
+    FROM records AS seam CROSS JOIN runs CROSS JOIN records AS ends ON ends.run = runs.key
+        CROSS JOIN records AS outcome ON outcome.run = runs.key
+    WHERE seam.run = ?1 AND seam.kind = 'resumed' AND runs.kind = 'amendment' AND runs.name = ?2
+        AND ends.kind = 'run_finished' AND ends.id < seam.id
+        AND outcome.kind IN ('amended', 'touch_result', 'touch_refused')";
+
+/// The last record of a run before the first one of an amendment, and whether a digest is that of any before it.
+pub(super) const HEAD: &str = "
+    WITH amended AS (SELECT key FROM runs WHERE id = ?1),
+        first AS (SELECT min(id) AS id FROM records WHERE run = ?2)
+    SELECT lower(hex(digest)), kind, EXISTS (
+        SELECT 1 FROM records AS any WHERE any.run = (SELECT key FROM amended)
+            AND any.id < (SELECT id FROM first) AND lower(hex(any.digest)) = ?3)
+    FROM records
+    WHERE run = (SELECT key FROM amended) AND records.id < (SELECT id FROM first)
+    ORDER BY seq DESC LIMIT 1";
+
+/// The resumptions of a run before the first record of an amendment.
+pub(super) const SEAMS_BEFORE: &str = "
+    SELECT payload FROM records
+    WHERE run = (SELECT key FROM runs WHERE id = ?1) AND kind = 'resumed'
+        AND id < (SELECT min(id) FROM records WHERE run = ?2)
+    ORDER BY seq";
+
+/// The end of a run when it was amended.
+#[derive(Debug, Clone)]
+pub(crate) struct Head {
+    /// Digest of its last record, in hexadecimal.
+    pub(crate) last: String,
+    /// Whether the run had ended.
+    pub(crate) has_ended: bool,
+    /// Whether the digest that the amendment states is that of a record of the run.
+    pub(crate) is_of_run: bool,
+}
+
+/// The touches of a run that were measured again or left out.
+pub(super) fn amended_steps(
+    connection: &Connection,
+    run: &str,
+) -> Result<Vec<String>, rusqlite::Error> {
+    let mut statement = connection.prepare_cached(AMENDED)?;
+    let payloads = statement.query_map([], |row| row.get::<_, String>(0))?;
+    let mut steps = Vec::new();
+    for payload in payloads {
+        match serde_json::from_str(&payload?) {
+            Ok(Record::Amended(amended)) if amended.run == run => steps.push(amended.step),
+            _ => {}
+        }
+    }
+    Ok(steps)
+}
+
+/// The touches of a run with an outcome in an amendment that had ended, before each record at which the run goes on.
+pub(super) fn done_elsewhere(
+    connection: &Connection,
+    run: &Listed,
+) -> Result<BTreeMap<u64, BTreeSet<String>>, rusqlite::Error> {
+    let mut done: BTreeMap<u64, BTreeSet<String>> = BTreeMap::new();
+    let mut statement = connection.prepare_cached(DONE_ELSEWHERE)?;
+    let mut rows = statement.query(params![run.key, run.id])?;
+    while let Some(row) = rows.next()? {
+        let step = match serde_json::from_str(&row.get::<_, String>(1)?) {
+            Ok(Record::TouchResult(result)) => result.touch.step,
+            Ok(Record::TouchRefused(refused)) => refused.touch.step,
+            Ok(Record::Amended(amended)) if amended.what == "skip" => amended.step,
+            _ => continue,
+        };
+        done.entry(row.get::<_, i64>(0)?.cast_unsigned()).or_default().insert(step);
+    }
+    Ok(done)
+}
+
+/// The settings of an amendment in the records with this key: its own, or those of the last resumption of its run before.
+pub(super) fn settings_of(
+    connection: &Connection,
+    Amended { run, rig, .. }: &Amended,
+    key: i64,
+) -> Result<Option<Box<RunStarted>>, rusqlite::Error> {
+    let payload: Option<String> = connection
+        .query_row(
+            "SELECT payload FROM records WHERE run = (SELECT key FROM runs WHERE id = ?1) AND seq = 1",
+            [run],
+            |row| row.get(0),
+        )
+        .optional()?;
+    let Some(Ok(Record::RunStarted(mut started))) =
+        payload.map(|payload| serde_json::from_str(&payload))
+    else {
+        return Ok(None);
+    };
+    let mut seams = connection.prepare_cached(SEAMS_BEFORE)?;
+    let mut rows = seams.query(params![run, key])?;
+    while let Some(row) = rows.next()? {
+        if let Ok(Record::Resumed(resumed)) = serde_json::from_str(&row.get::<_, String>(0)?)
+            && let Some(rig) = resumed.rig
+        {
+            started.rig = rig;
+        }
+    }
+    if let Some(rig) = rig {
+        started.rig = rig.clone();
+    }
+    Ok(Some(started))
+}
+
+/// The end of a run when it was amended in the records with this key; `None` if it has no record before them.
+pub(super) fn head(
+    connection: &Connection,
+    amended: &Amended,
+    key: i64,
+) -> Result<Option<Head>, rusqlite::Error> {
+    connection
+        .prepare_cached(HEAD)?
+        .query_row(params![amended.run, key, amended.head], |row| {
+            let has_ended = row.get::<_, String>(1)? == "run_finished";
+            Ok(Head { last: row.get(0)?, has_ended, is_of_run: row.get(2)? })
+        })
+        .optional()
+}
