@@ -59,6 +59,8 @@ pub(crate) struct Stiffness {
     /// By the address of its step, the stiffness of each touch or of its site, with the uncertainty
     /// of calibration and model.
     by_step: BTreeMap<String, Result<RunYoung, InverseError>>,
+    /// For each part of the run, whether its rig file describes the sensor of the model.
+    is_described: Vec<bool>,
 }
 
 /// The touches or sites behind the stiffness of a sample.
@@ -164,7 +166,13 @@ impl Stiffness {
             model,
             sites,
             by_step,
+            is_described,
         })
+    }
+
+    /// Whether the rig file of this part of the run describes the sensor of the model.
+    pub(super) fn describes(&self, part: usize) -> bool {
+        self.is_described.get(part).is_some_and(|is_described| *is_described)
     }
 
     /// The stiffness of a sample, if it has one.

@@ -249,6 +249,11 @@ impl TouchRow {
                 self.model_residual = stiffness.and_then(|found| found.residual(&self.step));
             }
             Some(Err(error)) => self.reason = Some(format!("no stiffness: {error}")),
+            None if stiffness.is_some_and(|found| !found.describes(data.part_of(touch))) => {
+                let why =
+                    "no stiffness: the rig file of this part of the run describes another sensor";
+                self.reason = Some(why.to_owned());
+            }
             None => {}
         }
         let class = classification.filter(|_| touch.touch.phase == Phase::Blind);

@@ -128,6 +128,9 @@ fn redone_on(on: (Option<Source>, Option<Vec<CitedCalibration>>)) -> (Option<f64
     for (row, earlier) in after.touches().iter().zip(before.touches()).skip(1) {
         assert!(row.stiffness_mpa.is_some() == earlier.stiffness_mpa.is_some(), "{}", row.step);
     }
+    let redone = &after.touches()[0];
+    let why = "no stiffness: the rig file of this part of the run describes another sensor";
+    assert_eq!(redone.reason.as_deref(), redone.stiffness_mpa.is_none().then_some(why));
     let [was, is] = [&before, &after].map(|results| results.touches()[0].stiffness_mpa);
     (is.map(|is| is / was.unwrap()), after.screw_note())
 }
