@@ -117,9 +117,9 @@ impl Page<'_> {
              did other work too. Seeds 260001 to 270000 of this menu were played twice. In the first piece, of the program \
              `190a3e60a636dceb`, seed 267229 failed: the checker held the repetition of a flagged reading for one at \
              another frequency. That piece was taken out of the ledger, the checker was changed, and all of its seeds \
-             were played again. Seeds 510001 to 560000 were played once, by the program `d8f2609654feb9e2`, and seed 537422 \
-             failed: the checker expected a loss tangent below zero, which is stated as zero. That piece is not in the \
-             ledger, and the checker was changed. Seeds up to 410000 were judged before 2026-11-27 22:00 UTC, by a judge that excused \
+             were played again. Of seeds 510001 to 560000, first played by the program `d8f2609654feb9e2`, seed 537422 \
+             failed: the checker expected a loss tangent below zero, which is stated as zero. That piece was taken out too, the \
+             checker was changed, and its seeds were played again. Seeds up to 410000 were judged before 2026-11-27 22:00 UTC, by a judge that excused \
              more (decision 41).\n\n\
              | seeds | runs | touches | faults | failed | jobs | runs a second | software | program | digest |\n\
              | --- | ---: | ---: | ---: | --- | ---: | ---: | --- | --- | --- |"
