@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use rig_model::{AxisError, Deg, Mm, Position};
+use rig_model::{AxisError, Deg, Mm, Position, Span};
 use rig_protocol::StepId;
 
 use crate::{ContactSenseFault, InterlockError};
@@ -166,15 +166,8 @@ pub enum Fault {
         high: Position<Mm>,
     },
     /// The last program ended without leaving the rig in order.
-    #[error("{left}")]
-    Interrupted {
-        /// The run, the time, the step and the position of the probe, from the journal.
-        left: String,
-        /// Whether the probe may be in the sample.
-        may_touch: bool,
-        /// Whether it was lowered or lost; otherwise the program ended on the way into service.
-        was_lowered: bool,
-    },
+    #[error("{}", .0.message)]
+    Interrupted(LeftRig),
     /// Signs, scales or geometry of the bench are not shown, so that no move is safe.
     #[error("the rig is not commissioned: {missing}")]
     NotCommissioned {
@@ -201,6 +194,30 @@ pub enum Fault {
         /// Name of the operator.
         by: String,
     },
+}
+
+/// How the last program left the rig, from the journal.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LeftRig {
+    /// The run, the time, the step and the position of the probe, or the fault.
+    pub message: String,
+    /// Whether the probe may be in the sample.
+    pub may_touch: bool,
+    /// Whether it was lowered or lost; otherwise the program ended on the way into service.
+    pub was_lowered: bool,
+    /// Where the last moves can have led the linear stage, if it was read back elsewhere and not homed since.
+    pub last_moves: Option<Span<Mm>>,
+}
+
+impl Fault {
+    /// Where the last moves can have led the linear stage, if it was read back elsewhere: its position may be wrong.
+    pub fn last_moves(&self) -> Option<Span<Mm>> {
+        match self {
+            Self::PositionJumped { low, high, .. } => Some(Span { min: *low, max: *high }),
+            Self::Interrupted(left) => left.last_moves,
+            _ => None,
+        }
+    }
 }
 
 /// The reason why a run or a sweep ends early.

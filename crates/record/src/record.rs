@@ -172,6 +172,10 @@ pub struct Fault {
     pub probe: Clearance,
     /// Hint for the next action.
     pub hint: String,
+    /// The lowest and the highest position to which the last moves can have led the linear stage, mm, if it was read back
+    /// elsewhere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub last_moves_mm: Option<[f64; 2]>,
 }
 
 /// The last frames on a port.

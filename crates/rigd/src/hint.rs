@@ -173,7 +173,7 @@ pub(crate) fn is_unhomed(fault: &Fault) -> bool {
 
 /// Whether the position of the linear stage is unknown, or may be wrong, so that a person may have it homed.
 pub(crate) fn is_without_position(fault: &Fault) -> bool {
-    is_unhomed(fault) || matches!(fault, Fault::PositionJumped { .. })
+    is_unhomed(fault) || fault.last_moves().is_some()
 }
 
 /// After the contact sense has contradicted itself.
@@ -216,7 +216,7 @@ const fn after_interruption(may_touch: bool) -> Hint {
 fn without_position(fault: &Fault) -> Option<Hint> {
     match fault {
         _ if is_unhomed(fault) => Some(Hint { text: UNHOMED, then: NextAction::Home }),
-        Fault::PositionJumped { .. } => Some(Hint { text: JUMPED, then: NextAction::Home }),
+        _ if fault.last_moves().is_some() => Some(Hint { text: JUMPED, then: NextAction::Home }),
         Fault::Device(failure) if failure.kind == FailureKind::Lost => {
             Some(Hint { text: LOST, then: NextAction::Restart })
         }
@@ -236,8 +236,8 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
     if matches!(fault, Fault::NotCommissioned { .. }) {
         return Hint { text: UNCOMMISSIONED, then: NextAction::Commission };
     }
-    if let Fault::Interrupted { may_touch, .. } = fault {
-        return after_interruption(*may_touch);
+    if let Fault::Interrupted(left) = fault {
+        return after_interruption(left.may_touch);
     }
     if let Some((_, FailureKind::EmergencyStopped)) = device {
         let is_clear = clearance == Clearance::Clear;
@@ -286,7 +286,7 @@ pub(crate) fn after(fault: &Fault, clearance: Clearance) -> Hint {
         | Fault::Interlock(_)
         | Fault::MissingReadings { .. }
         | Fault::Overdue { .. }
-        | Fault::Interrupted { .. }
+        | Fault::Interrupted(_)
         | Fault::NotCommissioned { .. }
         | Fault::NotProvenClear => MAINTAINER,
     };

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use rig_engine::Fault;
-use rig_model::with_causes;
+use rig_model::{Mm, Span, with_causes};
 use rig_store::{Interruption, ProbeWord, Reader, Run, RunKind, RunStatus, StoreError, intact};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -100,7 +100,7 @@ pub(crate) enum LeftProbe {
 }
 
 /// The state in which the last program left a rig.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct InterruptedRig {
     /// It was not closed in order.
     pub(crate) is_interrupted: bool,
@@ -109,7 +109,9 @@ pub(crate) struct InterruptedRig {
     pub(crate) is_latched: bool,
     /// The probe.
     pub(crate) probe: LeftProbe,
-    /// Both in a sentence.
+    /// Where the last moves can have led the linear stage, if it was read back elsewhere and not homed since.
+    pub(crate) last_moves: Option<Span<Mm>>,
+    /// Interruption and probe in a sentence.
     pub(crate) message: String,
 }
 
@@ -122,10 +124,13 @@ impl InterruptedRig {
         if is_simulated || own.as_ref().is_some_and(Self::is_latched_in_contact) {
             return own;
         }
-        let since = reader.runs().unwrap_or_default().into_iter();
-        let since = since.filter(|run| run.kind == RunKind::Session).map(|run| run.name);
+        let since = match reader.runs() {
+            Ok(runs) => runs.into_iter().filter(|run| run.kind == RunKind::Session),
+            Err(error) => return Some(Self::unreadable(&error)),
+        };
+        let since = since.map(|run| run.name).take_while(|name| name != rig);
         let mut seen = BTreeSet::new();
-        let others = since.take_while(|name| name != rig).filter(|name| seen.insert(name.clone()));
+        let others = since.filter(|name| seen.insert(name.clone()));
         let mut of_others = others.filter_map(|name| {
             let left = Self::left_by(reader, &name).filter(Self::is_latched_in_contact)?;
             let message =
@@ -153,19 +158,17 @@ impl InterruptedRig {
             }
             Ok(left)
         });
-        checked.unwrap_or_else(|error| {
-            let error = with_causes(&error);
-            let message = format!(
-                "the journal of the last session is damaged ({error}); the probe may be in the \
-                 sample"
-            );
-            Some(Self {
-                is_interrupted: false,
-                is_latched: true,
-                probe: LeftProbe::Lowered,
-                message,
-            })
-        })
+        checked.unwrap_or_else(|error| Some(Self::unreadable(&error)))
+    }
+
+    /// The state of a rig whose journal does not tell it.
+    fn unreadable(error: &StoreError) -> Self {
+        let error = with_causes(error);
+        let message = format!(
+            "the journal of the last session is damaged ({error}); the probe may be in the sample"
+        );
+        let (is_interrupted, is_latched, probe) = (false, true, LeftProbe::Lowered);
+        Self { is_interrupted, is_latched, probe, last_moves: None, message }
     }
 
     /// The state in which the latest session with a rig ended; `None` without one, or while it is
@@ -178,6 +181,7 @@ impl InterruptedRig {
         if session.status == RunStatus::Running {
             return Ok(None);
         }
+        let last_moves = reader.last_moves_mm(rig)?.map(|[low, high]| Span::new(low, high));
         let Some(left) = InterruptionView::read(reader, &session)? else {
             let probe = reader.probe_word(&session)?;
             let is_open = probe != ProbeWord::Clear;
@@ -189,7 +193,13 @@ impl InterruptedRig {
             };
             let is_latched = latched.is_some();
             let probe = if is_open { LeftProbe::Lowered } else { LeftProbe::Clear };
-            return Ok(Some(Self { is_interrupted: false, is_latched, probe, message }));
+            return Ok(Some(Self {
+                is_interrupted: false,
+                is_latched,
+                probe,
+                last_moves,
+                message,
+            }));
         };
         let is_its_run = |run: &Run| {
             run.kind == RunKind::Run && run.status.is_interrupted() && run.epoch == session.epoch
@@ -206,7 +216,7 @@ impl InterruptedRig {
             None => ("the last session".to_owned(), left),
         };
         let message = format!("{what} was {}", left.message);
-        Ok(Some(Self { is_interrupted: true, is_latched: true, probe, message }))
+        Ok(Some(Self { is_interrupted: true, is_latched: true, probe, last_moves, message }))
     }
 
     /// Whether the last word about the probe, in this session or before it, is that it was lowered or
@@ -261,7 +271,7 @@ fn whereabouts(probe: ProbeWord) -> String {
 mod tests {
     use std::{path::Path, slice};
 
-    use rig_store::{Axis, Intent, Move, MoveReason, Record, Store};
+    use rig_store::{Axis, Clearance, Fault, Intent, Move, MoveReason, Record, Store};
 
     use super::*;
 
@@ -270,7 +280,7 @@ mod tests {
         let once = "the rig was left latched, not acknowledged: a drive is gone";
         assert_eq!(latch("a drive is gone"), once);
         assert_eq!(latch(once), once);
-        let fault = Fault::NotCommissioned { missing: "scale (never made)".to_owned() };
+        let fault = rig_engine::Fault::NotCommissioned { missing: "scale (never made)".to_owned() };
         let said = latch(&fault.to_string());
         assert!(said.starts_with("the rig was not commissioned when it was closed"), "{said}");
         assert_eq!(latch(&said), said);
@@ -309,6 +319,21 @@ mod tests {
         // Since it was shown clear under its new name, the old one says nothing.
         killed(data.path(), "bench 2", slice::from_ref(&clear));
         assert_eq!(left("bench 2", false).unwrap().probe, LeftProbe::Clear);
+    }
+
+    #[test]
+    fn a_position_that_was_said_to_be_wrong_is_so_after_a_restart() {
+        let data = tempfile::TempDir::new().unwrap();
+        let left = || {
+            let reader = Reader::open(data.path()).unwrap();
+            InterruptedRig::left(&reader, "bench", false).unwrap()
+        };
+        let (cause, hint) = ("elsewhere".to_owned(), "look".to_owned());
+        let (probe, last_moves_mm) = (Clearance::Unknown, Some([9.5, 24.5]));
+        let jumped = Fault { step: None, cause, probe, hint, last_moves_mm };
+        killed(data.path(), "bench", &[Record::Fault(jumped)]);
+        assert_eq!(left().last_moves, Some(Span::new(9.5, 24.5)));
+        assert!(left().is_latched);
     }
 
     #[track_caller]

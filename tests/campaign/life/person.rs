@@ -185,7 +185,7 @@ impl Life<'_> {
     /// Judges where a rig at rest has left the probe.
     pub(super) fn is_left(&mut self, status: &Status) {
         // A daemon that was started again waits for a person before it moves anything.
-        let waits = matches!(status.snapshot.fault, Some(EngineFault::Interrupted { .. }));
+        let waits = matches!(status.snapshot.fault, Some(EngineFault::Interrupted(_)));
         if self.is_in_contact()
             && !waits
             && !judge::has_no_way_out(&self.all, &self.played, self.bench)

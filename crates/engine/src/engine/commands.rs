@@ -4,7 +4,7 @@ use rig_model::{Clearance, RigLimits, RigTime};
 
 use super::{Activity, Engine};
 use crate::{
-    Command, CommandRefusal, Effect, Event, Failure, Fault, LoweringPurpose, Operation,
+    Command, CommandRefusal, Effect, Event, Failure, Fault, LeftRig, LoweringPurpose, Operation,
     SweepPurpose, TouchPlace, fault::StopReason, machine::MachineEvent, recovery::Preparing,
     run::Run, sweep::Sweep,
 };
@@ -193,20 +193,15 @@ impl Engine {
 
     /// Latches before the rig is first prepared, because the last program did not end in order.
     /// [`Command::Acknowledge`] prepares it. Does nothing later.
-    pub fn latch_interrupted(
-        &mut self,
-        left: String,
-        (may_touch, was_lowered): (bool, bool),
-        effects: &mut Vec<Effect>,
-    ) {
+    pub fn latch_interrupted(&mut self, left: LeftRig, effects: &mut Vec<Effect>) {
         if !matches!(self.activity, Activity::Unprepared) {
             return;
         }
-        if may_touch {
+        if left.may_touch {
             self.interlock.assume_contact();
         }
-        let (fault, clearance) =
-            (Fault::Interrupted { left, may_touch, was_lowered }, self.interlock.clearance());
+        self.reach = left.last_moves;
+        let (fault, clearance) = (Fault::Interrupted(left), self.interlock.clearance());
         self.notes.push(Event::Faulted { fault: fault.clone(), clearance });
         self.activity = Activity::Latched(fault);
         self.settle(effects);

@@ -23,6 +23,7 @@ impl Engine {
             return;
         }
         let clearance = self.interlock.clearance();
+        self.reach = fault.last_moves();
         self.notes.push(Event::Faulted { fault: fault.clone(), clearance });
         self.last_fault = Some(fault.clone());
         // Nobody has asked the drive yet who it is and where.

@@ -16,7 +16,9 @@ mod streams;
 mod way_down;
 mod world;
 
-use rig_engine::{Command, Event, Input, Operation, Report, RigState, RunStatus, TouchOutcome};
+use rig_engine::{
+    Command, Event, Input, LeftRig, Operation, Report, RigState, RunStatus, TouchOutcome,
+};
 use rig_model::{Clearance, Position, RigTime, SweepMethod, SweepRequest, Window};
 
 use world::{FREE_HZ, LOADED_HZ, OF_ONE_OPERATION, REST_MM, Trouble, World, plan};
@@ -307,11 +309,13 @@ fn a_rig_that_was_left_by_a_crash_waits_for_a_person_and_then_retracts_first() {
     for may_touch in [true, false] {
         let mut world = World::new(None);
         let mut effects = Vec::new();
-        world.engine.latch_interrupted(
-            "smoke-1 was interrupted".to_owned(),
-            (may_touch, may_touch),
-            &mut effects,
-        );
+        let left = |message: &str, may_touch| LeftRig {
+            message: message.to_owned(),
+            may_touch,
+            was_lowered: may_touch,
+            last_moves: None,
+        };
+        world.engine.latch_interrupted(left("smoke-1 was interrupted", may_touch), &mut effects);
         let snapshot = world.engine.snapshot();
         let expected = if may_touch { Clearance::InContact } else { Clearance::Unknown };
         assert_eq!((snapshot.state, snapshot.clearance), (RigState::Latched, expected));
@@ -326,7 +330,7 @@ fn a_rig_that_was_left_by_a_crash_waits_for_a_person_and_then_retracts_first() {
         let mut world = World::new(None);
         world.play();
         effects.clear();
-        world.engine.latch_interrupted("late".to_owned(), (true, true), &mut effects);
+        world.engine.latch_interrupted(left("late", true), &mut effects);
         assert_eq!((world.engine.snapshot().state, effects.len()), (RigState::Idle, 0));
     }
 }

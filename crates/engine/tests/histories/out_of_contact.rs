@@ -1,8 +1,8 @@
 //! The linear drive in trouble at every operation of a run: the probe ends clear, or the rig ends
 //! latched with its first cause, and nothing moves from a position that is not known.
 
-use rig_engine::{Command, Device, Event, Fault, Operation, RigState, Snapshot};
-use rig_model::{Clearance, Position};
+use rig_engine::{Command, Device, Event, Fault, LeftRig, Operation, RigState, Snapshot};
+use rig_model::{Clearance, Position, Span};
 
 use crate::{
     drive::DriveTrouble,
@@ -253,6 +253,44 @@ fn an_acknowledgement_moves_no_stage_that_is_not_where_its_last_moves_can_have_l
     (world.trouble, world.is_lost, world.drive) = (None, false, None);
     world.command(Command::HomeLinear);
     settle(&mut world, 30);
+    assert_eq!(world.engine.snapshot().state, RigState::Idle, "{:?}", world.engine.snapshot());
+}
+
+/// The program was ended after it had said so, and started again.
+#[test]
+fn a_position_that_was_said_to_be_wrong_is_so_for_the_next_program_too() {
+    let mut world = World::new(None);
+    let is_jumped =
+        |world: &World| matches!(world.engine.snapshot().fault, Some(Fault::PositionJumped { .. }));
+    let left = |last_moves| LeftRig {
+        message: "smoke-1 was interrupted".to_owned(),
+        may_touch: true,
+        was_lowered: true,
+        last_moves,
+    };
+    let elsewhere = Some(Span::new(-60.0, -50.0));
+    world.engine.latch_interrupted(left(elsewhere), &mut Vec::new());
+    assert_eq!(world.engine.snapshot().fault.unwrap().last_moves(), elsewhere);
+    // The way out of contact without the rest of the rig.
+    let mut safe = World::new(None);
+    let mut effects = Vec::new();
+    safe.engine.leave_contact(safe.now, Fault::Interrupted(left(elsewhere)), &mut effects);
+    safe.carry_out(effects);
+    settle(&mut safe, 0);
+    let jumped =
+        |event: &Event| matches!(event, Event::Faulted { fault: Fault::PositionJumped { .. }, .. });
+    assert!(safe.events.iter().any(jumped), "{:?}", safe.events);
+    assert!(!safe.events.iter().any(|event| matches!(event, Event::LinearMoved { .. })));
+
+    for _ in 0..3 {
+        world.command(Command::Acknowledge);
+        settle(&mut world, 0);
+        assert!(is_jumped(&world), "{:?}", world.engine.snapshot());
+        let moved = |event: &Event| matches!(event, Event::LinearMoved { .. });
+        assert!(!world.events.iter().any(moved));
+    }
+    world.command(Command::HomeLinear);
+    settle(&mut world, 0);
     assert_eq!(world.engine.snapshot().state, RigState::Idle, "{:?}", world.engine.snapshot());
 }
 

@@ -168,6 +168,7 @@ pub(crate) fn fault() -> Record {
         cause: "\u{0}\"quoted\" \\u0000 \u{1f9ea} µ\n".to_owned(),
         probe: Clearance::Clear,
         hint: "nothing".to_owned(),
+        last_moves_mm: None,
     })
 }
 

@@ -165,6 +165,7 @@ impl Recorder {
                     cause: "linear stage: no answer within 100 ms".to_owned(),
                     probe: Clearance::InContact,
                     hint: "Check the cable of the <linear stage>.".to_owned(),
+                    last_moves_mm: None,
                 }));
                 let frame = Frame { rig_us: 1, is_sent: true, hex: "0106".to_owned() };
                 let port = "/dev/ttyUSB0".to_owned();

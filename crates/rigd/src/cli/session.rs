@@ -118,7 +118,7 @@ fn say_what_was_left(data: &Path, rig: &LoadedRig) {
 
 /// Whether the rig was left with its probe lowered.
 const fn is_lowered(fault: &Fault) -> bool {
-    matches!(fault, Fault::Interrupted { was_lowered: true, .. })
+    matches!(fault, Fault::Interrupted(left) if left.was_lowered)
 }
 
 impl Session {
@@ -139,8 +139,8 @@ impl Session {
                     continue;
                 }
                 // A person at the bench has read the report above.
-                (RigState::Latched, Some(Fault::Interrupted { was_lowered, .. }))
-                    if !was_lowered || left != LeftInContact::Refuse =>
+                (RigState::Latched, Some(Fault::Interrupted(rig)))
+                    if !rig.was_lowered || left != LeftInContact::Refuse =>
                 {
                     self.handle.command(Command::Acknowledge, None, self.operator()).await?;
                     continue;

@@ -117,9 +117,9 @@ pub(super) fn view(shared: &Shared, status: &Status) -> RigView {
 /// The kind of a fault that asks for something of its own.
 fn kind(fault: &Fault) -> &'static str {
     match fault {
-        Fault::Interrupted { .. } => "interrupted",
+        fault if fault.last_moves().is_some() => "position_jumped",
+        Fault::Interrupted(_) => "interrupted",
         Fault::NotCommissioned { .. } => "not_commissioned",
-        Fault::PositionJumped { .. } => "position_jumped",
         Fault::Device(failure) if failure.kind == FailureKind::Lost => "position_lost",
         fault if hint::is_unhomed(fault) => "not_homed",
         _ => "fault",

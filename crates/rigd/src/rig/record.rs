@@ -258,6 +258,7 @@ impl Recorder {
             cause: fault.to_string(),
             probe: clearance_of(clearance),
             hint: hint::after(fault, clearance).text.to_owned(),
+            last_moves_mm: fault.last_moves().map(|span| [span.min.value(), span.max.value()]),
         })
     }
 

@@ -12,8 +12,8 @@ use std::{
 };
 
 use rig_engine::{
-    Admitted, Command, Effect, Engine, Event, Fault, Input, Operation, OperationId, RefusalAnswer,
-    RigState,
+    Admitted, Command, Effect, Engine, Event, Fault, Input, LeftRig, Operation, OperationId,
+    RefusalAnswer, RigState,
 };
 use rig_interlock::Proven;
 use rig_link::{Clock, Transcript};
@@ -160,8 +160,10 @@ impl Shell {
         shell.latch_uncommissioned();
         if let Some(left) = left.filter(|left| left.is_latched) {
             let mut effects = Vec::new();
-            let probe = (left.probe != LeftProbe::Clear, left.probe == LeftProbe::Lowered);
-            shell.engine.latch_interrupted(left.message, probe, &mut effects);
+            let InterruptedRig { probe, message, last_moves, .. } = left;
+            let (may_touch, was_lowered) = (probe != LeftProbe::Clear, probe == LeftProbe::Lowered);
+            let left = LeftRig { message, may_touch, was_lowered, last_moves };
+            shell.engine.latch_interrupted(left, &mut effects);
             shell.carry_out(effects);
         }
         Ok((shell, watcher))

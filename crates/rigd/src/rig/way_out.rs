@@ -14,13 +14,15 @@ use std::{
     time::{Duration, Instant},
 };
 
-use rig_engine::{Device, Effect, Engine, Event, Fault, Input, Operation, Report, RigState};
+use rig_engine::{
+    Device, Effect, Engine, Event, Fault, Input, LeftRig, Operation, Report, RigState,
+};
 use rig_files::rig_file::{Connection, RigFile};
 use rig_interlock::Proven;
 use rig_link::{Clock, Port};
-use rig_model::{Clearance, Mm, Position, with_causes};
+use rig_model::{Clearance, Mm, Position, Span, with_causes};
 use rig_stage::{BusHandle, HaltFrames};
-use rig_store::{Ending, Journal, Record, RunFinished, RunId, RunKind, Store, StoreError};
+use rig_store::{Ending, Journal, Reader, Record, RunFinished, RunId, RunKind, Store, StoreError};
 
 use super::{
     OpenError,
@@ -72,6 +74,7 @@ pub struct WayOut {
 /// opened.
 pub fn make_safe(rig: LoadedRig, data: Option<&Path>, by: &str) -> Result<WayOut, OpenError> {
     let runtime = runtime_of(&rig)?;
+    let fault = with_last_moves(Fault::Stopped { by: by.to_owned() }, data, &rig.file.name);
     let log = Log::open(data, &rig.file.name)?;
     let default = Place::found().data;
     let proof = Proof::for_way_out(&rig, data.unwrap_or(&default));
@@ -91,7 +94,21 @@ pub fn make_safe(rig: LoadedRig, data: Option<&Path>, by: &str) -> Result<WayOut
         if let Some(missing) = proof.missing {
             return halt(&file, &instruments, port, clock, &missing, log).await;
         }
-        retract(&file, &instruments, port, clock, Fault::Stopped { by: by.to_owned() }, log).await
+        retract(&file, &instruments, port, clock, fault, log).await
+    })
+}
+
+/// The fault with what the journal says of a position that may be wrong. A journal that cannot be read is no reason to leave
+/// the probe where it is.
+fn with_last_moves(fault: Fault, data: Option<&Path>, rig: &str) -> Fault {
+    let reader = data.and_then(|data| Reader::open(data).ok());
+    let last_moves = reader.and_then(|reader| reader.last_moves_mm(rig).ok().flatten());
+    let Some([low, high]) = last_moves else { return fault };
+    Fault::Interrupted(LeftRig {
+        message: fault.to_string(),
+        may_touch: true,
+        was_lowered: true,
+        last_moves: Some(Span::new(low, high)),
     })
 }
 
@@ -110,6 +127,7 @@ impl Kept {
     /// stopped.
     pub(super) async fn retract(self, fault: Fault) -> Result<WayOut, OpenError> {
         let Self { file, instruments, data, simulation, missing } = self;
+        let fault = with_last_moves(fault, Some(&data), &file.name);
         let clock = Clock::start();
         let port = match simulation {
             Some(bench) => Port::open(bench.bus(&file), clock).await,

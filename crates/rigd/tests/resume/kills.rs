@@ -7,7 +7,7 @@ use std::{
     process::{Command, Stdio},
 };
 
-use rig_engine::{Command as RigCommand, Fault, RigState, RunStatus};
+use rig_engine::{Command as RigCommand, Fault, LeftRig, RigState, RunStatus};
 use rig_store::{Reader, RunId, StoredRecord, Touch};
 use rigd::rig::RequestRefusal;
 use tempfile::TempDir;
@@ -99,9 +99,8 @@ async fn resume(rig: &Path, data: &Path, run: RunId) -> ResumedRun {
     let bench = Bench::open(rig, data);
     let snapshot = bench.handle.status().borrow().snapshot.clone();
     assert_eq!(snapshot.state, RigState::Latched);
-    let Some(Fault::Interrupted { left, may_touch, .. }) = snapshot.fault else {
-        panic!("{:?}", snapshot.fault)
-    };
+    let Some(Fault::Interrupted(left)) = snapshot.fault else { panic!("{:?}", snapshot.fault) };
+    let LeftRig { message: left, may_touch, .. } = left;
     assert!(left.contains("-1 was interrupted at ") && left.contains(" UTC"), "{left}");
     let is_in_contact = snapshot.clearance == rig_model::Clearance::InContact;
     assert_eq!(is_in_contact, may_touch);

@@ -3,7 +3,7 @@
 use rusqlite::{OptionalExtension, params, types::Value};
 
 use super::{Reader, record_from, select_records};
-use crate::{Axis, Clearance, Record, Run, RunId, RunKind, StoreError};
+use crate::{Axis, Clearance, Fault, Record, Run, RunId, RunKind, StoreError};
 
 /// The last state of the probe in the journal.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -180,6 +180,34 @@ impl Reader {
             }
         }
         Ok(cause.filter(|_| is_latched))
+    }
+
+    /// The lowest and the highest position to which the last moves of a rig can have led its linear stage, mm, if it was read
+    /// back elsewhere and the rig was not in service since.
+    ///
+    /// # Errors
+    /// [`StoreError`] of the system or of SQLite, or [`StoreError::Unreadable`].
+    pub fn last_moves_mm(&self, rig: &str) -> Result<Option<[f64; 2]>, StoreError> {
+        let of_epoch = select_records(&format!(
+            "WHERE {OF_EPOCH} AND records.kind IN ('fault', 'state_changed')
+             ORDER BY records.id DESC"
+        ));
+        let sessions = "WHERE kind = 'session' AND name = ?1 ORDER BY key DESC";
+        for session in self.select_runs(sessions, [rig])? {
+            let mut statement = self.connection.prepare_cached(&of_epoch)?;
+            let mut rows = statement.query([session.epoch.cast_signed()])?;
+            while let Some(row) = rows.next()? {
+                match record_from(row)?.record()? {
+                    // It comes to this after a homing alone.
+                    Record::StateChanged(change) if change.state == "idle" => return Ok(None),
+                    Record::Fault(Fault { last_moves_mm: Some(span), .. }) => {
+                        return Ok(Some(span));
+                    }
+                    _ => {}
+                }
+            }
+        }
+        Ok(None)
     }
 
     fn last_step(&self, run: RunId) -> Result<Option<String>, StoreError> {

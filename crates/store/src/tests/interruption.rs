@@ -17,11 +17,40 @@ fn moved(axis: Axis, to: f64, is_clear: bool) -> Record {
 
 fn lost() -> Record {
     let (cause, hint) = ("no answer".to_owned(), "look".to_owned());
-    Record::Fault(Fault { step: None, cause, probe: Clearance::Unknown, hint })
+    Record::Fault(Fault { step: None, cause, probe: Clearance::Unknown, hint, last_moves_mm: None })
+}
+
+fn state(state: &str) -> Record {
+    Record::StateChanged(StateChanged { state: state.to_owned(), reason: None })
 }
 
 fn preparing() -> Record {
-    Record::StateChanged(StateChanged { state: "preparing".to_owned(), reason: None })
+    state("preparing")
+}
+
+#[test]
+fn a_position_that_was_said_to_be_wrong_stays_so_until_the_rig_was_in_service() {
+    let directory = Directory::new();
+    let session = |rig, said: &[Record]| {
+        let store = Store::open(directory.path()).unwrap();
+        let mut journal = store.begin(RunKind::Session, rig).unwrap();
+        for record in said {
+            append(&mut journal, 0, record);
+        }
+        journal.commit().unwrap();
+    };
+    let found = |rig| Reader::open(directory.path()).unwrap().last_moves_mm(rig).unwrap();
+    let Record::Fault(fault) = lost() else { unreachable!() };
+    let jumped = Record::Fault(Fault { last_moves_mm: Some([9.5, 24.5]), ..fault });
+    session("bench", &[state("idle"), jumped, state("latched"), lost()]);
+    assert_eq!(found("bench"), Some([9.5, 24.5]));
+    // Programs that end before they say anything, and another rig.
+    session("bench", &[]);
+    session("bench", &[preparing()]);
+    session("another", &[state("idle")]);
+    assert_eq!((found("bench"), found("another")), (Some([9.5, 24.5]), None));
+    session("bench", &[preparing(), state("idle"), lost()]);
+    assert_eq!(found("bench"), None);
 }
 
 #[test]

@@ -105,6 +105,7 @@ pub(super) fn records() -> Vec<Record> {
             cause: "linear stage: no answer within 100 ms".to_owned(),
             probe: Clearance::InContact,
             hint: "check the cable of the linear stage".to_owned(),
+            last_moves_mm: Some([9.5, 24.5]),
         }),
         Record::RunFinished(RunFinished { status: Ending::Faulted }),
     ]
