@@ -6,7 +6,7 @@ use rig_system::signals::Ending;
 
 use super::super::Failure;
 
-/// Windows has nothing that asks a daemon to read its configuration again: `rigd reload` does.
+/// Windows has nothing that asks a daemon to read its configuration again: `rigd config reload` does.
 pub(in crate::cli) struct Hangups(Infallible);
 
 impl Hangups {
