@@ -215,7 +215,13 @@ impl InterruptedRig {
             Some(run) => (run.short_name(), InterruptionView::read(reader, &run)?.unwrap_or(left)),
             None => ("the last session".to_owned(), left),
         };
-        let message = format!("{what} was {}", left.message);
+        let elsewhere = last_moves.map_or_else(String::new, |Span { min, max }| {
+            format!(
+                "; the linear stage was read back elsewhere than its last moves can have led it, between {min} and \
+                 {max}, and was not homed since"
+            )
+        });
+        let message = format!("{what} was {}{elsewhere}", left.message);
         Ok(Some(Self { is_interrupted: true, is_latched: true, probe, last_moves, message }))
     }
 
@@ -324,16 +330,16 @@ mod tests {
     #[test]
     fn a_position_that_was_said_to_be_wrong_is_so_after_a_restart() {
         let data = tempfile::TempDir::new().unwrap();
-        let left = || {
-            let reader = Reader::open(data.path()).unwrap();
-            InterruptedRig::left(&reader, "bench", false).unwrap()
-        };
         let (cause, hint) = ("elsewhere".to_owned(), "look".to_owned());
         let (probe, last_moves_mm) = (Clearance::Unknown, Some([9.5, 24.5]));
         let jumped = Fault { step: None, cause, probe, hint, last_moves_mm };
         killed(data.path(), "bench", &[Record::Fault(jumped)]);
-        assert_eq!(left().last_moves, Some(Span::new(9.5, 24.5)));
-        assert!(left().is_latched);
+        let reader = Reader::open(data.path()).unwrap();
+        let left = InterruptedRig::left(&reader, "bench", false);
+        let left = left.unwrap();
+        assert_eq!(left.last_moves, Some(Span::new(9.5, 24.5)));
+        let says = "can have led it, between 9.500 mm and 24.500 mm, and was not homed since";
+        assert!(left.is_latched && left.message.ends_with(says), "{}", left.message);
     }
 
     #[track_caller]
