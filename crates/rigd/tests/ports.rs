@@ -229,7 +229,12 @@ async fn what_a_wrong_server_answered_is_said_with_what_to_look_at() {
     ];
     for (answer, expected, advice) in rows {
         let analyzer = answering(&mut bench.listening, answer).await;
-        let doctor = bench.rigd_with(&analyzer, &bench.bus, &hasty, &["doctor", "--json"]);
+        let ask = || bench.rigd_with(&analyzer, &bench.bus, &hasty, &["doctor", "--json"]);
+        // A computer with much to do may hold up a hasty one, which then says so instead.
+        let is_held_up = |doctor: &Output| {
+            String::from_utf8_lossy(&doctor.stdout).contains("the load of this computer")
+        };
+        let doctor = (0..9).map(|_| ask()).find(|doctor| !is_held_up(doctor)).unwrap_or_else(ask);
         check_finding(&doctor, "analyzer, identity: problem", advice);
         let text = String::from_utf8_lossy(&doctor.stdout).replace("\\\"", "\"");
         assert!(text.contains(expected), "{expected}: {text}");
