@@ -119,7 +119,7 @@ impl Page<'_> {
              another frequency. That piece was taken out of the ledger, the checker was changed, and all of its seeds \
              were played again. Of seeds 510001 to 560000, first played by the program `d8f2609654feb9e2`, seed 537422 \
              failed: the checker expected a loss tangent below zero, which is stated as zero. That piece was taken out too, the \
-             checker was changed, and its seeds were played again. Seeds up to 410000 were judged before 2026-11-27 22:00 UTC, by a judge that excused \
+             checker was changed, and its seeds are played again, as the table shows. Seeds up to 410000 were judged before 2026-11-27 22:00 UTC, by a judge that excused \
              more (decision 41).\n\n\
              | seeds | runs | touches | faults | failed | jobs | runs a second | software | program | digest |\n\
              | --- | ---: | ---: | ---: | --- | ---: | ---: | --- | --- | --- |"
