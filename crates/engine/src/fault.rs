@@ -205,7 +205,7 @@ pub struct LeftRig {
     pub may_touch: bool,
     /// Whether it was lowered or lost; otherwise the program ended on the way into service.
     pub was_lowered: bool,
-    /// Where the last moves can have led the linear stage, if it was read back elsewhere and not homed since.
+    /// Where the last moves can have led the linear stage, if it was read back elsewhere and the rig was not in service since.
     pub last_moves: Option<Span<Mm>>,
 }
 

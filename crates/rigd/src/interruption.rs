@@ -109,7 +109,7 @@ pub(crate) struct InterruptedRig {
     pub(crate) is_latched: bool,
     /// The probe.
     pub(crate) probe: LeftProbe,
-    /// Where the last moves can have led the linear stage, if it was read back elsewhere and not homed since.
+    /// Where the last moves can have led the linear stage, if it was read back elsewhere and the rig was not in service since.
     pub(crate) last_moves: Option<Span<Mm>>,
     /// Interruption and probe in a sentence.
     pub(crate) message: String,
@@ -218,7 +218,7 @@ impl InterruptedRig {
         let elsewhere = last_moves.map_or_else(String::new, |Span { min, max }| {
             format!(
                 "; the linear stage was read back elsewhere than its last moves can have led it, between {min} and \
-                 {max}, and was not homed since"
+                 {max}, and the rig was not in service since"
             )
         });
         let message = format!("{what} was {}{elsewhere}", left.message);
@@ -338,7 +338,7 @@ mod tests {
         let left = InterruptedRig::left(&reader, "bench", false);
         let left = left.unwrap();
         assert_eq!(left.last_moves, Some(Span::new(9.5, 24.5)));
-        let says = "can have led it, between 9.500 mm and 24.500 mm, and was not homed since";
+        let says = "led it, between 9.500 mm and 24.500 mm, and the rig was not in service since";
         assert!(left.is_latched && left.message.ends_with(says), "{}", left.message);
     }
 

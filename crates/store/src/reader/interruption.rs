@@ -198,7 +198,7 @@ impl Reader {
             let mut rows = statement.query([session.epoch.cast_signed()])?;
             while let Some(row) = rows.next()? {
                 match record_from(row)?.record()? {
-                    // It comes to this after a homing alone.
+                    // It comes to this after a homing, or where the position agrees with the last moves again.
                     Record::StateChanged(change) if change.state == "idle" => return Ok(None),
                     Record::Fault(Fault { last_moves_mm: Some(span), .. }) => {
                         return Ok(Some(span));
