@@ -26,8 +26,8 @@ fault PORT KIND [KEY=VALUE ...] [unit=N] [nth=N|next=N|rate=P]
   requests: drop-request, busy, exception code=N, disconnect, unplug ms=N
   replies:  drop-reply, delay ms=N, duplicate, corrupt, truncate, noise bytes=N, echo,
             wrong-unit as=N, disconnect-reply
-  devices:  reboot, alarm code=N, stall, jam, lose-steps by=X, limit-switch, overload,
-            emergency-stop, blind-contact, stuck-contact, stuck-frequency, knock by=HZ
+  devices:  reboot, alarm code=N, stall, jam, lose-steps by=X, miscount by=X, limit-switch,
+            emergency-stop, overload, blind-contact, stuck-contact, stuck-frequency, knock by=HZ
   nth: once, at the N-th frame from now; next: at each of the next N frames; rate: at each
   frame with this probability. By default a fault of a device is injected at once, any other
   at the next frame.
@@ -161,6 +161,7 @@ fn fault_kind(kind: &str, options: &Options<'_>) -> Result<FaultKind, ControlErr
         "stall" => device(DeviceFault::Stall),
         "jam" => device(DeviceFault::Jam),
         "lose-steps" => device(DeviceFault::LoseSteps(options.need("by")?)),
+        "miscount" => device(DeviceFault::Miscount(options.need("by")?)),
         "limit-switch" => device(DeviceFault::LimitSwitch),
         "emergency-stop" => device(DeviceFault::EmergencyStop),
         "overload" => device(DeviceFault::Overload),

@@ -93,6 +93,9 @@ pub enum DeviceFault {
     Jam,
     /// The load is moved by this much, mm or degrees, and the encoder does not see it.
     LoseSteps(f64),
+    /// The drive says from now on, also after a restart, that it is further up by this much, mm or degrees: its encoder has lost
+    /// count of its turns.
+    Miscount(f64),
     /// A limit switch says that it was reached.
     LimitSwitch,
     /// A person presses the emergency stop of both drives, until the faults are cleared.

@@ -412,6 +412,10 @@ mod tests {
         let lost = before - test.rig.world().truth(test.now).tip_mm;
         assert!((lost - 0.5).abs() < 0.1, "{lost}");
         assert_eq!(test.ask(PortId::Bus, &request()).unwrap().0, counts);
+        let before = test.rig.world().truth(test.now).tip_mm;
+        apply_fault(&mut test, DeviceFault::Miscount(5.0));
+        assert_eq!(before, test.rig.world().truth(test.now).tip_mm);
+        assert_ne!(test.ask(PortId::Bus, &request()).unwrap().0, counts);
     }
 
     #[test]

@@ -27,7 +27,7 @@ const STEPS: usize = 4000;
 const MOMENTS: u64 = 120;
 
 /// Troubles that last, in addition to those of one operation.
-const LASTING: [Trouble; 13] = [
+const LASTING: [Trouble; 14] = [
     Trouble::Freezes,
     Trouble::Drive(DriveTrouble::Silent { seconds: 1 }),
     Trouble::Drive(DriveTrouble::Silent { seconds: 30 }),
@@ -40,6 +40,7 @@ const LASTING: [Trouble; 13] = [
     Trouble::Drive(DriveTrouble::EmergencyStop),
     Trouble::Drive(DriveTrouble::Unhomed { is_homing_safe: true }),
     Trouble::Drive(DriveTrouble::Unhomed { is_homing_safe: false }),
+    Trouble::Drive(DriveTrouble::HomedUnheard),
     Trouble::Drive(DriveTrouble::Jumped { by_mm: 45.0 }),
 ];
 

@@ -15,19 +15,20 @@ mod attempts;
 mod commands;
 mod descent;
 mod hold_up;
+mod reach;
 mod stopping;
 
 pub use commands::Admitted;
 
 use std::time::Duration;
 
-use rig_model::{Clearance, Deg, Mm, Position, RigLimits, RigTime, Span};
+use rig_model::{Clearance, Deg, Mm, Position, RigLimits, RigTime};
 use rig_protocol::Prompt;
 
-use self::attempts::Attempts;
+use self::{attempts::Attempts, reach::Reach};
 use crate::{
-    Effect, Event, Fault, Input, Interlock, LoweringPurpose, Operation, OperationId, RefusedTouch,
-    Report, RigState, RunPhase, RunStatus,
+    Effect, Event, Fault, Input, Interlock, Jump, LoweringPurpose, Operation, OperationId,
+    RefusedTouch, Report, RigState, RunPhase, RunStatus,
     fault::StopReason,
     machine::{MachineEvent, MachineStep},
     operation::{Pending, limit, name},
@@ -59,9 +60,7 @@ pub struct Engine {
     patience: Duration,
     /// The fault noted last, so that a repeated attempt does not note it again.
     last_fault: Option<Fault>,
-    /// Possible positions of the linear stage since its last confirmed read-back; `None` while it
-    /// is homed.
-    reach: Option<Span<Mm>>,
+    reach: Reach,
     /// Attempts of the latched rig to retract.
     attempts: Option<Attempts>,
 }
@@ -121,6 +120,8 @@ pub struct Snapshot {
     pub prompt: Option<Prompt>,
     /// First cause of the latch, or of the stop and the retract that are under way.
     pub fault: Option<Fault>,
+    /// If the linear stage was read back elsewhere than its last moves can have led it.
+    pub jump: Option<Jump>,
     /// Number of attempts of the latched rig to retract so far, while it goes on trying.
     pub attempts: Option<u32>,
     /// The refused touch about which a person is asked.
@@ -151,7 +152,7 @@ impl Engine {
             notes: Vec::new(),
             patience,
             last_fault: None,
-            reach: None,
+            reach: Reach::Anywhere,
             attempts: None,
         }
     }
@@ -184,6 +185,7 @@ impl Engine {
             progress,
             prompt,
             fault,
+            jump: self.reach.jump(),
             attempts: self.attempts(),
             refused: match &self.activity {
                 Activity::Deciding(run) => run.question(),
@@ -241,15 +243,20 @@ impl Engine {
                 self.attempt_ended(now, result.map_err(|(_, fault)| fault), effects);
             }
             (_, Err((_, fault))) => self.stop(now, StopReason::Fault(fault), effects),
+            (Activity::Preparing(stage), Ok(Report::Unhomed)) => {
+                *stage = Preparing::HomingUpwards;
+                let operation = stage.operation(&self.limits);
+                self.issue(now, operation, effects);
+            }
             (&mut Activity::Preparing(stage), Ok(report)) => {
                 if let Report::LinearAt(found) = report {
                     if stage == Preparing::FindingLinear
-                        && let Err(fault) = self.refuse_jump(found)
+                        && let Err(fault) = self.reach.find(found, &self.limits.linear)
                     {
                         return self.stop(now, StopReason::Fault(fault), effects);
                     }
                     self.linear = Some(found);
-                    self.reach = Some(Span { min: found, max: found });
+                    self.reach = Reach::at(found);
                 }
                 self.preparing(now, effects);
             }
@@ -349,7 +356,7 @@ impl Engine {
         }
         let id = OperationId(self.next_id);
         self.next_id += 1;
-        self.extend_reach(&operation);
+        self.reach.extend(&operation);
         self.expect_readings(now, &operation);
         let deadline = now + limit(&operation, self.linear_mm(), self.rotary_deg());
         self.pending = Some(Pending {
@@ -419,7 +426,7 @@ impl Engine {
         match (operation, report) {
             (Operation::MoveLinear { target, .. }, Some(&Report::LinearAt(read_back))) => {
                 self.linear = Some(read_back);
-                self.reach = Some(Span { min: read_back, max: read_back });
+                self.reach = Reach::at(read_back);
                 let target = target.position();
                 let is_clear = self.interlock.clearance() == Clearance::Clear;
                 self.notes.push(Event::LinearMoved { target, read_back, is_clear });
@@ -432,31 +439,16 @@ impl Engine {
             // The record of a descent has its readings too, and is that of the run.
             (Operation::Descend { .. }, Some(&Report::Descended { at, .. })) => {
                 self.linear = Some(at);
-                self.reach = Some(Span { min: at, max: at });
+                self.reach = Reach::at(at);
             }
             (Operation::HomeLinear { .. }, Some(&Report::LinearAt(read_back)))
             | (_, Some(&Report::LinearHomed(read_back))) => {
                 self.linear = Some(read_back);
-                self.reach = Some(Span { min: read_back, max: read_back });
+                self.reach = Reach::at(read_back);
             }
             (Operation::PrepareRotary, Some(&Report::RotaryAt(read_back))) => {
                 self.rotary = Some(read_back);
             }
-            _ => {}
-        }
-    }
-
-    /// The linear stage may be anywhere between its last read-back and the target of its move.
-    fn extend_reach(&mut self, operation: &Operation) {
-        match operation {
-            Operation::MoveLinear { target, .. } | Operation::Descend { target, .. } => {
-                if let Some(reach) = &mut self.reach {
-                    let target = target.position();
-                    reach.min = if target < reach.min { target } else { reach.min };
-                    reach.max = if target > reach.max { target } else { reach.max };
-                }
-            }
-            Operation::HomeLinear { .. } => self.reach = None,
             _ => {}
         }
     }

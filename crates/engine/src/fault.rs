@@ -1,6 +1,6 @@
 //! Failures of devices, and faults of the rig.
 
-use std::time::Duration;
+use std::{fmt, time::Duration};
 
 use rig_model::{AxisError, Deg, Mm, Position, Span};
 use rig_protocol::StepId;
@@ -153,17 +153,12 @@ pub enum Fault {
     #[error(transparent)]
     ContactSense(ContactSenseFault),
     /// The linear stage is not where its last moves can have led.
-    #[error(
-        "linear stage: found at {found} after the fault, and its last moves were between {low} and \
-         {high}"
-    )]
+    #[error("linear stage: found at {found} after the fault, and {jump}")]
     PositionJumped {
         /// Position read back after the fault, mm.
         found: Position<Mm>,
-        /// The lowest position that the last moves can have led to.
-        low: Position<Mm>,
-        /// The highest one.
-        high: Position<Mm>,
+        /// Where it can be.
+        jump: Jump,
     },
     /// The last program ended without leaving the rig in order.
     #[error("{}", .0.message)]
@@ -205,16 +200,36 @@ pub struct LeftRig {
     pub may_touch: bool,
     /// Whether it was lowered or lost; otherwise the program ended on the way into service.
     pub was_lowered: bool,
-    /// Where the last moves can have led the linear stage, if it was read back elsewhere and the rig was not in service since.
-    pub last_moves: Option<Span<Mm>>,
+    /// If the linear stage was read back elsewhere than its last moves can have led it, and the rig was not in service since.
+    pub jump: Option<Jump>,
+}
+
+/// A linear stage that was read back elsewhere than its last moves can have led it: its position may be wrong.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Jump {
+    /// Where they can have led it.
+    pub last_moves: Span<Mm>,
+    /// Whether a homing was begun since and has not ended, so that no position tells whether it is right.
+    pub is_homing_open: bool,
+}
+
+impl fmt::Display for Jump {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Span { min, max } = self.last_moves;
+        write!(f, "its last moves were between {min} and {max}")?;
+        if self.is_homing_open {
+            write!(f, ", before a homing that did not end")?;
+        }
+        Ok(())
+    }
 }
 
 impl Fault {
-    /// Where the last moves can have led the linear stage, if it was read back elsewhere: its position may be wrong.
-    pub fn last_moves(&self) -> Option<Span<Mm>> {
+    /// The jump of the linear stage, if this is what it tells of.
+    pub const fn jump(&self) -> Option<Jump> {
         match self {
-            Self::PositionJumped { low, high, .. } => Some(Span { min: *low, max: *high }),
-            Self::Interrupted(left) => left.last_moves,
+            Self::PositionJumped { jump, .. } => Some(*jump),
+            Self::Interrupted(left) => left.jump,
             _ => None,
         }
     }

@@ -168,7 +168,7 @@ impl Interlock {
                 }
                 (self.clearance, self.height) = (Clearance::Unknown, None);
             }
-            Operation::FindLinear { .. } => {
+            Operation::FindLinear { .. } | Operation::HomeUpwards => {
                 (self.clearance, self.height) = (Clearance::Unknown, None);
             }
             Operation::PrepareRotary => self.admit_turn(None)?,
@@ -240,6 +240,7 @@ impl Interlock {
             (
                 Operation::MoveLinear { .. }
                 | Operation::HomeLinear { .. }
+                | Operation::HomeUpwards
                 | Operation::FindLinear { .. },
                 _,
             )

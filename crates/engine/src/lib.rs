@@ -45,7 +45,7 @@ pub use event::{
     Contact, Event, FinishedSweep, Halfway, LoweringPurpose, RigState, RunPhase, RunStatus,
     SweepPurpose, TouchOutcome, TouchResult,
 };
-pub use fault::{Device, Failure, FailureKind, Fault, LeftRig};
+pub use fault::{Device, Failure, FailureKind, Fault, Jump, LeftRig};
 pub use interlock::{Interlock, InterlockError};
 pub use operation::{Operation, OperationId, Report};
 pub use refusal::{RefusalAnswer, RefusedTouch};

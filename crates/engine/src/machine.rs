@@ -100,7 +100,8 @@ impl From<Report> for MachineEvent {
             Report::RotaryAt(position) => Self::RotaryAt(position),
             Report::Measured(readings) => Self::Readings(readings),
             Report::Descended { at, way } => Self::Descended { at, way },
-            Report::Stopped => Self::Stopped,
+            // No machine finds a stage.
+            Report::Stopped | Report::Unhomed => Self::Stopped,
         }
     }
 }

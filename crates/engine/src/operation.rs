@@ -22,12 +22,13 @@ pub enum Operation {
     /// Home the rotary stage if it is not homed.
     PrepareRotary,
     /// Find the linear stage again after a fault: open its port again, identify its drive, and read
-    /// back where it is. An axis that has lost its position is homed only if homing is known to lead
-    /// away from the sample.
+    /// back where it is.
     FindLinear {
         /// Whether an alarm of the drive is reset. Without this, an alarm is a failure.
         may_reset_alarm: bool,
     },
+    /// Home a linear stage that has lost its position, and whose homing leads away from the sample.
+    HomeUpwards,
     /// Move the probe up or down and read its position back.
     MoveLinear {
         /// Target of the linear stage, within its soft limits, mm.
@@ -71,6 +72,8 @@ pub enum Operation {
 pub enum Report {
     /// The read-back of the linear stage.
     LinearAt(Position<Mm>),
+    /// The linear stage was found, has lost its position, and can be homed away from the sample.
+    Unhomed,
     /// The read-back of a linear stage that had lost its position and was homed.
     LinearHomed(Position<Mm>),
     /// The read-back of the rotary stage.
@@ -100,9 +103,10 @@ pub(crate) const fn retract(limits: &RigLimits, target: Target<Mm>) -> Operation
 pub(crate) fn limit(operation: &Operation, travel_mm: f64, travel_deg: f64) -> Duration {
     const SLACK_S: f64 = 60.0;
     let seconds = match operation {
-        Operation::HomeLinear { .. } | Operation::PrepareRotary | Operation::FindLinear { .. } => {
-            300.0
-        }
+        Operation::HomeLinear { .. }
+        | Operation::HomeUpwards
+        | Operation::PrepareRotary
+        | Operation::FindLinear { .. } => 300.0,
         Operation::MoveLinear { speed_mm_per_s, .. }
         | Operation::Descend { speed_mm_per_s, .. } => travel_mm / speed_mm_per_s,
         Operation::MoveRotary { speed_deg_per_s, .. } => travel_deg / speed_deg_per_s,
@@ -121,6 +125,7 @@ pub(crate) const fn name(operation: &Operation) -> &'static str {
         Operation::HomeLinear { .. } => "homing the linear stage",
         Operation::PrepareRotary => "homing the rotary stage",
         Operation::FindLinear { .. } => "finding the linear stage again",
+        Operation::HomeUpwards => "homing the linear stage upwards",
         Operation::MoveLinear { .. } => "a move of the linear stage",
         Operation::Descend { .. } => "a descent of the linear stage",
         Operation::MoveRotary { .. } => "a move of the rotary stage",

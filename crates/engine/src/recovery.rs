@@ -30,7 +30,7 @@ use std::time::Duration;
 
 use rig_model::{Clearance, Mm, RigLimits, RigTime, Target};
 
-use crate::{Device, Failure, FailureKind, Operation, fault::Fault, operation::retract};
+use crate::{Device, Failure, FailureKind, Operation, Report, fault::Fault, operation::retract};
 
 /// Number of retracts that may end without an answer of "clear" from a drive that answers. A stage that
 /// is blocked is not pushed without end.
@@ -74,14 +74,20 @@ pub(crate) enum RecoveryReport {
     EmergencyStopped,
     /// It was moved, and is not where it should be.
     Blocked,
+    /// The position is not known, and a homing leads away from the sample.
+    Unhomed,
     /// The position is not known, and there is no safe way to find it.
     Lost,
 }
 
 impl RecoveryReport {
     /// The end of an operation of the recovery.
-    pub(crate) fn of_result(result: &Result<(), Fault>) -> Self {
-        result.as_ref().map_or_else(Self::of, |()| Self::Done)
+    pub(crate) fn of_result(result: &Result<Report, Fault>) -> Self {
+        match result {
+            Ok(Report::Unhomed) => Self::Unhomed,
+            Ok(_) => Self::Done,
+            Err(fault) => Self::of(fault),
+        }
     }
 
     /// The part of a fault about the linear stage.
@@ -165,7 +171,7 @@ impl Recovery {
         clearance: Clearance,
         up: Target<Mm>,
     ) -> RecoveryStep {
-        use RecoveryReport::{Alarmed, Blocked, Done, EmergencyStopped, Lost, Unready};
+        use RecoveryReport::{Alarmed, Blocked, Done, EmergencyStopped, Lost, Unhomed, Unready};
         match (self.phase, report) {
             // To release the button must start no motion: a person acknowledges first (ISO 13850).
             (Phase::Stopping { cause: EmergencyStopped }, _) | (_, EmergencyStopped) => {
@@ -186,13 +192,14 @@ impl Recovery {
                     self.wait(now)
                 }
             }
+            (Phase::Finding, Unhomed) => RecoveryStep::Do(Operation::HomeUpwards),
             (Phase::Finding, Alarmed(code)) if self.may_reset(code) => self.find_with_reset(code),
             (Phase::Retracting | Phase::Finding, Unready) | (Phase::Finding, Alarmed(_)) => {
                 self.wait(now)
             }
-            (Phase::Finding, Lost) | (Phase::Waiting | Phase::Finished, _) => {
-                self.finish(Clearance::Unknown)
-            }
+            (Phase::Finding, Lost)
+            | (Phase::Stopping { .. } | Phase::Retracting, Unhomed)
+            | (Phase::Waiting | Phase::Finished, _) => self.finish(Clearance::Unknown),
         }
     }
 
@@ -274,6 +281,8 @@ pub(crate) enum Preparing {
     },
     /// A sample may be below the probe, and the probe may be in it.
     FindingLinear,
+    /// It has lost its position.
+    HomingUpwards,
     Clearing,
     HomingRotary,
     Levelling,
@@ -285,6 +294,7 @@ impl Preparing {
         match self {
             Self::HomingLinear { anew } => Operation::HomeLinear { anew },
             Self::FindingLinear => Operation::FindLinear { may_reset_alarm: true },
+            Self::HomingUpwards => Operation::HomeUpwards,
             Self::Clearing => retract(limits, limits.linear.rest_target()),
             Self::HomingRotary => Operation::PrepareRotary,
             Self::Levelling => Operation::MoveRotary {
@@ -297,7 +307,9 @@ impl Preparing {
     /// The stage after this one.
     pub(crate) const fn next(self) -> Option<Self> {
         match self {
-            Self::HomingLinear { .. } | Self::FindingLinear => Some(Self::Clearing),
+            Self::HomingLinear { .. } | Self::FindingLinear | Self::HomingUpwards => {
+                Some(Self::Clearing)
+            }
             Self::Clearing => Some(Self::HomingRotary),
             Self::HomingRotary => Some(Self::Levelling),
             Self::Levelling => None,

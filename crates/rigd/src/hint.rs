@@ -1,6 +1,6 @@
 //! Advice after a fault.
 
-use rig_engine::{ContactSenseFault, Device, FailureKind, Fault, RigState};
+use rig_engine::{ContactSenseFault, Device, FailureKind, Fault, RigState, Snapshot};
 use rig_model::Clearance;
 
 /// Advice for a command refused in this state.
@@ -40,20 +40,36 @@ enum NextAction {
     Prepare,
     /// A person states that nothing is below the probe, and the linear stage is homed.
     Home,
+    /// The same, and looks then whether the zero that it went to is the right one.
+    HomeAndMeasure,
     /// The bench is commissioned, step by step.
     Commission,
     /// This program is started again.
     Restart,
 }
 
+impl NextAction {
+    /// What is to be done after it.
+    const fn afterwards(self) -> &'static str {
+        match self {
+            Self::HomeAndMeasure => {
+                "; check with a rule, before a sample is placed, that the probe is where its position says: a \
+                 drive with an absolute encoder goes to the zero that it remembers"
+            }
+            _ => "",
+        }
+    }
+}
+
 impl Hint {
     /// A hint for each next action, to see that every interface has its words for them.
     #[cfg(test)]
-    pub(crate) fn of_every_action() -> [Self; 5] {
+    pub(crate) fn of_every_action() -> [Self; 6] {
         [
             NextAction::Retract,
             NextAction::Prepare,
             NextAction::Home,
+            NextAction::HomeAndMeasure,
             NextAction::Commission,
             NextAction::Restart,
         ]
@@ -67,7 +83,7 @@ impl Hint {
                 "POST /api/v1/acknowledge, which moves the probe to its clear position before anything turns"
             }
             NextAction::Prepare => "POST /api/v1/acknowledge",
-            NextAction::Home => {
+            NextAction::Home | NextAction::HomeAndMeasure => {
                 "POST /api/v1/home with {\"nothing_below_probe\": true}, which homes the linear stage in \
                  the direction that is set in its drive"
             }
@@ -77,7 +93,7 @@ impl Hint {
             }
             NextAction::Restart => "start rigd again",
         };
-        format!("{}; then {then}", self.text)
+        format!("{}; then {then}{}", self.text, self.then.afterwards())
     }
 
     /// For a person at a terminal, where every command opens the rig again.
@@ -90,11 +106,12 @@ impl Hint {
                     self.text
                 )
             }
-            NextAction::Home => {
+            NextAction::Home | NextAction::HomeAndMeasure => {
                 format!(
                     "{}; then `rigd home --nothing-below-probe`, which homes the linear stage in the \
-                     direction that is set in its drive",
-                    self.text
+                     direction that is set in its drive{}",
+                    self.text,
+                    self.then.afterwards()
                 )
             }
             NextAction::Commission => {
@@ -116,6 +133,9 @@ pub(crate) const LOST: &str = "move nothing, not even with the tool of the drive
 const JUMPED: &str = "its position may be wrong, so that a move up may lead down: lift the probe by hand if it \
                       touches, take the sample away, and see with your own eyes that nothing is below the \
                       probe, down to the end of its travel";
+
+/// Advice where the position of the linear stage may be wrong.
+const AFTER_A_JUMP: Hint = Hint { text: JUMPED, then: NextAction::HomeAndMeasure };
 
 /// Advice for a linear stage that does not know its position and may home downwards.
 const UNHOMED: &str = "homing this stage may lead downwards: lift the probe by hand if it touches, take \
@@ -171,11 +191,6 @@ pub(crate) fn is_unhomed(fault: &Fault) -> bool {
         if (failure.device, failure.kind) == (Device::LinearStage, FailureKind::Unhomed))
 }
 
-/// Whether the position of the linear stage is unknown, or may be wrong, so that a person may have it homed.
-pub(crate) fn is_without_position(fault: &Fault) -> bool {
-    is_unhomed(fault) || fault.last_moves().is_some()
-}
-
 /// After the contact sense has contradicted itself.
 const fn contact_sense(fault: &ContactSenseFault) -> &'static str {
     match fault {
@@ -216,12 +231,17 @@ const fn after_interruption(may_touch: bool) -> Hint {
 fn without_position(fault: &Fault) -> Option<Hint> {
     match fault {
         _ if is_unhomed(fault) => Some(Hint { text: UNHOMED, then: NextAction::Home }),
-        _ if fault.last_moves().is_some() => Some(Hint { text: JUMPED, then: NextAction::Home }),
+        _ if fault.jump().is_some() => Some(AFTER_A_JUMP),
         Fault::Device(failure) if failure.kind == FailureKind::Lost => {
             Some(Hint { text: LOST, then: NextAction::Restart })
         }
         _ => None,
     }
+}
+
+/// Advice for a rig that a fault has latched. What was found on the way out of contact outweighs the first cause.
+pub(crate) fn latched(snapshot: &Snapshot, fault: &Fault) -> Hint {
+    snapshot.jump.map_or_else(|| after(fault, snapshot.clearance), |_| AFTER_A_JUMP)
 }
 
 /// Advice after a fault.

@@ -1,9 +1,9 @@
 //! The state in which a killed program left a run or session, as text and as JSON.
 
-use std::collections::BTreeSet;
+use std::{collections::BTreeSet, iter};
 
-use rig_engine::Fault;
-use rig_model::{Mm, Span, with_causes};
+use rig_engine::{Fault, Jump};
+use rig_model::{Span, with_causes};
 use rig_store::{Interruption, ProbeWord, Reader, Run, RunKind, RunStatus, StoreError, intact};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -109,8 +109,8 @@ pub(crate) struct InterruptedRig {
     pub(crate) is_latched: bool,
     /// The probe.
     pub(crate) probe: LeftProbe,
-    /// Where the last moves can have led the linear stage, if it was read back elsewhere and the rig was not in service since.
-    pub(crate) last_moves: Option<Span<Mm>>,
+    /// The jump of the linear stage, if the rig was not in service since.
+    pub(crate) jump: Option<Jump>,
     /// Interruption and probe in a sentence.
     pub(crate) message: String,
 }
@@ -124,14 +124,11 @@ impl InterruptedRig {
         if is_simulated || own.as_ref().is_some_and(Self::is_latched_in_contact) {
             return own;
         }
-        let since = match reader.runs() {
-            Ok(runs) => runs.into_iter().filter(|run| run.kind == RunKind::Session),
+        let others = match names_since(reader, rig) {
+            Ok(names) => names,
             Err(error) => return Some(Self::unreadable(&error)),
         };
-        let since = since.map(|run| run.name).take_while(|name| name != rig);
-        let mut seen = BTreeSet::new();
-        let others = since.filter(|name| seen.insert(name.clone()));
-        let mut of_others = others.filter_map(|name| {
+        let mut of_others = others.into_iter().filter_map(|name| {
             let left = Self::left_by(reader, &name).filter(Self::is_latched_in_contact)?;
             let message =
                 format!("under the name `{name}`, which may be this rig: {}", left.message);
@@ -168,7 +165,7 @@ impl InterruptedRig {
             "the journal of the last session is damaged ({error}); the probe may be in the sample"
         );
         let (is_interrupted, is_latched, probe) = (false, true, LeftProbe::Lowered);
-        Self { is_interrupted, is_latched, probe, last_moves: None, message }
+        Self { is_interrupted, is_latched, probe, jump: None, message }
     }
 
     /// The state in which the latest session with a rig ended; `None` without one, or while it is
@@ -181,7 +178,7 @@ impl InterruptedRig {
         if session.status == RunStatus::Running {
             return Ok(None);
         }
-        let last_moves = reader.last_moves_mm(rig)?.map(|[low, high]| Span::new(low, high));
+        let jump = reader.jump(rig)?.map(jump_of);
         let Some(left) = InterruptionView::read(reader, &session)? else {
             let probe = reader.probe_word(&session)?;
             let is_open = probe != ProbeWord::Clear;
@@ -193,13 +190,7 @@ impl InterruptedRig {
             };
             let is_latched = latched.is_some();
             let probe = if is_open { LeftProbe::Lowered } else { LeftProbe::Clear };
-            return Ok(Some(Self {
-                is_interrupted: false,
-                is_latched,
-                probe,
-                last_moves,
-                message,
-            }));
+            return Ok(Some(Self { is_interrupted: false, is_latched, probe, jump, message }));
         };
         let is_its_run = |run: &Run| {
             run.kind == RunKind::Run && run.status.is_interrupted() && run.epoch == session.epoch
@@ -215,14 +206,11 @@ impl InterruptedRig {
             Some(run) => (run.short_name(), InterruptionView::read(reader, &run)?.unwrap_or(left)),
             None => ("the last session".to_owned(), left),
         };
-        let elsewhere = last_moves.map_or_else(String::new, |Span { min, max }| {
-            format!(
-                "; the linear stage was read back elsewhere than its last moves can have led it, between {min} and \
-                 {max}, and the rig was not in service since"
-            )
+        let elsewhere = jump.map_or_else(String::new, |jump| {
+            format!("; the linear stage was read back elsewhere: {jump}, and the rig was not in service since")
         });
         let message = format!("{what} was {}{elsewhere}", left.message);
-        Ok(Some(Self { is_interrupted: true, is_latched: true, probe, last_moves, message }))
+        Ok(Some(Self { is_interrupted: true, is_latched: true, probe, jump, message }))
     }
 
     /// Whether the last word about the probe, in this session or before it, is that it was lowered or
@@ -239,6 +227,29 @@ impl InterruptedRig {
         }
         Ok(false)
     }
+}
+
+/// The names of the sessions since the last one of a rig, the latest first.
+fn names_since(reader: &Reader, rig: &str) -> Result<Vec<String>, StoreError> {
+    let sessions = reader.runs()?.into_iter().filter(|run| run.kind == RunKind::Session);
+    let mut seen = BTreeSet::new();
+    let names = sessions.map(|run| run.name).take_while(|name| name != rig);
+    Ok(names.filter(|name| seen.insert(name.clone())).collect())
+}
+
+/// The jump of the linear stage of a rig, if the rig was not in service since, under its name or, for a real rig, under another
+/// one since its own last session. What cannot be read is passed over.
+pub(crate) fn jump(reader: &Reader, rig: &str, is_simulated: bool) -> Option<Jump> {
+    let others =
+        if is_simulated { Vec::new() } else { names_since(reader, rig).unwrap_or_default() };
+    let names = iter::once(rig).chain(others.iter().map(String::as_str));
+    let mut jumps = names.filter_map(|name| reader.jump(name).ok().flatten());
+    jumps.next().map(jump_of)
+}
+
+fn jump_of(jump: rig_store::Jump) -> Jump {
+    let [low, high] = jump.last_moves_mm;
+    Jump { last_moves: Span::new(low, high), is_homing_open: jump.is_homing_open }
 }
 
 /// When, in which step, and where the probe may be.
@@ -335,11 +346,35 @@ mod tests {
         let jumped = Fault { step: None, cause, probe, hint, last_moves_mm };
         killed(data.path(), "bench", &[Record::Fault(jumped)]);
         let reader = Reader::open(data.path()).unwrap();
-        let left = InterruptedRig::left(&reader, "bench", false);
-        let left = left.unwrap();
-        assert_eq!(left.last_moves, Some(Span::new(9.5, 24.5)));
-        let says = "led it, between 9.500 mm and 24.500 mm, and the rig was not in service since";
+        let left = InterruptedRig::left(&reader, "bench", false).unwrap();
+        let expected = Some(Jump { last_moves: Span::new(9.5, 24.5), is_homing_open: false });
+        assert_eq!(left.jump, expected);
+        // For the way out, too, which knows only the present name.
+        let known = |rig, is_simulated| jump(&reader, rig, is_simulated);
+        assert_eq!([known("bench", false), known("bench 2", false)], [expected; 2]);
+        assert_eq!(known("bench 2", true), None);
+        let says = "elsewhere: its last moves were between 9.500 mm and 24.500 mm, and the rig was not in service since";
         assert!(left.is_latched && left.message.ends_with(says), "{}", left.message);
+    }
+
+    #[test]
+    fn a_list_of_runs_that_cannot_be_read_shows_no_probe_of_a_real_rig_clear() {
+        let data = tempfile::TempDir::new().unwrap();
+        let (axis, target) = (Axis::LinearMm, 24.5);
+        let clear = Record::Moved(Move { axis, target, read_back: target, is_clear: true });
+        killed(data.path(), "bench", slice::from_ref(&clear));
+        killed(data.path(), "simulated bench", &[clear]);
+        let database = rusqlite::Connection::open(data.path().join("rigd.db")).unwrap();
+        let damage = "UPDATE runs SET kind = 'sessiom' WHERE name = 'simulated bench'";
+        assert_eq!(database.execute(damage, []).unwrap(), 1);
+        let reader = Reader::open(data.path()).unwrap();
+        for rig in ["bench", "bench 2"] {
+            let left = InterruptedRig::left(&reader, rig, false).unwrap();
+            assert_eq!((left.is_latched, left.probe), (true, LeftProbe::Lowered), "{rig}");
+            assert!(left.message.contains("is damaged"), "{}", left.message);
+        }
+        // A simulated rig looks for its own sessions only.
+        assert_eq!(InterruptedRig::left(&reader, "bench 2", true), None);
     }
 
     #[track_caller]

@@ -10,9 +10,10 @@ mod bench;
 
 use std::{fs::File, os::fd::OwnedFd};
 
+use rig_model::DriveMake;
 use rig_sim::{
     PortId,
-    faults::{DeviceFault, FaultKind, RequestFault},
+    faults::{DeviceFault, Fault, FaultKind, FaultTrigger, RequestFault},
 };
 use rig_store::{ProbeWord, Reader, Record, Store};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
@@ -163,4 +164,50 @@ fn a_simulated_rig_is_retracted_in_its_own_memory() {
     assert_eq!(json(&safe)["probe"], "clear");
     let other = rigd(&["safe", "--rig", "no-such-rig.toml"]);
     assert_eq!(other.status.code(), Some(2), "{}", stderr(&other));
+}
+
+/// The drive loses count while it moves, in such a way that the retract from there leads down.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_position_that_was_said_to_be_wrong_moves_no_probe_before_a_homing() {
+    // The one that looks for its zero when it is homed.
+    let bench = Bench::with_linear_drive(DriveMake::LeadshinePr, 0.001).await;
+    let changes = [
+        ("register_map = \"oriental-az\"", "register_map = \"leadshine-pr\""),
+        ("contact_speed_mm_per_s = 0.5", "contact_speed_mm_per_s = 10"),
+        PATIENT,
+    ];
+    let rigd = |args| bench.rigd_with(&bench.analyzer, &bench.bus, &changes, args);
+    let home = ["home", "--nothing-below-probe"];
+    let homed = rigd(&home);
+    assert!(homed.status.success(), "{}", stderr(&homed));
+    // In the middle of the move.
+    let (port, unit, trigger) = (PortId::Bus, Some(1), FaultTrigger::Nth(26));
+    let kind = FaultKind::Device(DeviceFault::Miscount(25.0));
+    bench.sim.with(|_, rig| rig.add_fault(Fault { port, unit, kind, trigger }));
+    let moved = rigd(&["move", "linear", "12"]);
+    let stays_at = bench.places();
+    let data = bench.data();
+    let in_data = ["--data", data.to_str().unwrap()];
+    let refused = |output: &std::process::Output| {
+        let said = stderr(output);
+        assert_eq!(output.status.code(), Some(4), "{said}");
+        assert!(
+            said.contains("its position may be wrong") && said.contains("check with a rule"),
+            "{said}"
+        );
+        assert_eq!(bench.places(), stays_at, "{said}");
+    };
+    refused(&moved);
+    // Each is a program of its own, and under its other name the rig is the same.
+    let renamed = [&changes[..], &[("name = \"bench\"", "name = \"bench 2\"")]].concat();
+    for changes in [&changes[..], &renamed] {
+        refused(&bench.rigd_with(&bench.analyzer, &bench.bus, changes, &["home"]));
+        refused(&bench.safe(changes, &in_data));
+    }
+    let home = rigd(&home);
+    assert!(home.status.success(), "{}", stderr(&home));
+    let (tip_mm, _) = bench.places();
+    assert!((tip_mm - CLEAR_MM).abs() < 0.05, "{tip_mm}");
+    let safe = bench.safe(&changes, &in_data);
+    assert!(safe.status.success(), "{}", stderr(&safe));
 }

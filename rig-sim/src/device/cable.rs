@@ -184,6 +184,7 @@ impl Socket {
             | DeviceFault::Stall
             | DeviceFault::Jam
             | DeviceFault::LoseSteps(_)
+            | DeviceFault::Miscount(_)
             | DeviceFault::LimitSwitch
             | DeviceFault::EmergencyStop => {}
         }

@@ -27,21 +27,21 @@ fn key_of(status: &Status) -> u64 {
     ((status.snapshot.state as u64) << 32) + step as u64
 }
 
-/// Whether the linear stage does not know where it is and may home downwards.
-fn is_unhomed(status: &Status) -> bool {
+/// Whether the linear stage does not know where it is and may home downwards, or may be wrong about it.
+fn is_to_be_homed(status: &Status) -> bool {
     let fault = status.snapshot.fault.as_ref();
-    fault.is_some_and(|fault| {
+    let is_unhomed = fault.is_some_and(|fault| {
         matches!(fault, EngineFault::Device(failure) if failure.kind == FailureKind::Unhomed)
-    })
+    });
+    is_unhomed || status.snapshot.jump.is_some()
 }
 
 /// Whether the linear stage says that it is where it cannot be, so that rigd moves nothing.
 fn is_lost(status: &Status) -> bool {
     let fault = status.snapshot.fault.as_ref();
-    fault.is_some_and(|fault| {
-        matches!(fault, EngineFault::Device(failure) if failure.kind == FailureKind::Lost)
-            || matches!(fault, EngineFault::PositionJumped { .. })
-    })
+    fault.is_some_and(
+        |fault| matches!(fault, EngineFault::Device(failure) if failure.kind == FailureKind::Lost),
+    )
 }
 
 impl Life<'_> {
@@ -106,7 +106,7 @@ impl Life<'_> {
                     return Some(self.is_finished(status));
                 }
                 let done = match (status.snapshot.state, self.run) {
-                    (RigState::Latched, _) if is_unhomed(status) => {
+                    (RigState::Latched, _) if is_to_be_homed(status) => {
                         self.clear_bench().await;
                         handle.command(Command::HomeLinear, None, TECHNICIAN).await
                     }

@@ -70,7 +70,7 @@ impl Engine {
             return self.prepare(now, first, effects);
         }
         let is_finding = attempts.recovery.is_finding();
-        let result = result.and_then(|report| self.take_found(&report, is_finding));
+        let result = result.and_then(|report| self.take_found(report, is_finding));
         let report = RecoveryReport::of_result(&result);
         let (clearance, up) = (self.interlock.clearance(), self.up());
         if let Some(attempts) = &mut self.attempts {

@@ -2,7 +2,7 @@
 
 use rig_model::{Clearance, RigLimits, RigTime};
 
-use super::{Activity, Engine};
+use super::{Activity, Engine, reach::Reach};
 use crate::{
     Command, CommandRefusal, Effect, Event, Failure, Fault, LeftRig, LoweringPurpose, Operation,
     SweepPurpose, TouchPlace, fault::StopReason, machine::MachineEvent, recovery::Preparing,
@@ -200,7 +200,7 @@ impl Engine {
         if left.may_touch {
             self.interlock.assume_contact();
         }
-        self.reach = left.last_moves;
+        self.reach = Reach::left(left.jump);
         let (fault, clearance) = (Fault::Interrupted(left), self.interlock.clearance());
         self.notes.push(Event::Faulted { fault: fault.clone(), clearance });
         self.activity = Activity::Latched(fault);

@@ -1,18 +1,14 @@
 //! The reaction to any fault: end the operation in progress, stop, retract, then latch or be ready.
 
-use rig_model::{Clearance, Mm, Position, RigTime, Span, Target};
+use rig_model::{Clearance, Mm, Position, RigTime, Target};
 
-use super::{Activity, Engine, HadRun};
+use super::{Activity, Engine, HadRun, reach::Reach};
 use crate::{
     Effect, Event, Fault, Operation, Report, RunStatus,
     fault::StopReason,
     operation::{Pending, limit, retract},
     recovery::{Recovery, RecoveryReport, RecoveryStep},
 };
-
-/// Largest distance of a stage that is found again from the path of its last moves, in tolerances
-/// of its read-back: its drive was switched off or stopped in between.
-const JUMP_TOLERANCES: f64 = 10.0;
 
 impl Engine {
     /// Stops both axes, finds the linear stage and retracts, because of this fault; then the rig is
@@ -23,7 +19,7 @@ impl Engine {
             return;
         }
         let clearance = self.interlock.clearance();
-        self.reach = fault.last_moves();
+        self.reach = Reach::left(fault.jump());
         self.notes.push(Event::Faulted { fault: fault.clone(), clearance });
         self.last_fault = Some(fault.clone());
         // Nobody has asked the drive yet who it is and where.
@@ -143,7 +139,7 @@ impl Engine {
     ) {
         let Activity::Retracting(recovery, ..) = &mut self.activity else { return };
         let is_finding = recovery.is_finding();
-        let result = result.and_then(|report| self.take_found(&report, is_finding));
+        let result = result.and_then(|report| self.take_found(report, is_finding));
         let report = RecoveryReport::of_result(&result);
         if let Err(fault) = result {
             self.escalate(fault);
@@ -156,19 +152,19 @@ impl Engine {
     }
 
     /// Takes in where the drive was found again.
-    pub(super) fn take_found(&mut self, report: &Report, is_finding: bool) -> Result<(), Fault> {
-        if let &Report::LinearAt(found) = report
+    pub(super) fn take_found(&mut self, report: Report, is_finding: bool) -> Result<Report, Fault> {
+        if let Report::LinearAt(found) = report
             && is_finding
         {
-            self.refuse_jump(found)?;
+            self.reach.find(found, &self.limits.linear)?;
             self.linear = Some(found);
         }
-        Ok(())
+        Ok(report)
     }
 
     /// Whether the probe may be above its clear position, where a move to that position would go down.
     fn may_be_high(&self) -> bool {
-        self.reach.is_none_or(|reach| self.is_high(reach.max))
+        self.reach.highest().is_none_or(|highest| self.is_high(highest))
     }
 
     fn is_high(&self, at: Position<Mm>) -> bool {
@@ -183,18 +179,6 @@ impl Engine {
         let above = self.linear.filter(|at| self.is_high(*at));
         let above = above.map(|at| if highest < at { highest } else { at });
         above.and_then(|at| linear.target(at).ok()).unwrap_or(linear.rest_target())
-    }
-
-    /// A drive that was switched off may have a wrong position. A retract from it could go into the
-    /// sample.
-    pub(super) fn refuse_jump(&self, found: Position<Mm>) -> Result<(), Fault> {
-        let Some(span) = self.reach else { return Ok(()) };
-        let margin_mm = JUMP_TOLERANCES * self.limits.linear.tolerance();
-        let (low, high) = (span.min.offset(-margin_mm), span.max.offset(margin_mm));
-        if Span::contains(&Span { min: low, max: high }, found) {
-            return Ok(());
-        }
-        Err(Fault::PositionJumped { found, low: span.min, high: span.max })
     }
 
     /// A pause of the recovery is over.

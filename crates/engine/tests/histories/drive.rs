@@ -20,6 +20,8 @@ pub(crate) enum DriveTrouble {
     EmergencyStop,
     /// It has lost its position; homing is known to lead away from the sample, or is not.
     Unhomed { is_homing_safe: bool },
+    /// It has lost its position, homing leads away from the sample, and what it says at the end of that is lost.
+    HomedUnheard,
     /// It says that it is this much higher than it is, mm.
     Jumped { by_mm: f64 },
 }
@@ -51,7 +53,6 @@ impl Drive {
         let is_on_bus = !matches!(operation, Operation::Measure { .. });
         let is_linear = is_on_bus
             && !matches!(operation, Operation::PrepareRotary | Operation::MoveRotary { .. });
-        let is_find = matches!(operation, Operation::FindLinear { .. });
         match drive.trouble {
             DriveTrouble::Silent { seconds } if is_on_bus => {
                 if drive.since + Duration::from_secs(seconds) <= world.now {
@@ -83,24 +84,14 @@ impl Drive {
                     if is_another { u16::try_from(drive.resets).unwrap_or_default() } else { 0 };
                 Some(failed(Device::LinearStage, FailureKind::Alarmed { code }))
             }
-            DriveTrouble::Unhomed { is_homing_safe } if is_linear => match operation {
-                Operation::StopMotion => None,
-                Operation::FindLinear { .. } if is_homing_safe => {
-                    // Its position is known again, also after one where it could not be.
-                    (world.drive, world.is_lost) = (None, false);
-                    world.linear_mm = 49.0;
-                    Some(Ok(Report::LinearHomed(Position::new(49.0))))
-                }
-                // A person has taken the sample away.
-                Operation::HomeLinear { .. } => {
-                    (world.drive, world.is_lost) = (None, false);
-                    None
-                }
-                _ => {
-                    world.is_lost |= is_find;
-                    Some(failed(Device::LinearStage, FailureKind::Unhomed))
-                }
-            },
+            DriveTrouble::Unhomed { is_homing_safe } if is_linear => {
+                Self::unhomed(world, operation, is_homing_safe)
+            }
+            DriveTrouble::HomedUnheard if is_linear => {
+                let homed = Self::unhomed(world, operation, true);
+                let is_homed = matches!(homed, Some(Ok(Report::LinearHomed(_))));
+                if is_homed { Some(failed(Device::LinearStage, FailureKind::Line)) } else { homed }
+            }
             DriveTrouble::Jumped { by_mm } => match operation {
                 Operation::FindLinear { .. } => {
                     world.is_lost = true;
@@ -112,6 +103,33 @@ impl Drive {
                 _ => None,
             },
             _ => None,
+        }
+    }
+
+    /// The answer of a drive that has lost its position.
+    fn unhomed(
+        world: &mut World,
+        operation: &Operation,
+        is_homing_safe: bool,
+    ) -> Option<Result<Report, Failure>> {
+        match operation {
+            Operation::StopMotion => None,
+            Operation::FindLinear { .. } if is_homing_safe => Some(Ok(Report::Unhomed)),
+            Operation::HomeUpwards => {
+                // Its position is known again, also after one where it could not be.
+                (world.drive, world.is_lost) = (None, false);
+                world.linear_mm = 49.0;
+                Some(Ok(Report::LinearHomed(Position::new(49.0))))
+            }
+            // A person has taken the sample away.
+            Operation::HomeLinear { .. } => {
+                (world.drive, world.is_lost) = (None, false);
+                None
+            }
+            _ => {
+                world.is_lost |= matches!(operation, Operation::FindLinear { .. });
+                Some(failed(Device::LinearStage, FailureKind::Unhomed))
+            }
         }
     }
 }

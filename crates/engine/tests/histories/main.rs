@@ -313,7 +313,7 @@ fn a_rig_that_was_left_by_a_crash_waits_for_a_person_and_then_retracts_first() {
             message: message.to_owned(),
             may_touch,
             was_lowered: may_touch,
-            last_moves: None,
+            jump: None,
         };
         world.engine.latch_interrupted(left("smoke-1 was interrupted", may_touch), &mut effects);
         let snapshot = world.engine.snapshot();

@@ -1,7 +1,9 @@
 //! The linear drive in trouble at every operation of a run: the probe ends clear, or the rig ends
 //! latched with its first cause, and nothing moves from a position that is not known.
 
-use rig_engine::{Command, Device, Event, Fault, LeftRig, Operation, RigState, Snapshot};
+use rig_engine::{
+    Command, Device, Event, FailureKind, Fault, Jump, LeftRig, Operation, RigState, Snapshot,
+};
 use rig_model::{Clearance, Position, Span};
 
 use crate::{
@@ -164,6 +166,7 @@ fn a_pressed_emergency_stop_is_not_pushed_against() {
 #[test]
 fn a_drive_that_lost_its_position_is_homed_only_away_from_the_sample() {
     each_operation(DriveTrouble::Unhomed { is_homing_safe: true }, is_clear);
+    each_operation(DriveTrouble::HomedUnheard, is_clear);
     each_operation(DriveTrouble::Unhomed { is_homing_safe: false }, |world, end, context| {
         // The world refuses every move from here on.
         assert!(world.is_lost, "{context}");
@@ -256,21 +259,46 @@ fn an_acknowledgement_moves_no_stage_that_is_not_where_its_last_moves_can_have_l
     assert_eq!(world.engine.snapshot().state, RigState::Idle, "{:?}", world.engine.snapshot());
 }
 
+/// The drive then says that it is where its last moves can have led it.
+#[test]
+fn a_homing_that_does_not_end_leaves_a_wrong_position_wrong() {
+    let mut world = World::new(Some((30, Trouble::Drive(DriveTrouble::Jumped { by_mm: 45.0 }))));
+    world.play();
+    (world.trouble, world.is_lost, world.drive) = (None, false, None);
+    world.command(Command::HomeLinear);
+    let Some((id, Operation::HomeLinear { .. })) = world.in_flight.take() else {
+        panic!("{:?}", world.engine.snapshot())
+    };
+    world.fail(id, FailureKind::Alarmed { code: 0x66 });
+    for _ in 0..3 {
+        settle(&mut world, 30);
+        let snapshot = world.engine.snapshot();
+        assert_eq!((snapshot.state, snapshot.clearance), (RigState::Latched, Clearance::Unknown));
+        assert!(snapshot.jump.is_some_and(|jump| jump.is_homing_open), "{snapshot:?}");
+        world.command(Command::Acknowledge);
+    }
+    settle(&mut world, 30);
+    world.command(Command::HomeLinear);
+    settle(&mut world, 30);
+    let snapshot = world.engine.snapshot();
+    assert_eq!((snapshot.state, snapshot.jump), (RigState::Idle, None));
+}
+
 /// The program was ended after it had said so, and started again.
 #[test]
 fn a_position_that_was_said_to_be_wrong_is_so_for_the_next_program_too() {
     let mut world = World::new(None);
     let is_jumped =
         |world: &World| matches!(world.engine.snapshot().fault, Some(Fault::PositionJumped { .. }));
-    let left = |last_moves| LeftRig {
+    let left = |jump| LeftRig {
         message: "smoke-1 was interrupted".to_owned(),
         may_touch: true,
         was_lowered: true,
-        last_moves,
+        jump,
     };
-    let elsewhere = Some(Span::new(-60.0, -50.0));
+    let elsewhere = Some(Jump { last_moves: Span::new(-60.0, -50.0), is_homing_open: false });
     world.engine.latch_interrupted(left(elsewhere), &mut Vec::new());
-    assert_eq!(world.engine.snapshot().fault.unwrap().last_moves(), elsewhere);
+    assert_eq!(world.engine.snapshot().jump, elsewhere);
     // The way out of contact without the rest of the rig.
     let mut safe = World::new(None);
     let mut effects = Vec::new();

@@ -401,6 +401,7 @@ impl World {
             Operation::Descend { .. } => self.not_descended(),
             Operation::MoveLinear { .. }
             | Operation::HomeLinear { .. }
+            | Operation::HomeUpwards
             | Operation::FindLinear { .. } => Report::LinearAt(Position::new(self.linear_mm)),
             Operation::MoveRotary { .. } | Operation::PrepareRotary => {
                 Report::RotaryAt(Position::new(self.rotary_deg))
@@ -440,7 +441,10 @@ impl World {
                 }
                 return Report::Measured(readings);
             }
-            Operation::StopMotion | Operation::FindLinear { .. } | Operation::Descend { .. } => {}
+            Operation::StopMotion
+            | Operation::FindLinear { .. }
+            | Operation::HomeUpwards
+            | Operation::Descend { .. } => {}
         }
         self.stalled(operation)
     }

@@ -132,7 +132,10 @@ impl Session {
                 (RigState::Idle, _) => return Ok(()),
                 // What was left may be a position that is wrong, which a homing alone mends.
                 (RigState::Latched, Some(fault))
-                    if may_home && (hint::is_without_position(fault) || is_lowered(fault)) =>
+                    if may_home
+                        && (status.snapshot.jump.is_some()
+                            || hint::is_unhomed(fault)
+                            || is_lowered(fault)) =>
                 {
                     may_home = false;
                     self.handle.command(Command::HomeLinear, None, self.operator()).await?;
@@ -241,7 +244,7 @@ pub(super) fn left(status: &Status) -> Failure {
 /// The rig is latched. Prints the reason and the advice.
 pub(super) fn latched(status: &Status) -> Failure {
     let fault = status.snapshot.fault.as_ref();
-    let hint = fault.map(|fault| hint::after(fault, status.snapshot.clearance).at_a_terminal());
+    let hint = fault.map(|fault| hint::latched(&status.snapshot, fault).at_a_terminal());
     let cause = fault.map_or_else(|| "a fault".to_owned(), ToString::to_string);
     let is_of_journal =
         matches!(fault, Some(Fault::Device(failure)) if failure.device == Device::Journal);

@@ -3,7 +3,7 @@
 use std::time::SystemTime;
 
 use axum::{Extension, Json, extract::State, http::header, response::IntoResponse};
-use rig_engine::{Command, FailureKind, Fault, RefusalAnswer, RigState};
+use rig_engine::{Command, FailureKind, Fault, RefusalAnswer, RigState, Snapshot};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -115,9 +115,9 @@ pub(super) fn view(shared: &Shared, status: &Status) -> RigView {
 }
 
 /// The kind of a fault that asks for something of its own.
-fn kind(fault: &Fault) -> &'static str {
+fn kind(snapshot: &Snapshot, fault: &Fault) -> &'static str {
     match fault {
-        fault if fault.last_moves().is_some() => "position_jumped",
+        _ if snapshot.jump.is_some() => "position_jumped",
         Fault::Interrupted(_) => "interrupted",
         Fault::NotCommissioned { .. } => "not_commissioned",
         Fault::Device(failure) if failure.kind == FailureKind::Lost => "position_lost",
@@ -144,12 +144,12 @@ fn view_of(facts: &RigFacts, status: &Status) -> RigView {
     };
     let prompt = snapshot.prompt.zip(status.run.as_ref()).map(|(prompt, run)| run.ask(&prompt));
     let fault = snapshot.fault.as_ref().map(|fault| FaultView {
-        kind: kind(fault).to_owned(),
+        kind: kind(snapshot, fault).to_owned(),
         cause: fault.to_string(),
         hint: if snapshot.state == RigState::Retracting {
             hint::during_retract(fault)
         } else {
-            let hint = hint::after(fault, snapshot.clearance);
+            let hint = hint::latched(snapshot, fault);
             let trying = |attempts| hint::during_attempts(attempts, hint);
             snapshot.attempts.map_or_else(|| hint.over_http(), trying)
         },

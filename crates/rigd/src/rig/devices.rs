@@ -83,9 +83,10 @@ impl Axes {
                 prepare(&mut self.linear, anew, stop).await.map(Report::LinearAt).map_err(linear)
             }
             &Operation::FindLinear { may_reset_alarm } => {
-                find(&mut self.linear, may_reset_alarm, self.is_homing_up, stop)
-                    .await
-                    .map_err(linear)
+                find(&mut self.linear, may_reset_alarm, self.is_homing_up).await.map_err(linear)
+            }
+            Operation::HomeUpwards => {
+                home_upwards(&mut self.linear, stop).await.map(Report::LinearHomed).map_err(linear)
             }
             Operation::PrepareRotary => {
                 prepare(&mut self.rotary, false, stop).await.map(Report::RotaryAt).map_err(rotary)
@@ -202,13 +203,11 @@ async fn prepare<U: Unit>(
     stage.trusted_position()
 }
 
-/// Finds the linear stage again while the probe may be in contact. It is homed only if it has lost its
-/// position and homes upwards.
+/// Finds the linear stage again while the probe may be in contact.
 async fn find(
     stage: &mut Stage<Mm>,
     may_reset_alarm: bool,
     is_homing_up: bool,
-    stop: &StopSignal,
 ) -> Result<Report, StageError<Mm>> {
     let status = stage.identify().await?;
     if status.is_homed {
@@ -222,11 +221,18 @@ async fn find(
         stage.reset_alarm().await?;
     }
     if !status.is_homed && is_homing_up {
-        stage.home_upwards(stop).await?;
-        return stage.trusted_position().map(Report::LinearHomed);
+        return Ok(Report::Unhomed);
     }
     stage.status().await?;
     stage.trusted_position().map(Report::LinearAt)
+}
+
+async fn home_upwards(
+    stage: &mut Stage<Mm>,
+    stop: &StopSignal,
+) -> Result<Position<Mm>, StageError<Mm>> {
+    stage.home_upwards(stop).await?;
+    stage.trusted_position()
 }
 
 /// Refuses a drive whose emergency stop is pressed. Where it says so by an alarm, a reset shows whether it still

@@ -69,7 +69,7 @@ impl Gate {
                 Outcome::LinearAt(*at)
             }
             Ok(Report::RotaryAt(at)) => Outcome::RotaryAt(*at),
-            Ok(Report::Measured(_) | Report::Stopped) => Outcome::Done,
+            Ok(Report::Measured(_) | Report::Stopped | Report::Unhomed) => Outcome::Done,
             Err(failure) if failure.kind == FailureKind::Interrupted => Outcome::Interrupted,
             Err(_) if is_interrupted && matches!(operation, Operation::Measure { .. }) => {
                 Outcome::Interrupted
@@ -123,7 +123,7 @@ fn command(operation: &Operation) -> PortCommand {
     match *operation {
         Operation::HomeLinear { .. } => PortCommand::HomeLinear,
         Operation::PrepareRotary => PortCommand::HomeRotary,
-        Operation::FindLinear { .. } => PortCommand::FindLinear,
+        Operation::FindLinear { .. } | Operation::HomeUpwards => PortCommand::FindLinear,
         Operation::MoveLinear { target, speed_mm_per_s } => {
             PortCommand::MoveLinear { to: target.position(), speed_mm_per_s }
         }

@@ -8,7 +8,7 @@ mod values;
 use std::sync::Arc;
 
 use rig_engine::{
-    Contact, Descended, Event, Fault, FinishedSweep, SweepPurpose, TouchOutcome, TouchResult,
+    Contact, Descended, Event, Fault, FinishedSweep, Jump, SweepPurpose, TouchOutcome, TouchResult,
 };
 use rig_link::{Flow, Frame, Transcript};
 use rig_model::{Clearance, Mm, Position};
@@ -258,7 +258,9 @@ impl Recorder {
             cause: fault.to_string(),
             probe: clearance_of(clearance),
             hint: hint::after(fault, clearance).text.to_owned(),
-            last_moves_mm: fault.last_moves().map(|span| [span.min.value(), span.max.value()]),
+            last_moves_mm: fault
+                .jump()
+                .map(|Jump { last_moves, .. }| [last_moves.min.value(), last_moves.max.value()]),
         })
     }
 

@@ -160,9 +160,9 @@ impl Shell {
         shell.latch_uncommissioned();
         if let Some(left) = left.filter(|left| left.is_latched) {
             let mut effects = Vec::new();
-            let InterruptedRig { probe, message, last_moves, .. } = left;
+            let InterruptedRig { probe, message, jump, .. } = left;
             let (may_touch, was_lowered) = (probe != LeftProbe::Clear, probe == LeftProbe::Lowered);
-            let left = LeftRig { message, may_touch, was_lowered, last_moves };
+            let left = LeftRig { message, may_touch, was_lowered, jump };
             shell.engine.latch_interrupted(left, &mut effects);
             shell.carry_out(effects);
         }
@@ -393,7 +393,7 @@ impl Shell {
     /// Starts an operation. Without a journal only the way out of contact is allowed.
     fn start(&mut self, id: OperationId, operation: Operation) {
         let is_way_out = match &operation {
-            Operation::StopMotion | Operation::FindLinear { .. } => true,
+            Operation::StopMotion | Operation::FindLinear { .. } | Operation::HomeUpwards => true,
             // To the clear position from below, or to where the probe is above it.
             Operation::MoveLinear { target, .. } => {
                 let linear = &self.setting.limits.linear;

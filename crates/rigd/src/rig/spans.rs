@@ -119,6 +119,7 @@ const fn word(operation: &Operation) -> &'static str {
         Operation::HomeLinear { .. } => "home linear",
         Operation::PrepareRotary => "prepare rotary",
         Operation::FindLinear { .. } => "find linear",
+        Operation::HomeUpwards => "home linear upwards",
         Operation::MoveLinear { .. } => "move linear",
         Operation::Descend { .. } => "descend",
         Operation::MoveRotary { .. } => "move rotary",

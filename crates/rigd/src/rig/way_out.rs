@@ -20,7 +20,7 @@ use rig_engine::{
 use rig_files::rig_file::{Connection, RigFile};
 use rig_interlock::Proven;
 use rig_link::{Clock, Port};
-use rig_model::{Clearance, Mm, Position, Span, with_causes};
+use rig_model::{Clearance, Mm, Position, with_causes};
 use rig_stage::{BusHandle, HaltFrames};
 use rig_store::{Ending, Journal, Reader, Record, RunFinished, RunId, RunKind, Store, StoreError};
 
@@ -35,7 +35,8 @@ use super::{
     until,
 };
 use crate::{
-    instruments::Instruments, loaded_rig::LoadedRig, place::Place, simulation::Simulation,
+    instruments::Instruments, interruption::jump, loaded_rig::LoadedRig, place::Place,
+    simulation::Simulation,
 };
 
 /// Longest wait for a port that another program holds: one that is ending releases it at once.
@@ -74,7 +75,7 @@ pub struct WayOut {
 /// opened.
 pub fn make_safe(rig: LoadedRig, data: Option<&Path>, by: &str) -> Result<WayOut, OpenError> {
     let runtime = runtime_of(&rig)?;
-    let fault = with_last_moves(Fault::Stopped { by: by.to_owned() }, data, &rig.file.name);
+    let fault = with_jump(Fault::Stopped { by: by.to_owned() }, data, &rig.file);
     let log = Log::open(data, &rig.file.name)?;
     let default = Place::found().data;
     let proof = Proof::for_way_out(&rig, data.unwrap_or(&default));
@@ -100,15 +101,17 @@ pub fn make_safe(rig: LoadedRig, data: Option<&Path>, by: &str) -> Result<WayOut
 
 /// The fault with what the journal says of a position that may be wrong. A journal that cannot be read is no reason to leave
 /// the probe where it is.
-fn with_last_moves(fault: Fault, data: Option<&Path>, rig: &str) -> Fault {
+fn with_jump(fault: Fault, data: Option<&Path>, file: &RigFile) -> Fault {
+    let is_simulated = matches!(file.connection, Connection::Simulated(_));
     let reader = data.and_then(|data| Reader::open(data).ok());
-    let last_moves = reader.and_then(|reader| reader.last_moves_mm(rig).ok().flatten());
-    let Some([low, high]) = last_moves else { return fault };
+    let Some(jump) = reader.and_then(|reader| jump(&reader, &file.name, is_simulated)) else {
+        return fault;
+    };
     Fault::Interrupted(LeftRig {
         message: fault.to_string(),
         may_touch: true,
         was_lowered: true,
-        last_moves: Some(Span::new(low, high)),
+        jump: Some(jump),
     })
 }
 
@@ -127,7 +130,7 @@ impl Kept {
     /// stopped.
     pub(super) async fn retract(self, fault: Fault) -> Result<WayOut, OpenError> {
         let Self { file, instruments, data, simulation, missing } = self;
-        let fault = with_last_moves(fault, Some(&data), &file.name);
+        let fault = with_jump(fault, Some(&data), &file);
         let clock = Clock::start();
         let port = match simulation {
             Some(bench) => Port::open(bench.bus(&file), clock).await,

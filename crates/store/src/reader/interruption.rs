@@ -22,6 +22,18 @@ pub enum ProbeWord {
     Silent,
 }
 
+/// The operator's action that homes a linear stage whatever its position.
+pub const HOMING: &str = "home with nothing below the probe";
+
+/// A linear stage that was read back elsewhere than its last moves can have led it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Jump {
+    /// The lowest and the highest position to which they can have led it, mm.
+    pub last_moves_mm: [f64; 2],
+    /// Whether a homing was begun since: it did not bring the rig into service.
+    pub is_homing_open: bool,
+}
+
 /// The state in which a killed program left a run or session.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Interruption {
@@ -182,32 +194,36 @@ impl Reader {
         Ok(cause.filter(|_| is_latched))
     }
 
-    /// The lowest and the highest position to which the last moves of a rig can have led its linear stage, mm, if it was read
-    /// back elsewhere and the rig was not in service since.
+    /// The jump of the linear stage of a rig, if the rig was not in service since.
     ///
     /// # Errors
     /// [`StoreError`] of the system or of SQLite, or [`StoreError::Unreadable`].
-    pub fn last_moves_mm(&self, rig: &str) -> Result<Option<[f64; 2]>, StoreError> {
+    pub fn jump(&self, rig: &str) -> Result<Option<Jump>, StoreError> {
         let of_epoch = select_records(&format!(
-            "WHERE {OF_EPOCH} AND records.kind IN ('fault', 'state_changed')
+            "WHERE {OF_EPOCH} AND records.kind IN ('fault', 'state_changed', 'operator')
              ORDER BY records.id DESC"
         ));
         let sessions = "WHERE kind = 'session' AND name = ?1 ORDER BY key DESC";
-        for session in self.select_runs(sessions, [rig])? {
+        let (mut last_moves_mm, mut is_homing_open, mut is_homed_later) = (None, false, false);
+        'service: for session in self.select_runs(sessions, [rig])? {
             let mut statement = self.connection.prepare_cached(&of_epoch)?;
             let mut rows = statement.query([session.epoch.cast_signed()])?;
             while let Some(row) = rows.next()? {
                 match record_from(row)?.record()? {
                     // It comes to this after a homing, or where the position agrees with the last moves again.
-                    Record::StateChanged(change) if change.state == "idle" => return Ok(None),
+                    Record::StateChanged(change) if change.state == "idle" => break 'service,
+                    Record::Operator(operator) if operator.action == HOMING => {
+                        is_homed_later = true;
+                    }
                     Record::Fault(Fault { last_moves_mm: Some(span), .. }) => {
-                        return Ok(Some(span));
+                        last_moves_mm.get_or_insert(span);
+                        is_homing_open |= is_homed_later;
                     }
                     _ => {}
                 }
             }
         }
-        Ok(None)
+        Ok(last_moves_mm.map(|last_moves_mm| Jump { last_moves_mm, is_homing_open }))
     }
 
     fn last_step(&self, run: RunId) -> Result<Option<String>, StoreError> {

@@ -2,8 +2,8 @@
 
 use super::sample::{Directory, append, records, run_started};
 use crate::{
-    Axis, Clearance, Ending, Fault, Intent, Move, MoveReason, ProbeWord, Reader, Record,
-    RunFinished, RunKind, RunStatus, StateChanged, Store,
+    Axis, Clearance, Ending, Fault, HOMING, Intent, Jump, Move, MoveReason, Operator, ProbeWord,
+    Reader, Record, RunFinished, RunKind, RunStatus, StateChanged, Store,
 };
 
 fn lowering(to: f64) -> Record {
@@ -39,16 +39,23 @@ fn a_position_that_was_said_to_be_wrong_stays_so_until_the_rig_was_in_service() 
         }
         journal.commit().unwrap();
     };
-    let found = |rig| Reader::open(directory.path()).unwrap().last_moves_mm(rig).unwrap();
+    let found = |rig| Reader::open(directory.path()).unwrap().jump(rig).unwrap();
+    let jump = |is_homing_open| Some(Jump { last_moves_mm: [9.5, 24.5], is_homing_open });
     let Record::Fault(fault) = lost() else { unreachable!() };
     let jumped = Record::Fault(Fault { last_moves_mm: Some([9.5, 24.5]), ..fault });
-    session("bench", &[state("idle"), jumped, state("latched"), lost()]);
-    assert_eq!(found("bench"), Some([9.5, 24.5]));
+    session("bench", &[state("idle"), jumped.clone(), state("latched"), lost()]);
+    assert_eq!(found("bench"), jump(false));
     // Programs that end before they say anything, and another rig.
     session("bench", &[]);
     session("bench", &[preparing()]);
     session("another", &[state("idle")]);
-    assert_eq!((found("bench"), found("another")), (Some([9.5, 24.5]), None));
+    assert_eq!((found("bench"), found("another")), (jump(false), None));
+    // A homing that fails, and each program after it says again what the first one had said.
+    let (action, who) = (HOMING.to_owned(), "mo".to_owned());
+    session("bench", &[Record::Operator(Operator { action, who }), preparing(), lost()]);
+    assert_eq!(found("bench"), jump(true));
+    session("bench", &[jumped, state("latched")]);
+    assert_eq!(found("bench"), jump(true));
     session("bench", &[preparing(), state("idle"), lost()]);
     assert_eq!(found("bench"), None);
 }

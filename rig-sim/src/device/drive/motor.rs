@@ -116,12 +116,16 @@ impl Motor {
     }
 
     /// The effect of faults on a motor. The drive handles its own faults.
-    pub(super) fn apply_fault(&self, now: RigTime, fault: DeviceFault, world: &mut World) {
+    pub(super) fn apply_fault(&mut self, now: RigTime, fault: DeviceFault, world: &mut World) {
         match fault {
             DeviceFault::Stall => world.drive(now, self.axis).halt(now),
             DeviceFault::EmergencyStop => world.press_stop(now, true),
             DeviceFault::Jam => world.drive(now, self.axis).set_jammed(now, true),
             DeviceFault::LoseSteps(distance) => world.drive(now, self.axis).lose_steps(distance),
+            DeviceFault::Miscount(by) => {
+                self.zero -= by;
+                self.commanded += by / self.units_per_count;
+            }
             DeviceFault::Reboot
             | DeviceFault::Alarm(_)
             | DeviceFault::LimitSwitch
