@@ -8,7 +8,7 @@ use rig_files::{
     rig_file::RigFile,
 };
 use rig_model::{AnalyzerMake, DriveMake};
-use rig_store::Digest;
+use rig_store::{Digest, Source};
 use sha2::{Digest as _, Sha256};
 
 use crate::files::{FileError, read};
@@ -22,8 +22,8 @@ pub struct Instruments {
     pub linear: &'static RegisterMap,
     /// The drive of the rotary stage.
     pub rotary: &'static RegisterMap,
-    /// SHA-256 of the files of both drives, the linear stage first; `None` for shipped ones.
-    pub drive_files: [Option<Digest>; 2],
+    /// The files of analyzer, linear and rotary stage, in this order; `None` for shipped ones.
+    pub own_files: [Option<&'static Source>; 3],
 }
 
 /// The makes that play the devices of a simulated rig.
@@ -90,7 +90,7 @@ impl Instruments {
             analyzer: Dialect::of(*analyzer),
             linear: RegisterMap::of(*linear),
             rotary: RegisterMap::of(*rotary),
-            drive_files: [None, None],
+            own_files: [None; 3],
         })
     }
 
@@ -100,13 +100,13 @@ impl Instruments {
     /// Every fault of an instrument file, or that it does not fit the rig file.
     pub(crate) fn load(path: &Path, rig: &RigFile) -> Result<Self, FileError> {
         let name = path.display().to_string();
-        let analyzer = match &rig.analyzer.instrument {
-            Named::Shipped(make) => Dialect::of(*make),
+        let (analyzer, of_analyzer) = match &rig.analyzer.instrument {
+            Named::Shipped(make) => (Dialect::of(*make), None),
             Named::File { path: file, location } => {
                 let (file, text) = beside(path, file, *location, FileKind::Analyzer)?;
                 let dialect = Dialect::read_and_keep(&file, &text).map_err(FileError::Faults)?;
                 within_ranges(&name, *location, rig, dialect)?;
-                dialect
+                (dialect, Some(kept(&dialect.name, text)))
             }
         };
         let drive = |instrument: &Named<DriveMake>| match instrument {
@@ -114,12 +114,20 @@ impl Instruments {
             Named::File { path: file, location } => {
                 let (file, text) = beside(path, file, *location, FileKind::Drive)?;
                 let map = RegisterMap::read_and_keep(&file, &text).map_err(FileError::Faults)?;
-                Ok((map, Some(Digest::from_bytes(Sha256::digest(text.as_bytes()).into()))))
+                Ok((map, Some(kept(&map.name, text))))
             }
         };
         let (linear, of_linear) = drive(&rig.linear.instrument)?;
         let (rotary, of_rotary) = drive(&rig.rotary.instrument)?;
-        Ok(Self { analyzer, linear, rotary, drive_files: [of_linear, of_rotary] })
+        Ok(Self { analyzer, linear, rotary, own_files: [of_analyzer, of_linear, of_rotary] })
+    }
+
+    /// SHA-256 of the files of both drives, the linear stage first; `None` for shipped ones.
+    pub(crate) fn drive_files(&self) -> [Option<Digest>; 2] {
+        let [_, linear, rotary] = self.own_files;
+        let digest =
+            |file: &Source| Digest::from_bytes(Sha256::digest(file.toml.as_bytes()).into());
+        [linear.map(digest), rotary.map(digest)]
     }
 
     /// The makes that play them on a simulated rig.
@@ -150,6 +158,11 @@ impl Instruments {
             &InstrumentRefusal::NotSimulated(refusal),
         ))
     }
+}
+
+/// The text of a file, for as long as the program runs, as what was read from it.
+fn kept(name: &str, toml: String) -> &'static Source {
+    Box::leak(Box::new(Source { name: name.to_owned(), toml }))
 }
 
 /// Where a rig file names the file of an instrument.

@@ -123,7 +123,7 @@ impl LoadedRig {
 
     /// What calibrations of this rig rest on.
     pub fn basis(&self) -> Basis {
-        Basis::of(&self.file, self.instruments.drive_files)
+        Basis::of(&self.file, self.instruments.drive_files())
     }
 
     /// Whether the rig is simulated, on a bench whose drives move it as the rig file says. Its person sees that, and

@@ -68,6 +68,7 @@ pub(crate) struct RunStarted {
 pub(crate) struct Device {
     pub(crate) role: String,
     pub(crate) identity: String,
+    pub(crate) instrument: Option<Source>,
 }
 
 /// A calibration that the run cites.

@@ -7,6 +7,7 @@ use crate::{
 
 const RIG_FILE: &str = "rig file";
 const SCENE_FILE: &str = "scene file";
+const INSTRUMENT_FILE: &str = "instrument file of the ";
 const SOFTWARE: &str = "software";
 /// Begins of what is not held against the records here: calibrations and corrections.
 const CITED: [&str; 2] = ["calibration (", "correction ("];
@@ -73,11 +74,14 @@ impl Stated {
             changes.push(change(SOFTWARE, was, is));
         }
         let before = self.devices.iter().flatten();
-        for Device { role, identity } in resumed.devices.iter().flatten() {
-            let was = before.clone().find(|device| device.role == *role);
-            let was = was.map_or("none", |device| &device.identity);
+        for Device { role, identity, instrument } in resumed.devices.iter().flatten() {
+            let known = before.clone().find(|device| device.role == *role);
+            let was = known.map_or("none", |device| &device.identity);
             if was != identity {
                 changes.push(change(role, was, identity));
+            }
+            if known.and_then(|device| device.instrument.as_ref()) != instrument.as_ref() {
+                changes.push(change(&format!("{INSTRUMENT_FILE}{role}"), "", ""));
             }
         }
         changes
@@ -86,7 +90,7 @@ impl Stated {
 
 /// A change in a word. What a change of a file says of its keys is not held against the file.
 fn text(Change { what, was, is }: &Change) -> String {
-    if [RIG_FILE, SCENE_FILE].contains(&&**what) {
+    if [RIG_FILE, SCENE_FILE].contains(&&**what) || what.starts_with(INSTRUMENT_FILE) {
         what.clone()
     } else {
         format!("{what}: {was} → {is}")
@@ -101,7 +105,11 @@ mod tests {
 
     fn stated() -> Stated {
         let source = |toml: &str| Source { name: "bench".to_owned(), toml: toml.to_owned() };
-        let device = |role: &str| Device { role: role.to_owned(), identity: "A 1".to_owned() };
+        let device = |role: &str| Device {
+            role: role.to_owned(),
+            identity: "A 1".to_owned(),
+            instrument: None,
+        };
         Stated {
             rig: source("a = 1"),
             scene: Some(source("b = 1")),
@@ -131,7 +139,12 @@ mod tests {
         let of_analyzer = json!({ "what": "analyzer", "was": "A 1", "is": "B 2" });
         let of_scale = json!({ "what": "calibration (scale)", "was": "none", "is": "a of b" });
         let same = json!({ "name": "bench", "toml": "a = 1" });
-        let rows: [Row<'_>; 9] = [
+        let instrument = json!({ "name": "hioki", "toml": "c = 1" });
+        let own = |role: &str| json!({ "role": role, "identity": "A 1", "instrument": instrument });
+        let own = json!([own("analyzer"), { "role": "linear drive", "identity": "A 1" }]);
+        let of_file =
+            json!({ "what": "instrument file of the analyzer", "was": "none", "is": "hioki" });
+        let rows: [Row<'_>; 11] = [
             ("nothing", &[], 0),
             ("a rig file", &[("rig", rig.clone()), ("changes", json!([of_rig]))], 0),
             ("a rig file that is not said to have changed", &[("rig", rig)], 1),
@@ -140,6 +153,8 @@ mod tests {
             ("a program", &[("software", json!("rigd 2")), ("changes", json!([of_program]))], 0),
             ("a program that is not said to have changed", &[("software", json!("rigd 2"))], 1),
             ("a device that did not change", &[("changes", json!([of_analyzer]))], 1),
+            ("an instrument file", &[("devices", own.clone()), ("changes", json!([of_file]))], 0),
+            ("an instrument file that is not said to have changed", &[("devices", own)], 1),
             ("a calibration", &[("changes", json!([of_scale]))], 0),
         ];
         for (name, values, expected) in rows {

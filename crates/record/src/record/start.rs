@@ -74,6 +74,9 @@ pub struct Device {
     pub role: String,
     /// Identity that the device reported.
     pub identity: String,
+    /// What tells how to speak with it, if it is a file of the bench's own and not one of the program.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub instrument: Option<Source>,
 }
 
 /// A calibration of the bench that a run cites.

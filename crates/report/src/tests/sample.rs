@@ -381,6 +381,7 @@ pub(crate) fn started(touches: Vec<TouchSettings>) -> Record {
     let device = |role: &str, identity: &str| Device {
         role: role.to_owned(),
         identity: identity.to_owned(),
+        instrument: None,
     };
     let sample = |(name, stiffness): (&str, f64)| Sample {
         name: name.to_owned(),

@@ -150,11 +150,15 @@ pub(super) async fn open_rig(
     let identity = analyzer.identify().await.map_err(device("analyzer", &file.analyzer.port))?;
     find(&mut linear, proven).await.map_err(device("linear stage", &file.bus))?;
     find(&mut rotary, proven).await.map_err(device("rotary stage", &file.bus))?;
-    let device_of = |role, identity, health| DeviceIdentity { role, identity, health };
+    let device_of =
+        |role, identity, health, instrument| DeviceIdentity { role, identity, instrument, health };
+    let on_linear = describe(&file.linear, instruments.linear);
+    let on_rotary = describe(&file.rotary, instruments.rotary);
+    let [of_analyzer, of_linear, of_rotary] = instruments.own_files;
     let devices = Arc::new([
-        device_of("analyzer", identity.to_string(), analyzer.health()),
-        device_of("linear stage", describe(&file.linear, instruments.linear), linear.health()),
-        device_of("rotary stage", describe(&file.rotary, instruments.rotary), rotary.health()),
+        device_of("analyzer", identity.to_string(), analyzer.health(), of_analyzer),
+        device_of("linear stage", on_linear, linear.health(), of_linear),
+        device_of("rotary stage", on_rotary, rotary.health(), of_rotary),
     ]);
     let setting = Setting {
         limits: file.limits,

@@ -228,11 +228,13 @@ impl Known {
 pub const SOFTWARE: &str = concat!("rigd ", env!("CARGO_PKG_VERSION"), env!("RIGD_COMMIT"));
 const RIG_FILE: &str = "rig file";
 const SCENE_FILE: &str = "scene file";
+const INSTRUMENT_FILE: &str = "instrument file";
 
 pub(super) fn devices(setting: &Setting) -> Vec<Device> {
     let device = |device: &super::DeviceIdentity| Device {
         role: device.role.to_owned(),
         identity: device.identity.clone(),
+        instrument: device.instrument.cloned(),
     };
     setting.devices.iter().map(device).collect()
 }
@@ -323,10 +325,13 @@ fn changes(
         compare(SCENE_FILE, &was.name, &is.name, was == is);
     }
     compare("software", software, SOFTWARE, software == SOFTWARE);
-    for Device { role, identity } in devices(setting) {
-        let was = known.iter().find(|known| known.role == role);
-        let was = was.map_or("none", |was| was.identity.as_str());
+    let file = |file: Option<&Source>| file.map_or_else(|| "none".to_owned(), |of| of.name.clone());
+    for Device { role, identity, instrument } in devices(setting) {
+        let known = known.iter().find(|known| known.role == role);
+        let was = known.map_or("none", |was| was.identity.as_str());
         compare(&role, was, &identity, was == identity);
+        let (was, is) = (known.and_then(|was| was.instrument.as_ref()), instrument.as_ref());
+        compare(&format!("{INSTRUMENT_FILE} of the {role}"), &file(was), &file(is), was == is);
     }
     for (kind, was, is) in both(cites, calibrations) {
         let text = |cited: Option<&CitedCalibration>| {

@@ -7,7 +7,7 @@ use rig_engine::Snapshot;
 use rig_link::{HealthMeter, Transcript};
 use rig_model::{RigLimits, RigTime};
 use rig_protocol::{Action, Plan, Prompt};
-use rig_store::RunId;
+use rig_store::{RunId, Source};
 
 use super::{History, LiveSweep, Meters, Pace, Remaining, Silence, pace, record};
 use crate::describe;
@@ -87,6 +87,8 @@ pub struct DeviceIdentity {
     pub role: &'static str,
     /// Its reported identity.
     pub identity: String,
+    /// Its instrument file, if it is one of the bench's own.
+    pub instrument: Option<&'static Source>,
     /// Its counts since the rig was opened.
     pub health: HealthMeter,
 }

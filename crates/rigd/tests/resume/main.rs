@@ -87,7 +87,15 @@ fn what_has_changed_is_refused_until_it_is_confirmed() {
     let folder = TempDir::new().unwrap();
     let (rig, protocol) = (write_rig(folder.path()), write_protocol(folder.path()));
     let (rig_text, protocol) = (rig.to_str().unwrap(), protocol.to_str().unwrap());
-    assert!(rigd(folder.path(), &["run", protocol, "--rig", rig_text]).status.success());
+    let analyzer = folder.path().join("analyzer.toml");
+    let shipped = fs::read_to_string(config().join("instruments/hioki-im3536.toml")).unwrap();
+    let named = shipped.replacen("name = \"hioki-im3536\"", "name = \"our-im3536\"", 1);
+    fs::write(&analyzer, named).unwrap();
+    let own = fs::read_to_string(&rig).unwrap();
+    fs::write(&rig, own.replace("dialect = \"hioki-im3536\"", "dialect = \"analyzer.toml\""))
+        .unwrap();
+    let whole = rigd(folder.path(), &["run", protocol, "--rig", rig_text]);
+    assert!(whole.status.success(), "{}", String::from_utf8_lossy(&whole.stderr));
     // A crash in the middle: the journal is cut there.
     let data = folder.path().join("data");
     let whole = fs::canonicalize(&data).unwrap();
@@ -100,6 +108,8 @@ fn what_has_changed_is_refused_until_it_is_confirmed() {
     let changed = fs::read_to_string(&rig).unwrap();
     let changed = changed.replace("rotary_speed_deg_per_s = 40", "rotary_speed_deg_per_s = 39");
     fs::write(&rig, changed).unwrap();
+    let changed = fs::read_to_string(&analyzer).unwrap() + "# Edited.\n";
+    fs::write(&analyzer, changed).unwrap();
     let resume = ["run", "--resume", "latest", "--rig", rig_text, "--json"];
     let refused = rigd(folder.path(), &resume);
     let said = String::from_utf8(refused.stderr).unwrap();
@@ -108,6 +118,7 @@ fn what_has_changed_is_refused_until_it_is_confirmed() {
     let key = "limits.rotary_speed_deg_per_s";
     assert!(said.contains(&format!(": {key} = 40 → ")), "{said}");
     assert!(said.contains(&format!(": {key} = 39)")), "{said}");
+    assert!(said.contains("instrument file of the analyzer"), "{said}");
     let refused = rigd(folder.path(), &["run", "--resume", "no-such-run", "--rig", rig_text]);
     assert_eq!(refused.status.code(), Some(3));
 
@@ -120,7 +131,12 @@ fn what_has_changed_is_refused_until_it_is_confirmed() {
     let run = reader.find("latest").unwrap();
     let seam = reader.records(run.id).unwrap().into_iter().find(|one| one.kind == "resumed");
     let Record::Resumed(seam) = seam.unwrap().record().unwrap() else { panic!() };
-    assert_eq!((seam.changes.len(), &*seam.changes[0].what), (1, "rig file"));
+    let what: Vec<_> = seam.changes.iter().map(|change| &*change.what).collect();
+    assert_eq!(what, ["rig file", "instrument file of the analyzer"]);
+    let instruments: Vec<_> =
+        seam.devices.iter().filter_map(|device| device.instrument.as_ref()).collect();
+    assert!(matches!(instruments[..], [of] if of.toml.ends_with("# Edited.\n")), "{instruments:?}");
+    assert_sound(&data);
     assert!(seam.rig.unwrap().toml.contains("rotary_speed_deg_per_s = 39"));
 
     // Asked again, it says the same.

@@ -170,7 +170,11 @@ pub(super) fn run_started() -> Record {
         rig: source("simulated"),
         is_simulated: true,
         scene: Some(source("paper")),
-        devices: vec![Device { role: "analyzer".to_owned(), identity: "HIOKI,IM3536".to_owned() }],
+        devices: vec![Device {
+            role: "analyzer".to_owned(),
+            identity: "HIOKI,IM3536".to_owned(),
+            instrument: Some(source("im3536")),
+        }],
         calibrations: vec![CitedCalibration {
             kind: "scale".to_owned(),
             made: "2026-11-25T15:30:00Z".to_owned(),
