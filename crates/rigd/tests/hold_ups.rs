@@ -59,17 +59,34 @@ impl Phase {
 
     /// The program at the beginning of this phase of its first touch.
     fn reach(self, folder: &Path) -> Program {
-        let program = Program::start(folder, &["run", "config/protocols/smoke.toml"]);
+        self.reach_by(Command::new(env!("CARGO_BIN_EXE_rigd")), folder)
+    }
+
+    fn reach_by(self, command: Command, folder: &Path) -> Program {
+        let args = ["run", "config/protocols/smoke.toml"];
+        let program = Program::start_by(command, folder, &args);
         program.wait_for_record(&format!("{self:?}"), |record| self.begins_with(record));
         program
     }
 }
 
-/// The shift of the first touch is that of a run in virtual time, which no load of this computer
-/// disturbs. The checker finds nothing, however loaded this computer is.
-#[test]
-fn ten_seconds_of_standstill_in_each_phase_of_a_touch_are_noticed_and_spoil_no_reading() {
-    const STANDSTILL: Duration = Duration::from_secs(10);
+const STANDSTILL: Duration = Duration::from_secs(10);
+
+/// Only time can make it a standstill.
+fn wait() {
+    let began = Instant::now();
+    while began.elapsed() < STANDSTILL {
+        thread::park_timeout(STANDSTILL);
+    }
+}
+
+/// The program stands still in each phase of its first touch, and notices it. The shift is that of a run in virtual time,
+/// which no load of this computer disturbs. The checker finds nothing, however loaded this computer is.
+fn check_standstills(
+    by: impl Fn(Phase, &Path) -> Program + Sync,
+    said: &str,
+    check: impl Fn(&[StoredRecord]) + Sync,
+) {
     /// Several times the standard deviation of a shift, and a fiftieth of the shift.
     const LIMIT_HZ: f64 = 1.0;
     let folder = TempDir::new().unwrap();
@@ -77,18 +94,7 @@ fn ten_seconds_of_standstill_in_each_phase_of_a_touch_are_noticed_and_spoil_no_r
     let expected_hz = undisturbed["touch_results"][0]["shift_hz"].as_f64().unwrap();
     at_once(PHASES, |phase| {
         let folder = TempDir::new().unwrap();
-        let program = phase.reach(folder.path());
-        program.signal(Signal::STOP);
-        let stopped = Instant::now();
-        while stopped.elapsed() < STANDSTILL {
-            // Only time can make it a standstill.
-            thread::park_timeout(STANDSTILL);
-        }
-        program.signal(Signal::CONT);
-        program.wait_for_record("the standstill", |record| match record {
-            Record::Stalled(stalled) => (9.9..13.0).contains(&stalled.stalled_s),
-            _ => false,
-        });
+        let program = by(phase, folder.path());
         program.wait_for_record("the touch", |record| matches!(record, Record::TouchResult(_)));
         program.signal(Signal::TERM);
         let (status, text, data) = program.end();
@@ -103,10 +109,44 @@ fn ten_seconds_of_standstill_in_each_phase_of_a_touch_are_noticed_and_spoil_no_r
         };
         let shift_hz = reader.records(run.id).unwrap().into_iter().find_map(shift).unwrap();
         assert!((shift_hz - expected_hz).abs() < LIMIT_HZ, "{phase:?}: {shift_hz} {expected_hz}");
-        assert!(text.contains("rigd was held up"), "{phase:?}: {text}");
+        assert!(text.contains(said), "{phase:?}: {text}");
         check_clear(&data);
-        check_no_reading_of_the_standstill(&reader.records(run.id).unwrap());
+        check(&reader.records(run.id).unwrap());
     });
+}
+
+#[test]
+fn ten_seconds_of_standstill_in_each_phase_of_a_touch_are_noticed_and_spoil_no_reading() {
+    let by = |phase: Phase, folder: &Path| {
+        let program = phase.reach(folder);
+        program.signal(Signal::STOP);
+        wait();
+        program.signal(Signal::CONT);
+        program.wait_for_record("the standstill", |record| match record {
+            Record::Stalled(stalled) => (9.9..13.0).contains(&stalled.stalled_s),
+            _ => false,
+        });
+        program
+    };
+    check_standstills(by, "rigd was held up", check_no_reading_of_the_standstill);
+}
+
+/// The rest of the program goes on meanwhile. Where the write comes before an operation, that one begins after it, and nothing
+/// is measured again.
+#[cfg(target_os = "linux")]
+#[test]
+fn ten_seconds_of_a_write_in_each_phase_of_a_touch_are_noticed_and_spoil_no_reading() {
+    let by = |phase: Phase, folder: &Path| {
+        let (blocked, library) = (folder.join("blocked"), preload::library("disk/fail.c", folder));
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rigd"));
+        command.env("LD_PRELOAD", library).env("RIGD_BLOCK_WHILE", &blocked);
+        let program = phase.reach_by(command, folder);
+        fs::write(&blocked, "").unwrap();
+        wait();
+        fs::remove_file(&blocked).unwrap();
+        program
+    };
+    check_standstills(by, "the rig loop has not answered since", |_| {});
 }
 
 /// No recorded reading was under way during a standstill.

@@ -12,6 +12,7 @@ mod hold_up;
 mod level;
 mod out_of_contact;
 mod refusals;
+mod skips;
 mod streams;
 mod way_down;
 mod world;

@@ -134,7 +134,8 @@ pub(super) const FAULTS: [ListedFault; 14] = [
         what: "a drive loses its power, and perhaps its position",
         reaction: "identifies it again and retracts; a lost position is found only if the rig file says \
                    `homes = \"up\"`, or after a person has stated that nothing is below the probe; \
-                   otherwise nothing moves",
+                   otherwise nothing moves, nor where its position is one to which its last moves cannot have \
+                   led",
         seen: Some(|| linear(&StageError::Unhomed { at: Position::new(0.0) })),
         tests: &[
             (
@@ -152,6 +153,10 @@ pub(super) const FAULTS: [ListedFault; 14] = [
             (
                 "tests/it/homing.rs",
                 "a_drive_without_a_position_moves_only_after_a_person_has_looked_below_the_probe",
+            ),
+            (
+                "crates/rigd/tests/safe.rs",
+                "a_position_that_was_said_to_be_wrong_moves_no_probe_before_a_homing",
             ),
         ],
     },

@@ -61,7 +61,7 @@ pub(super) const FAULTS: [ListedFault; 10] = [
     ListedFault {
         number: 32,
         class: Host,
-        what: "the program or the computer is held up",
+        what: "the program, the computer or its disk is held up",
         reaction: "notices more than a second, discards the readings of that time and measures them \
                    again; after four attempts safe. A rig loop that stands still alone is reported after \
                    5 s; a stop, a signal or 30 s replace rigd by `rigd safe`, with exit code 4",
@@ -70,6 +70,10 @@ pub(super) const FAULTS: [ListedFault; 10] = [
             (
                 HOLD_UPS,
                 "ten_seconds_of_standstill_in_each_phase_of_a_touch_are_noticed_and_spoil_no_reading",
+            ),
+            (
+                HOLD_UPS,
+                "ten_seconds_of_a_write_in_each_phase_of_a_touch_are_noticed_and_spoil_no_reading",
             ),
             (
                 "crates/engine/tests/histories/hold_up.rs",

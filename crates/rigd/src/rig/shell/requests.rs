@@ -60,7 +60,10 @@ impl Shell {
             #[cfg(test)]
             Request::Block(until) => _ = until.recv(),
             #[cfg(test)]
-            Request::PanicAt(event) => self.panic_at = event,
+            Request::PanicAt(event) => {
+                assert!(event != 0, "injected");
+                self.panic_at = event;
+            }
         }
         // A request that met a failure of the disk has closed the journal.
         self.log.check();

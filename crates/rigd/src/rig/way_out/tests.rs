@@ -1,6 +1,6 @@
 //! A panic of the rig thread at each stage of a run: the probe is retracted, and the rig latches.
 
-use std::path::Path;
+use std::{path::Path, time::Duration};
 
 use rig_engine::{Fault, RigState, RunStatus};
 use rig_model::{Clearance, RigTime};
@@ -98,4 +98,39 @@ async fn a_panic_at_any_stage_of_a_run_ends_latched_with_a_clear_probe() {
         in_contact += u32::from(matches!(left, ProbeWord::MayTouch { .. }));
     }
     assert!(in_contact > 5, "{in_contact} panics in contact");
+}
+
+/// Nobody has shown which way is up.
+#[tokio::test]
+async fn a_panic_at_a_bench_that_is_not_commissioned_moves_nothing() {
+    let data = TempDir::new().unwrap();
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config").canonicalize().unwrap();
+    let rig = std::fs::read_to_string(config.join("rigs/simulated.toml")).unwrap();
+    let scene = config.join("scenes/new-bench.toml");
+    let rig = rig.replace("../scenes/paper.toml", scene.to_str().unwrap());
+    let path = data.path().join("rig.toml");
+    std::fs::write(&path, rig).unwrap();
+    let (handle, thread) =
+        rig::open(LoadedRig::load(&path).unwrap(), data.path().to_owned()).unwrap();
+    let mut status = handle.status();
+    let is_new =
+        |status: &Status| matches!(status.snapshot.fault, Some(Fault::NotCommissioned { .. }));
+    status.wait_for(is_new).await.unwrap();
+    let simulation = handle.simulation().unwrap().clone();
+    let tip_mm = || simulation.with(|_, rig| rig.world().truth(LATER)).tip_mm;
+    let before_mm = tip_mm();
+    // At once: such a bench has no events.
+    handle.requests.send(Request::PanicAt(0)).await.unwrap();
+    let has_left = |status: &Status| {
+        status.snapshot.fault == Some(injected()) && status.snapshot.state == RigState::Latched
+    };
+    let left = tokio::time::timeout(Duration::from_secs(60), status.wait_for(has_left)).await;
+    assert_eq!(left.unwrap().unwrap().snapshot.clearance, Clearance::Unknown);
+    assert!((tip_mm() - before_mm).abs() < 1e-9, "{before_mm} {}", tip_mm());
+    handle.close().await;
+    thread.join();
+    let reader = Reader::open(data.path()).unwrap();
+    let session = reader.latest_session(&load().file.name).unwrap().unwrap();
+    let records = reader.records(session.id).unwrap();
+    assert!(!records.iter().any(|stored| stored.kind == "moved"));
 }
