@@ -3,7 +3,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use rig_engine::{Command, RigState, RunStatus};
+use rig_engine::{Command, FailureKind, RigState, RunStatus};
 use rig_model::{Clearance, panic_message};
 
 use crate::{
@@ -27,7 +27,7 @@ const STEPS: usize = 4000;
 const MOMENTS: u64 = 120;
 
 /// Troubles that last, in addition to those of one operation.
-const LASTING: [Trouble; 14] = [
+const LASTING: [Trouble; 15] = [
     Trouble::Freezes,
     Trouble::Drive(DriveTrouble::Silent { seconds: 1 }),
     Trouble::Drive(DriveTrouble::Silent { seconds: 30 }),
@@ -41,7 +41,8 @@ const LASTING: [Trouble; 14] = [
     Trouble::Drive(DriveTrouble::Unhomed { is_homing_safe: true }),
     Trouble::Drive(DriveTrouble::Unhomed { is_homing_safe: false }),
     Trouble::Drive(DriveTrouble::HomedUnheard),
-    Trouble::Drive(DriveTrouble::Jumped { by_mm: 45.0 }),
+    Trouble::Drive(DriveTrouble::Jumped { by_mm: 45.0, then: FailureKind::Line }),
+    Trouble::Drive(DriveTrouble::Jumped { by_mm: 45.0, then: FailureKind::Blocked }),
 ];
 
 /// Plays the history of a seed.

@@ -218,7 +218,7 @@ impl fmt::Display for Jump {
         let Span { min, max } = self.last_moves;
         write!(f, "its last moves were between {min} and {max}")?;
         if self.is_homing_open {
-            write!(f, ", before a homing that did not end")?;
+            write!(f, ", and a homing that was asked for since has not ended")?;
         }
         Ok(())
     }

@@ -285,7 +285,7 @@ mod tests {
             (move_linear(18.0), at(18.0)),
             (rotate, Some(Report::RotaryAt(Position::new(30.0)))),
             (Operation::PrepareRotary, None),
-            (Operation::StopMotion, Some(Report::Stopped)),
+            (Operation::StopMotion, Some(Report::Stopped(None))),
             (measure, None),
         ]
     }

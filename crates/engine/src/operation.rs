@@ -88,8 +88,8 @@ pub enum Report {
         /// Positions during the descent with their times.
         way: Vec<(RigTime, Position<Mm>)>,
     },
-    /// Both axes have stopped.
-    Stopped,
+    /// Both axes have stopped; the read-back of the linear stage, if its drive knows where it is.
+    Stopped(Option<Position<Mm>>),
 }
 
 /// The move that takes the probe to this target, at its clear position or above. It is always allowed.

@@ -1,7 +1,8 @@
 //! The way out of contact after a fault or an abort: stop, retract, and prove that the probe is clear.
 //!
 //! ```text
-//!          alarm, or position lost
+//!          alarm, position lost, or
+//!          not where it can be
 //!        ┌───────────────────────────┐            ┌──────────────┐ not yet clear
 //!        │                           ▼            ▼              │
 //!  ┌──────┐  ┌────────────┐  ┌──────────────┐  ┌─────────────┐   │
@@ -19,8 +20,9 @@
 //! that comes after it. A drive whose emergency stop is pressed is not moved again: nothing may move when the
 //! button is released. A stage that
 //! moved and is not clear after a few retracts, or that does not know its position and has no safe way to
-//! find it, is not moved again. A probe that may be above its clear position is found first, and stays there: a way
-//! out goes up or nowhere.
+//! find it, is not moved again. Nothing moves before the stage was read back, at its stop or found again, where its
+//! last moves can have led it. A probe above its clear position stays there: a way out goes up or nowhere. A stage that is
+//! found without its position is homed first, if that leads away from the sample.
 //!
 //! It also prepares the rig: it finds the linear stage, moves the probe clear, and homes the rotary stage
 //! if it is not homed. A linear stage that has lost its position is homed in an unknown direction only
@@ -39,6 +41,9 @@ const RETRACT_ATTEMPTS: u32 = 3;
 /// Number of retracts after which the drive is found again at once, because of an alarm or a lost position. An alarm
 /// that comes with each move and goes by itself is not pushed against without end.
 const FINDS_MAX: u32 = 4;
+
+/// Number of homings of a stage that has lost its position, in the attempts of the latched rig too.
+const HOMINGS_MAX: u32 = 4;
 
 /// Number of different alarms that are reset. One that comes back shows that its cause is still there.
 const RESETS_MAX: usize = 2;
@@ -85,6 +90,7 @@ impl RecoveryReport {
     pub(crate) fn of_result(result: &Result<Report, Fault>) -> Self {
         match result {
             Ok(Report::Unhomed) => Self::Unhomed,
+            Ok(Report::Stopped(None)) => Self::Lost,
             Ok(_) => Self::Done,
             Err(fault) => Self::of(fault),
         }
@@ -123,6 +129,7 @@ pub(crate) struct Recovery {
     pause: Duration,
     retracts_left: u32,
     finds_left: u32,
+    homings_left: u32,
     /// The alarms that were reset.
     reset: Vec<u16>,
     /// The patience ended while the drive was waited for.
@@ -154,6 +161,7 @@ impl Recovery {
             pause: FIRST_PAUSE,
             retracts_left: RETRACT_ATTEMPTS,
             finds_left: FINDS_MAX,
+            homings_left: HOMINGS_MAX,
             reset: Vec::new(),
             is_out_of_patience: false,
         };
@@ -162,8 +170,8 @@ impl Recovery {
 
     /// An operation of the recovery has ended; `clearance` is the present one, and `up` the target of a retract.
     ///
-    /// The stop is not repeated when it fails: the retract that follows is the safest action
-    /// whether or not the rotary stage has answered.
+    /// The stop is not repeated when it fails: to find the linear stage and to retract is the safest action whether or not
+    /// the rotary stage has answered.
     pub(crate) fn ended(
         &mut self,
         now: RigTime,
@@ -177,10 +185,10 @@ impl Recovery {
             (Phase::Stopping { cause: EmergencyStopped }, _) | (_, EmergencyStopped) => {
                 self.finish(Clearance::Unknown)
             }
-            (Phase::Stopping { cause: Alarmed(_) | Lost }, _)
-            | (Phase::Stopping { .. }, Alarmed(_) | Lost) => self.find(),
-            (Phase::Stopping { .. } | Phase::Finding, Done)
-            | (Phase::Stopping { .. }, Unready | Blocked) => self.retract(up),
+            (Phase::Stopping { cause: Alarmed(_) | Lost }, _) => self.find(),
+            (Phase::Stopping { .. } | Phase::Finding, Done) => self.retract(up),
+            // Nothing moves before the stage was read back.
+            (Phase::Stopping { .. }, _) => self.find(),
             (Phase::Retracting, Done) if clearance == Clearance::Clear => self.finish(clearance),
             (Phase::Retracting, Alarmed(code)) if self.may_reset(code) => self.find_at_once(),
             (Phase::Retracting, Lost) => self.find_at_once(),
@@ -192,13 +200,13 @@ impl Recovery {
                     self.wait(now)
                 }
             }
-            (Phase::Finding, Unhomed) => RecoveryStep::Do(Operation::HomeUpwards),
+            (Phase::Finding, Unhomed) => self.home_upwards(),
             (Phase::Finding, Alarmed(code)) if self.may_reset(code) => self.find_with_reset(code),
             (Phase::Retracting | Phase::Finding, Unready) | (Phase::Finding, Alarmed(_)) => {
                 self.wait(now)
             }
             (Phase::Finding, Lost)
-            | (Phase::Stopping { .. } | Phase::Retracting, Unhomed)
+            | (Phase::Retracting, Unhomed)
             | (Phase::Waiting | Phase::Finished, _) => self.finish(Clearance::Unknown),
         }
     }
@@ -238,6 +246,14 @@ impl Recovery {
         };
         self.finds_left = left;
         self.find()
+    }
+
+    fn home_upwards(&mut self) -> RecoveryStep {
+        let Some(left) = self.homings_left.checked_sub(1) else {
+            return self.finish(Clearance::Unknown);
+        };
+        self.homings_left = left;
+        RecoveryStep::Do(Operation::HomeUpwards)
     }
 
     fn may_reset(&self, code: u16) -> bool {
@@ -350,6 +366,38 @@ mod tests {
             assert_eq!(retracts, 5, "{failing:?}");
             assert!(!recovery.is_worth_trying());
         }
+    }
+
+    /// Nor in the attempts of a latched rig.
+    #[test]
+    fn a_drive_that_never_ends_its_homing_is_not_homed_without_end() {
+        let up = limits().linear.rest_target();
+        let (mut now, patience) = (RigTime::ZERO, Duration::from_secs(3600));
+        let (mut recovery, mut step) = Recovery::begin(now, patience, RecoveryReport::Done);
+        let (mut homings, mut attempts) = (0, 0);
+        for _ in 0..200 {
+            let report = match step {
+                RecoveryStep::Wait(pause) => {
+                    now = now + pause;
+                    step = recovery.waited();
+                    continue;
+                }
+                RecoveryStep::Finished(_) => {
+                    attempts += 1;
+                    step = recovery.again(now);
+                    continue;
+                }
+                RecoveryStep::Do(Operation::HomeUpwards) => {
+                    homings += 1;
+                    RecoveryReport::Unready
+                }
+                RecoveryStep::Do(_) => RecoveryReport::Unhomed,
+                RecoveryStep::Retract(_) => panic!("a stage without a position is moved"),
+            };
+            step = recovery.ended(now, report, Clearance::Unknown, up);
+        }
+        assert_eq!(homings, HOMINGS_MAX);
+        assert!(attempts > 10 && !recovery.is_worth_trying(), "{attempts}");
     }
 
     /// Long before the patience is over, and the attempts of a latched rig do not follow.

@@ -130,7 +130,7 @@ pub(crate) const LOST: &str = "move nothing, not even with the tool of the drive
                                travel in the rig file with the bench";
 
 /// Advice for a linear stage that is not where its last moves can have led.
-const JUMPED: &str = "its position may be wrong, so that a move up may lead down: lift the probe by hand if it \
+const JUMPED: &str = "the position of the linear stage may be wrong, so that a move up may lead down: lift the probe by hand if it \
                       touches, take the sample away, and see with your own eyes that nothing is below the \
                       probe, down to the end of its travel";
 
@@ -239,9 +239,23 @@ fn without_position(fault: &Fault) -> Option<Hint> {
     }
 }
 
-/// Advice for a rig that a fault has latched. What was found on the way out of contact outweighs the first cause.
+/// Advice for a rig that a fault has latched.
 pub(crate) fn latched(snapshot: &Snapshot, fault: &Fault) -> Hint {
-    snapshot.jump.map_or_else(|| after(fault, snapshot.clearance), |_| AFTER_A_JUMP)
+    if is_jumped(snapshot, fault) { AFTER_A_JUMP } else { after(fault, snapshot.clearance) }
+}
+
+/// Whether the position of the linear stage may be wrong, which outweighs the first cause. What keeps it from being homed comes
+/// before it.
+pub(crate) fn is_jumped(snapshot: &Snapshot, fault: &Fault) -> bool {
+    let keeps_from_homing = match fault {
+        Fault::Device(failure) => {
+            matches!(failure.kind, FailureKind::Lost | FailureKind::EmergencyStopped)
+                || failure.device == Device::Journal
+        }
+        Fault::NotCommissioned { .. } => true,
+        _ => false,
+    };
+    snapshot.jump.is_some() && !keeps_from_homing
 }
 
 /// Advice after a fault.

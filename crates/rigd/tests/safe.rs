@@ -192,7 +192,8 @@ async fn a_position_that_was_said_to_be_wrong_moves_no_probe_before_a_homing() {
         let said = stderr(output);
         assert_eq!(output.status.code(), Some(4), "{said}");
         assert!(
-            said.contains("its position may be wrong") && said.contains("check with a rule"),
+            said.contains("the position of the linear stage may be wrong")
+                && said.contains("check with a rule"),
             "{said}"
         );
         assert_eq!(bench.places(), stays_at, "{said}");
@@ -203,6 +204,19 @@ async fn a_position_that_was_said_to_be_wrong_moves_no_probe_before_a_homing() {
     for changes in [&changes[..], &renamed] {
         refused(&bench.rigd_with(&bench.analyzer, &bench.bus, changes, &["home"]));
         refused(&bench.safe(changes, &in_data));
+    }
+    // A homing that does not end.
+    let kind = FaultKind::Device(DeviceFault::LimitSwitch);
+    let trigger = FaultTrigger::Nth(20);
+    bench.sim.with(|_, rig| rig.add_fault(Fault { port, unit, kind, trigger }));
+    for args in [&home[..], &["home"]] {
+        let refused = rigd(args);
+        let said = stderr(&refused);
+        assert_eq!(refused.status.code(), Some(4), "{said}");
+        assert!(
+            said.contains("not shown to be clear") && said.contains("check with a rule"),
+            "{said}"
+        );
     }
     let home = rigd(&home);
     assert!(home.status.success(), "{}", stderr(&home));

@@ -4,9 +4,9 @@ use rig_model::{Clearance, RigLimits, RigTime};
 
 use super::{Activity, Engine, reach::Reach};
 use crate::{
-    Command, CommandRefusal, Effect, Event, Failure, Fault, LeftRig, LoweringPurpose, Operation,
-    SweepPurpose, TouchPlace, fault::StopReason, machine::MachineEvent, recovery::Preparing,
-    run::Run, sweep::Sweep,
+    Command, CommandRefusal, Effect, Event, Failure, Fault, Jump, LeftRig, LoweringPurpose,
+    Operation, SweepPurpose, TouchPlace, fault::StopReason, machine::MachineEvent,
+    recovery::Preparing, run::Run, sweep::Sweep,
 };
 
 /// A command that [`Engine::admit`] has admitted. It holds for the state in which it was admitted,
@@ -208,9 +208,16 @@ impl Engine {
     }
 
     /// Latches before the rig is first prepared, because its drives are not shown to move as the rig file says.
-    /// [`Command::Acknowledge`] prepares it; the caller gives that command when they are. Does nothing later.
-    pub fn latch_uncommissioned(&mut self, missing: String, effects: &mut Vec<Effect>) {
+    /// [`Command::Acknowledge`] prepares it; the caller gives that command when they are. `jump` is that of the last program. Does
+    /// nothing later.
+    pub fn latch_uncommissioned(
+        &mut self,
+        missing: String,
+        jump: Option<Jump>,
+        effects: &mut Vec<Effect>,
+    ) {
         if matches!(self.activity, Activity::Unprepared) {
+            self.reach = Reach::left(jump);
             let (fault, clearance) =
                 (Fault::NotCommissioned { missing }, self.interlock.clearance());
             self.notes.push(Event::Faulted { fault: fault.clone(), clearance });

@@ -37,15 +37,6 @@ impl Reach {
         }
     }
 
-    /// The highest position, if there is one.
-    pub(super) const fn highest(&self) -> Option<Position<Mm>> {
-        match self {
-            Self::Anywhere => None,
-            Self::Between(span) => Some(span.max),
-            Self::Jumped(jump) => Some(jump.last_moves.max),
-        }
-    }
-
     /// An operation is about to be sent.
     pub(super) fn extend(&mut self, operation: &Operation) {
         match (self, operation) {
@@ -58,7 +49,7 @@ impl Reach {
                 span.max = if target > span.max { target } else { span.max };
             }
             (Self::Jumped(jump), Operation::HomeLinear { .. }) => jump.is_homing_open = true,
-            // A drive that says that it has lost its position moves with a homing alone.
+            // No move begins before it was read back where it can be.
             (Self::Jumped(_), _) => {}
             (reach, Operation::HomeLinear { .. } | Operation::HomeUpwards) => {
                 *reach = Self::Anywhere;

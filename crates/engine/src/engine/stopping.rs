@@ -118,13 +118,6 @@ impl Engine {
             StopReason::Fault(fault) => RecoveryReport::of(fault),
             StopReason::Abort { .. } => RecoveryReport::Done,
         };
-        let is_to_be_found = match cause {
-            // Nothing moves after it.
-            RecoveryReport::EmergencyStopped => false,
-            // Nobody has asked the drive yet who it is and where, or the probe may be above its clear position.
-            _ => self.linear.is_none() || self.may_be_high(),
-        };
-        let cause = if is_to_be_found { RecoveryReport::Lost } else { cause };
         let (recovery, step) = Recovery::begin(now, self.patience, cause);
         self.activity = Activity::Retracting(recovery, reason, had_run);
         self.follow_recovery(now, step, effects);
@@ -151,20 +144,18 @@ impl Engine {
         }
     }
 
-    /// Takes in where the drive was found again.
+    /// Takes in where the linear stage has stopped, or was found again.
     pub(super) fn take_found(&mut self, report: Report, is_finding: bool) -> Result<Report, Fault> {
-        if let Report::LinearAt(found) = report
-            && is_finding
-        {
-            self.reach.find(found, &self.limits.linear)?;
-            self.linear = Some(found);
+        let at = match report {
+            Report::Stopped(at) => at,
+            Report::LinearAt(at) if is_finding => Some(at),
+            _ => None,
+        };
+        if let Some(at) = at {
+            self.reach.find(at, &self.limits.linear)?;
+            self.linear = Some(at);
         }
         Ok(report)
-    }
-
-    /// Whether the probe may be above its clear position, where a move to that position would go down.
-    fn may_be_high(&self) -> bool {
-        self.reach.highest().is_none_or(|highest| self.is_high(highest))
     }
 
     fn is_high(&self, at: Position<Mm>) -> bool {

@@ -22,8 +22,8 @@ pub(crate) enum DriveTrouble {
     Unhomed { is_homing_safe: bool },
     /// It has lost its position, homing leads away from the sample, and what it says at the end of that is lost.
     HomedUnheard,
-    /// It says that it is this much higher than it is, mm.
-    Jumped { by_mm: f64 },
+    /// It says that it is this much higher than it is, mm, and its next move fails.
+    Jumped { by_mm: f64, then: FailureKind },
 }
 
 /// A linear drive in trouble.
@@ -92,16 +92,18 @@ impl Drive {
                 let is_homed = matches!(homed, Some(Ok(Report::LinearHomed(_))));
                 if is_homed { Some(failed(Device::LinearStage, FailureKind::Line)) } else { homed }
             }
-            DriveTrouble::Jumped { by_mm } => match operation {
-                Operation::FindLinear { .. } => {
-                    world.is_lost = true;
-                    Some(Ok(Report::LinearAt(Position::new(world.linear_mm + by_mm))))
-                }
-                Operation::MoveLinear { .. } => {
-                    Some(failed(Device::LinearStage, FailureKind::Line))
-                }
-                _ => None,
-            },
+            DriveTrouble::Jumped { by_mm, then } => {
+                let at = Position::new(world.linear_mm + by_mm);
+                let answer = match operation {
+                    Operation::FindLinear { .. } => Report::LinearAt(at),
+                    Operation::StopMotion => Report::Stopped(Some(at)),
+                    Operation::MoveLinear { .. } => return Some(failed(Device::LinearStage, then)),
+                    _ => return None,
+                };
+                // The world refuses every move from here on.
+                world.is_lost = true;
+                Some(Ok(answer))
+            }
             _ => None,
         }
     }
@@ -113,7 +115,7 @@ impl Drive {
         is_homing_safe: bool,
     ) -> Option<Result<Report, Failure>> {
         match operation {
-            Operation::StopMotion => None,
+            Operation::StopMotion => Some(Ok(Report::Stopped(None))),
             Operation::FindLinear { .. } if is_homing_safe => Some(Ok(Report::Unhomed)),
             Operation::HomeUpwards => {
                 // Its position is known again, also after one where it could not be.

@@ -227,8 +227,10 @@ fn a_stage_is_homed_in_any_direction_only_by_a_person_who_has_seen_that_nothing_
 #[test]
 fn a_drive_that_says_that_it_is_elsewhere_is_not_moved() {
     // Beyond the way of any move, also of one that was under way.
-    for by_mm in [45.0, -45.0] {
-        each_operation(DriveTrouble::Jumped { by_mm }, |world, end, context| {
+    let kinds = [FailureKind::Line, FailureKind::Blocked];
+    for (by_mm, then) in [45.0, -45.0].into_iter().flat_map(|by_mm| kinds.map(|then| (by_mm, then)))
+    {
+        each_operation(DriveTrouble::Jumped { by_mm, then }, |world, end, context| {
             assert!(world.is_lost, "{context}");
             assert_eq!(end.clearance, Clearance::Unknown, "{context}");
             let jumped = |event: &Event| {
@@ -242,7 +244,7 @@ fn a_drive_that_says_that_it_is_elsewhere_is_not_moved() {
 /// From above its clear position the way there leads down, and the position may be wrong.
 #[test]
 fn an_acknowledgement_moves_no_stage_that_is_not_where_its_last_moves_can_have_led() {
-    let mut world = World::new(Some((30, Trouble::Drive(DriveTrouble::Jumped { by_mm: 45.0 }))));
+    let mut world = World::new(Some((30, JUMPED)));
     world.play();
     let is_jumped =
         |world: &World| matches!(world.engine.snapshot().fault, Some(Fault::PositionJumped { .. }));
@@ -259,29 +261,56 @@ fn an_acknowledgement_moves_no_stage_that_is_not_where_its_last_moves_can_have_l
     assert_eq!(world.engine.snapshot().state, RigState::Idle, "{:?}", world.engine.snapshot());
 }
 
-/// The drive then says that it is where its last moves can have led it.
+const JUMPED: Trouble =
+    Trouble::Drive(DriveTrouble::Jumped { by_mm: 45.0, then: FailureKind::Line });
+
+/// Whatever breaks the find of an acknowledgement off, or the homing of a person. After a homing, the drive says that it is where
+/// its last moves can have led it.
 #[test]
-fn a_homing_that_does_not_end_leaves_a_wrong_position_wrong() {
-    let mut world = World::new(Some((30, Trouble::Drive(DriveTrouble::Jumped { by_mm: 45.0 }))));
-    world.play();
-    (world.trouble, world.is_lost, world.drive) = (None, false, None);
-    world.command(Command::HomeLinear);
-    let Some((id, Operation::HomeLinear { .. })) = world.in_flight.take() else {
-        panic!("{:?}", world.engine.snapshot())
-    };
-    world.fail(id, FailureKind::Alarmed { code: 0x66 });
-    for _ in 0..3 {
-        settle(&mut world, 30);
-        let snapshot = world.engine.snapshot();
-        assert_eq!((snapshot.state, snapshot.clearance), (RigState::Latched, Clearance::Unknown));
-        assert!(snapshot.jump.is_some_and(|jump| jump.is_homing_open), "{snapshot:?}");
-        world.command(Command::Acknowledge);
+fn what_is_broken_off_leaves_a_wrong_position_wrong() {
+    let breaks = [
+        FailureKind::Line,
+        FailureKind::Refused,
+        FailureKind::Blocked,
+        FailureKind::Interrupted,
+        FailureKind::Alarmed { code: 0x66 },
+    ];
+    for kind in breaks {
+        for command in [Command::Acknowledge, Command::HomeLinear] {
+            let context = format!("{command:?}, {kind:?}");
+            let mut world = World::new(Some((30, JUMPED)));
+            world.play();
+            let is_homing = matches!(command, Command::HomeLinear);
+            // The world refuses every move of a drive that says that it is elsewhere.
+            if is_homing {
+                (world.trouble, world.is_lost, world.drive) = (None, false, None);
+            }
+            for _ in 0..3 {
+                world.command(command.clone());
+                let (id, _) = world.in_flight.take().unwrap();
+                world.fail(id, kind);
+                let moves = |world: &World| {
+                    let is_move = |event: &&Event| matches!(event, Event::LinearMoved { .. });
+                    world.events.iter().filter(is_move).count()
+                };
+                let before = moves(&world);
+                settle(&mut world, 30);
+                assert_eq!(moves(&world), before, "{context}");
+                let Snapshot { state, clearance, jump, .. } = world.engine.snapshot();
+                assert_eq!(
+                    (state, clearance),
+                    (RigState::Latched, Clearance::Unknown),
+                    "{context}"
+                );
+                assert_eq!(jump.unwrap().is_homing_open, is_homing, "{context}");
+            }
+            (world.trouble, world.is_lost, world.drive) = (None, false, None);
+            world.command(Command::HomeLinear);
+            settle(&mut world, 30);
+            let snapshot = world.engine.snapshot();
+            assert_eq!((snapshot.state, snapshot.jump), (RigState::Idle, None), "{context}");
+        }
     }
-    settle(&mut world, 30);
-    world.command(Command::HomeLinear);
-    settle(&mut world, 30);
-    let snapshot = world.engine.snapshot();
-    assert_eq!((snapshot.state, snapshot.jump), (RigState::Idle, None));
 }
 
 /// The program was ended after it had said so, and started again.

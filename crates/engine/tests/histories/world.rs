@@ -407,7 +407,9 @@ impl World {
                 Report::RotaryAt(Position::new(self.rotary_deg))
             }
             Operation::Measure { .. } => Report::Measured(Vec::new()),
-            Operation::StopMotion => Report::Stopped,
+            Operation::StopMotion => {
+                Report::Stopped((!self.is_lost).then_some(Position::new(self.linear_mm)))
+            }
         }
     }
 

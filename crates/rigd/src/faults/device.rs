@@ -134,8 +134,8 @@ pub(super) const FAULTS: [ListedFault; 14] = [
         what: "a drive loses its power, and perhaps its position",
         reaction: "identifies it again and retracts; a lost position is found only if the rig file says \
                    `homes = \"up\"`, or after a person has stated that nothing is below the probe; \
-                   otherwise nothing moves, nor where its position is one to which its last moves cannot have \
-                   led",
+                   otherwise nothing moves. It is not moved either while it says that it is where its last moves \
+                   cannot have led it",
         seen: Some(|| linear(&StageError::Unhomed { at: Position::new(0.0) })),
         tests: &[
             (

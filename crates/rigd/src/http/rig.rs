@@ -117,7 +117,7 @@ pub(super) fn view(shared: &Shared, status: &Status) -> RigView {
 /// The kind of a fault that asks for something of its own.
 fn kind(snapshot: &Snapshot, fault: &Fault) -> &'static str {
     match fault {
-        _ if snapshot.jump.is_some() => "position_jumped",
+        fault if hint::is_jumped(snapshot, fault) => "position_jumped",
         Fault::Interrupted(_) => "interrupted",
         Fault::NotCommissioned { .. } => "not_commissioned",
         Fault::Device(failure) if failure.kind == FailureKind::Lost => "position_lost",

@@ -86,7 +86,8 @@ impl Axes {
                 find(&mut self.linear, may_reset_alarm, self.is_homing_up).await.map_err(linear)
             }
             Operation::HomeUpwards => {
-                home_upwards(&mut self.linear, stop).await.map(Report::LinearHomed).map_err(linear)
+                let homed = home_upwards(&mut self.linear, self.is_homing_up, stop).await;
+                homed.map(Report::LinearHomed).map_err(linear)
             }
             Operation::PrepareRotary => {
                 prepare(&mut self.rotary, false, stop).await.map(Report::RotaryAt).map_err(rotary)
@@ -110,11 +111,12 @@ impl Axes {
                 let at_linear = stopped_linear.map_err(linear)?;
                 let at_rotary = stopped_rotary.map_err(rotary)?;
                 // A drive that was switched off and on may say that the probe is clear.
-                if self.linear.trusted_position().is_ok() {
+                let is_known = self.linear.trusted_position().is_ok();
+                if is_known {
                     self.gate.read(Outcome::LinearAt(at_linear));
                 }
                 self.gate.read(Outcome::RotaryAt(at_rotary));
-                Ok(Report::Stopped)
+                Ok(Report::Stopped(is_known.then_some(at_linear)))
             }
             Operation::Measure { .. } => unreachable!("the analyzer has an owner of its own"),
         }
@@ -227,11 +229,15 @@ async fn find(
     stage.trusted_position().map(Report::LinearAt)
 }
 
+/// Homes the linear stage; one whose homing is not known to lead away from the sample stays where it is.
 async fn home_upwards(
     stage: &mut Stage<Mm>,
+    is_homing_up: bool,
     stop: &StopSignal,
 ) -> Result<Position<Mm>, StageError<Mm>> {
-    stage.home_upwards(stop).await?;
+    if is_homing_up {
+        stage.home_upwards(stop).await?;
+    }
     stage.trusted_position()
 }
 

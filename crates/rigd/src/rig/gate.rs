@@ -69,7 +69,7 @@ impl Gate {
                 Outcome::LinearAt(*at)
             }
             Ok(Report::RotaryAt(at)) => Outcome::RotaryAt(*at),
-            Ok(Report::Measured(_) | Report::Stopped | Report::Unhomed) => Outcome::Done,
+            Ok(Report::Measured(_) | Report::Stopped(_) | Report::Unhomed) => Outcome::Done,
             Err(failure) if failure.kind == FailureKind::Interrupted => Outcome::Interrupted,
             Err(_) if is_interrupted && matches!(operation, Operation::Measure { .. }) => {
                 Outcome::Interrupted

@@ -157,7 +157,7 @@ impl Shell {
             panic_at: 0,
             pulse,
         };
-        shell.latch_uncommissioned();
+        shell.latch_uncommissioned(left.as_ref().and_then(|left| left.jump));
         if let Some(left) = left.filter(|left| left.is_latched) {
             let mut effects = Vec::new();
             let InterruptedRig { probe, message, jump, .. } = left;

@@ -124,7 +124,7 @@ mod tests {
                 let (device, kind) = (Device::LinearStage, FailureKind::Interrupted);
                 return Err(Failure { device, kind, detail: String::new() });
             }
-            Ok(Report::Stopped)
+            Ok(Report::Stopped(None))
         }
     }
 

@@ -30,7 +30,7 @@ pub const HOMING: &str = "home with nothing below the probe";
 pub struct Jump {
     /// The lowest and the highest position to which they can have led it, mm.
     pub last_moves_mm: [f64; 2],
-    /// Whether a homing was begun since: it did not bring the rig into service.
+    /// Whether a homing was asked for since: no move has come after it.
     pub is_homing_open: bool,
 }
 
@@ -194,13 +194,13 @@ impl Reader {
         Ok(cause.filter(|_| is_latched))
     }
 
-    /// The jump of the linear stage of a rig, if the rig was not in service since.
+    /// The jump of the linear stage of a rig, if the stage has not moved since and the rig was not in service.
     ///
     /// # Errors
     /// [`StoreError`] of the system or of SQLite, or [`StoreError::Unreadable`].
     pub fn jump(&self, rig: &str) -> Result<Option<Jump>, StoreError> {
         let of_epoch = select_records(&format!(
-            "WHERE {OF_EPOCH} AND records.kind IN ('fault', 'state_changed', 'operator')
+            "WHERE {OF_EPOCH} AND records.kind IN ('fault', 'state_changed', 'operator', 'moved')
              ORDER BY records.id DESC"
         ));
         let sessions = "WHERE kind = 'session' AND name = ?1 ORDER BY key DESC";
@@ -210,8 +210,9 @@ impl Reader {
             let mut rows = statement.query([session.epoch.cast_signed()])?;
             while let Some(row) = rows.next()? {
                 match record_from(row)?.record()? {
-                    // It comes to this after a homing, or where the position agrees with the last moves again.
+                    // It comes to these after a homing, or where the position agrees with the last moves again.
                     Record::StateChanged(change) if change.state == "idle" => break 'service,
+                    Record::Moved(moved) if moved.axis == Axis::LinearMm => break 'service,
                     Record::Operator(operator) if operator.action == HOMING => {
                         is_homed_later = true;
                     }

@@ -54,8 +54,15 @@ fn a_position_that_was_said_to_be_wrong_stays_so_until_the_rig_was_in_service() 
     let (action, who) = (HOMING.to_owned(), "mo".to_owned());
     session("bench", &[Record::Operator(Operator { action, who }), preparing(), lost()]);
     assert_eq!(found("bench"), jump(true));
-    session("bench", &[jumped, state("latched")]);
+    session("bench", &[jumped.clone(), state("latched")]);
     assert_eq!(found("bench"), jump(true));
+    // It has ended with the move that follows a homing, though not that of another axis, or with service.
+    session("bench", &[moved(Axis::RotaryDeg, 0.0, false)]);
+    assert_eq!(found("bench"), jump(true));
+    session("bench", &[moved(Axis::LinearMm, 24.5, true), lost()]);
+    assert_eq!(found("bench"), None);
+    session("bench", &[jumped]);
+    assert_eq!(found("bench"), jump(false));
     session("bench", &[preparing(), state("idle"), lost()]);
     assert_eq!(found("bench"), None);
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use rig_commission::{Answer, Asked, Jog, JogAxis, Jogged, Order};
-use rig_engine::Command;
+use rig_engine::{Command, Jump};
 use rig_interlock::{Proven, Word};
 use rig_store::{Operator, Record};
 use tokio::sync::oneshot;
@@ -25,11 +25,11 @@ impl Shell {
         self.uncommissioned.as_ref().map(|rig| Arc::clone(&rig.missing))
     }
 
-    /// Latches a rig that is not commissioned.
-    pub(super) fn latch_uncommissioned(&mut self) {
+    /// Latches a rig that is not commissioned, with the jump that the last program has left.
+    pub(super) fn latch_uncommissioned(&mut self, jump: Option<Jump>) {
         let Some(rig) = &self.uncommissioned else { return };
         let mut effects = Vec::new();
-        self.engine.latch_uncommissioned(rig.missing.to_string(), &mut effects);
+        self.engine.latch_uncommissioned(rig.missing.to_string(), jump, &mut effects);
         self.carry_out(effects);
     }
 
