@@ -211,7 +211,9 @@ impl Shell {
             };
             self.pulse.beat(Doing::Deciding);
             // Before the report of a measurement that it may have spoilt.
-            self.notice_hold_ups();
+            if let Some(lasted) = self.notice_hold_up() {
+                self.handle(Input::Stalled(lasted));
+            }
             match wake {
                 Wake::Request(Some(Request::Close { reply })) => {
                     closing.get_or_insert_with(|| self.begin_to_close()).replies.push(reply);
@@ -261,20 +263,17 @@ impl Shell {
         Arc::clone(&self.pulse)
     }
 
-    /// In virtual time no time passes while the computer is held up.
-    fn notice_hold_ups(&mut self) {
-        if let Some(lasted) = self.notice_jump().filter(|_| !self.is_virtual_time) {
-            tracing::warn!(seconds = lasted.as_secs_f64(), "{HELD_UP}");
-            self.handle(Input::Stalled(lasted));
-        }
-    }
-
-    /// Notes a jump of the wall clock since the last beat. Returns for how long nothing was done, if it was long.
-    fn notice_jump(&mut self) -> Option<Duration> {
+    /// For how long nothing was done since the last beat, if it was long; notes a jump of the wall clock. In virtual time no time
+    /// passes while the computer is held up.
+    fn notice_hold_up(&mut self) -> Option<Duration> {
         let Noticed { stalled, jump_s } = self.heartbeat.beat();
         if let Some(jump_s) = jump_s {
             tracing::warn!(jump_s, "{CLOCK_WAS_SET}");
             self.log.append(&Record::ClockJumped(ClockJumped { jump_s }));
+        }
+        let stalled = stalled.filter(|_| !self.is_virtual_time);
+        if let Some(lasted) = stalled {
+            tracing::warn!(seconds = lasted.as_secs_f64(), "{HELD_UP}");
         }
         stalled
     }
@@ -355,9 +354,9 @@ impl Shell {
         if !is_busy || is_due {
             self.commit();
         }
-        if begins {
+        if begins && let Some(lasted) = self.notice_hold_up() {
             // What begins here has not waited for a slow disk: it runs from the next wake on.
-            self.notice_jump();
+            self.note(&Event::Stalled { lasted, is_measured_again: false });
         }
         if self.log.error().is_some() && !had_ended && self.view.has_ended() {
             self.view.run_is_incomplete();
