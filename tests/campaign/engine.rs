@@ -100,7 +100,8 @@ fn go_on(world: &mut World) -> Result<(), String> {
                 if is_started {
                     return Err("latched again without trouble".to_owned());
                 }
-                world.command(Command::Acknowledge);
+                let is_jumped = world.engine.snapshot().jump.is_some();
+                world.command(if is_jumped { Command::HomeLinear } else { Command::Acknowledge });
             }
             RigState::Idle if is_started => {
                 let last = world.endings().last().copied();

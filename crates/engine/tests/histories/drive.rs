@@ -36,6 +36,9 @@ pub(crate) struct Drive {
     pub(crate) refused: u32,
 }
 
+/// Where no linear stage can be: its driver believes no such position.
+const TRAVEL_MM: f64 = 90.0;
+
 /// Duration of an attempt on a line without an answer.
 const ATTEMPT: Duration = Duration::from_secs(2);
 
@@ -94,10 +97,18 @@ impl Drive {
             }
             DriveTrouble::Jumped { by_mm, then } => {
                 let at = Position::new(world.linear_mm + by_mm);
+                let is_possible = at.value() < TRAVEL_MM;
                 let answer = match operation {
+                    Operation::FindLinear { .. } if !is_possible => {
+                        return Some(failed(Device::LinearStage, FailureKind::Lost));
+                    }
                     Operation::FindLinear { .. } => Report::LinearAt(at),
-                    Operation::StopMotion => Report::Stopped(Some(at)),
+                    Operation::StopMotion => Report::Stopped(is_possible.then_some(at)),
                     Operation::MoveLinear { .. } => return Some(failed(Device::LinearStage, then)),
+                    Operation::HomeLinear { .. } | Operation::HomeUpwards => {
+                        (world.drive, world.is_lost) = (None, false);
+                        return None;
+                    }
                     _ => return None,
                 };
                 // The world refuses every move from here on.

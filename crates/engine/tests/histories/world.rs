@@ -419,6 +419,10 @@ impl World {
                 self.homings += 1;
                 self.linear_mm = 49.0;
             }
+            Operation::HomeUpwards => {
+                self.linear_mm = 49.0;
+                return Report::LinearHomed(Position::new(self.linear_mm));
+            }
             Operation::PrepareRotary => self.rotary_deg = 0.0,
             Operation::MoveLinear { target, .. } => self.linear_mm = target.position().value(),
             Operation::MoveRotary { target, .. } => self.rotary_deg = target.position().value(),
@@ -443,10 +447,7 @@ impl World {
                 }
                 return Report::Measured(readings);
             }
-            Operation::StopMotion
-            | Operation::FindLinear { .. }
-            | Operation::HomeUpwards
-            | Operation::Descend { .. } => {}
+            Operation::StopMotion | Operation::FindLinear { .. } | Operation::Descend { .. } => {}
         }
         self.stalled(operation)
     }
