@@ -32,6 +32,7 @@ use crate::{
     heights::Prediction,
     listening::Decay,
     machine::{MachineContext, MachineEvent, MachineStep},
+    operation::retract,
     search::{Near, Search, SearchStep, Surface},
     slip::SlipCheck,
     sweep::Sweep,
@@ -88,6 +89,8 @@ enum Phase {
     Baseline,
     /// With the readings at the no-load resonance.
     Rotating(Vec<Reading>),
+    /// From above the clear position, where a person or a homing has left the probe: the search begins there.
+    ToClear(Vec<Reading>),
     Testing(Vec<Reading>),
     Declaring,
     ComingDown(WayDown),
@@ -145,7 +148,7 @@ impl TouchMachine {
 
     pub(crate) const fn run_phase(&self) -> RunPhase {
         match self.phase {
-            Phase::Rotating(_) => RunPhase::Rotation,
+            Phase::Rotating(_) | Phase::ToClear(_) => RunPhase::Rotation,
             Phase::Baseline | Phase::Testing(_) | Phase::Declaring => RunPhase::Baseline,
             Phase::ComingDown(_) | Phase::Searching(_) | Phase::Descending(_) => RunPhase::Search,
             Phase::DeclaringIndentation { .. } | Phase::Indenting { .. } => RunPhase::Indentation,
@@ -176,8 +179,12 @@ impl TouchMachine {
             }
             (Phase::Rotating(free), MachineEvent::RotaryAt(read_back)) => {
                 self.rotary = read_back;
-                self.phase = Phase::Testing(std::mem::take(free));
-                MachineStep::Do(context.listening(&self.no_load).test())
+                let free = std::mem::take(free);
+                self.turned(free, context)
+            }
+            (Phase::ToClear(free), MachineEvent::LinearAt(_)) => {
+                let free = std::mem::take(free);
+                self.test(free, context)
             }
             (Phase::Testing(free), MachineEvent::Readings(test)) => {
                 let free = std::mem::take(free);
@@ -223,6 +230,29 @@ impl TouchMachine {
             }
             (_, event) => MachineStep::Fault(event.out_of_order("a touch")),
         }
+    }
+
+    fn turned(
+        &mut self,
+        free: Vec<Reading>,
+        context: &MachineContext<'_>,
+    ) -> MachineStep<TouchResult> {
+        let rest = context.limits.linear.rest_target();
+        let highest = rest.position().offset(context.limits.linear.tolerance());
+        if context.probe.height.is_none_or(|at| at <= highest) {
+            return self.test(free, context);
+        }
+        self.phase = Phase::ToClear(free);
+        MachineStep::Do(retract(context.limits, rest))
+    }
+
+    fn test(
+        &mut self,
+        free: Vec<Reading>,
+        context: &MachineContext<'_>,
+    ) -> MachineStep<TouchResult> {
+        self.phase = Phase::Testing(free);
+        MachineStep::Do(context.listening(&self.no_load).test())
     }
 
     /// The self-test has been read, after the baseline.

@@ -71,6 +71,23 @@ fn a_vibration_decays_before_each_reading_and_time_that_has_passed_is_not_waited
     assert!(waited_s < most_s, "{waited_s} s of at most {most_s} s in {readings} readings");
 }
 
+/// Where a sample is easier to place.
+#[test]
+fn a_run_begins_with_the_probe_above_its_clear_position() {
+    let mut world = World::new(None);
+    world.command(Command::Prepare);
+    while world.engine.snapshot().state != RigState::Idle {
+        world.step();
+    }
+    world.command(Command::MoveLinear(Position::new(47.0)));
+    while world.engine.snapshot().state != RigState::Idle {
+        world.step();
+    }
+    world.command(Command::Run(Box::new(plan())));
+    skips::finish(&mut world);
+    assert_eq!(world.endings(), [RunStatus::Completed], "{:?}", world.engine.snapshot().fault);
+}
+
 /// Under the same declared depth, with the same surface and reference.
 #[test]
 fn a_touch_is_measured_halfway_and_then_at_its_depth() {

@@ -10,7 +10,7 @@ use crate::world::{World, plan};
 const OPERATIONS_MAX: usize = 1000;
 
 /// Plays a run to its end.
-fn finish(world: &mut World) {
+pub(crate) fn finish(world: &mut World) {
     for _ in 0..OPERATIONS_MAX {
         match world.engine.snapshot().state {
             RigState::Idle | RigState::Latched => return,
