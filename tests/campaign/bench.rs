@@ -61,6 +61,8 @@ pub(crate) struct Bench {
     /// Whether the drive of the linear stage forgets its position when it is switched off, and has no
     /// homing that is known to lead upwards.
     pub(crate) forgets_position: bool,
+    /// Whether the drives have an alarm when they stall.
+    pub(crate) alarms_at_stall: bool,
     /// Whether a sample that is placed again is stiffer or softer there.
     pub(crate) is_uneven: bool,
     /// Whether the surface is looked for again after each sweep.
@@ -84,6 +86,7 @@ const SCENE: &str = include_str!("../../config/scenes/paper.toml");
 const SERIAL_ANALYZER: &str = r#"{ serial = "/dev/serial/by-id/analyzer", baud = 38400 }"#;
 const SERIAL_BUS: &str = r#"{ serial = "/dev/serial/by-id/drives", baud = 115200 }"#;
 const AZ: &str = r#"register_map = "oriental-az""#;
+const LEADSHINE_PR: &str = "leadshine-pr";
 
 /// Makes of analyzers: dialect, highest level, V, and whether it is on the network.
 const ANALYZERS: [(&str, u32, bool); 5] = [
@@ -101,7 +104,7 @@ type Changes = &'static [(&'static str, &'static str)];
 const DRIVES: [(&str, bool, Changes); 5] = [
     ("oriental-az", false, &[]),
     ("oriental-az on TCP", false, &[(SERIAL_BUS, r#"{ tcp = "127.0.0.1:502" }"#)]),
-    ("leadshine-pr", true, &LEADSHINE),
+    (LEADSHINE_PR, true, &LEADSHINE),
     ("iai-rc", true, &IAI),
     ("iai-rc homing up", false, &IAI_UP),
 ];
@@ -172,6 +175,7 @@ impl Bench {
             protocol,
             makes,
             forgets_position,
+            alarms_at_stall: makes == LEADSHINE_PR,
             is_uneven,
             has_slip_check,
         }

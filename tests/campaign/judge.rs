@@ -277,7 +277,7 @@ pub(crate) fn is_refuted(finding: &Finding, played: &Played, sweeps: &[StoredRec
 const REACHED_S: f64 = 15.0;
 
 /// Whether the faults that have begun leave no way out of contact while they last: the linear drive is blocked or cannot
-/// be reached, or it has forgotten its position and may home downwards only.
+/// be reached, or it has forgotten its position and may home downwards only, or it has an alarm that came back.
 pub(crate) fn has_no_way_out(troubles: &[Trouble], played: &Played, bench: &Bench) -> bool {
     let has_begun = |trouble: &&Trouble| played.begun.iter().any(|one| one.row == trouble.row);
     let troubles: Vec<&Trouble> = troubles.iter().filter(has_begun).collect();
@@ -293,4 +293,15 @@ pub(crate) fn has_no_way_out(troubles: &[Trouble], played: &Played, bench: &Benc
             }
             _ => false,
         })
+        || has_alarm_again(played, bench)
+}
+
+/// Whether the linear drive had the same alarm twice, the second time on the way out: an alarm that comes back is not
+/// reset again (decision 34).
+fn has_alarm_again(played: &Played, bench: &Bench) -> bool {
+    ["bus alarm code=48 unit=1", "bus stall unit=1"].into_iter().any(|words| {
+        let is_alarm = words.starts_with("bus alarm") || bench.alarms_at_stall;
+        let mut begun = played.begun.iter().filter(|one| one.fault() == Fault::Device(words));
+        is_alarm && begun.next().is_some() && begun.any(|one| one.phase == Phase::Recovery)
+    })
 }
