@@ -17,7 +17,7 @@
 //!
 //! A drive that does not answer, or refuses a request, is asked again until the patience of the rig file is
 //! over. When it answers, it is identified again and then moved. An alarm is reset once, and one other alarm
-//! that comes after it. A drive whose emergency stop is pressed is not moved again: nothing may move when the
+//! that comes after it; a reset whose end was not heard does not count, a few times. A drive whose emergency stop is pressed is not moved again: nothing may move when the
 //! button is released. A stage that
 //! moved and is not clear after a few retracts, or that does not know its position and has no safe way to
 //! find it, is not moved again. Nothing moves before the stage was read back, at its stop or found again, where its
@@ -47,6 +47,9 @@ const HOMINGS_MAX: u32 = 4;
 
 /// Number of different alarms that are reset. One that comes back shows that its cause is still there.
 const RESETS_MAX: usize = 2;
+
+/// Number of resets that do not count because the drive did not answer until their end.
+const UNHEARD_RESETS_MAX: u32 = 3;
 
 /// The first pause before another attempt. Each following pause is twice as long.
 const FIRST_PAUSE: Duration = Duration::from_millis(500);
@@ -132,6 +135,9 @@ pub(crate) struct Recovery {
     homings_left: u32,
     /// The alarms that were reset.
     reset: Vec<u16>,
+    /// The last of them is being reset.
+    is_resetting: bool,
+    unheard_resets_left: u32,
     /// The patience ended while the drive was waited for.
     is_out_of_patience: bool,
 }
@@ -163,6 +169,8 @@ impl Recovery {
             finds_left: FINDS_MAX,
             homings_left: HOMINGS_MAX,
             reset: Vec::new(),
+            is_resetting: false,
+            unheard_resets_left: UNHEARD_RESETS_MAX,
             is_out_of_patience: false,
         };
         (recovery, RecoveryStep::Do(Operation::StopMotion))
@@ -180,6 +188,13 @@ impl Recovery {
         up: Target<Mm>,
     ) -> RecoveryStep {
         use RecoveryReport::{Alarmed, Blocked, Done, EmergencyStopped, Lost, Unhomed, Unready};
+        if std::mem::take(&mut self.is_resetting)
+            && report == Unready
+            && let Some(left) = self.unheard_resets_left.checked_sub(1)
+        {
+            self.unheard_resets_left = left;
+            self.reset.pop();
+        }
         match (self.phase, report) {
             // To release the button must start no motion: a person acknowledges first (ISO 13850).
             (Phase::Stopping { cause: EmergencyStopped }, _) | (_, EmergencyStopped) => {
@@ -262,6 +277,7 @@ impl Recovery {
 
     fn find_with_reset(&mut self, code: u16) -> RecoveryStep {
         self.reset.push(code);
+        self.is_resetting = true;
         RecoveryStep::Do(Operation::FindLinear { may_reset_alarm: true })
     }
 
@@ -365,6 +381,46 @@ mod tests {
             assert_eq!(step, RecoveryStep::Finished(Clearance::Unknown));
             assert_eq!(retracts, 5, "{failing:?}");
             assert!(!recovery.is_worth_trying());
+        }
+    }
+
+    /// A line that breaks in the reset of an alarm leaves it to be reset, and one that always breaks there has an end.
+    #[test]
+    fn a_reset_whose_end_is_not_heard_is_made_again_three_times() {
+        for unheard in [1, UNHEARD_RESETS_MAX, u32::MAX] {
+            let up = limits().linear.rest_target();
+            let (mut now, patience) = (RigTime::ZERO, Duration::from_secs(3600));
+            let cause = RecoveryReport::Alarmed(0x30);
+            let (mut recovery, mut step) = Recovery::begin(now, patience, cause);
+            let (mut resets, mut steps) = (0, 0);
+            while !matches!(step, RecoveryStep::Finished(_)) {
+                let (report, clearance) = match step {
+                    RecoveryStep::Wait(pause) => {
+                        now = now + pause;
+                        step = recovery.waited();
+                        continue;
+                    }
+                    RecoveryStep::Do(Operation::FindLinear { may_reset_alarm: true }) => {
+                        resets += 1;
+                        let is_heard = unheard < resets;
+                        let report =
+                            if is_heard { RecoveryReport::Done } else { RecoveryReport::Unready };
+                        (report, Clearance::Unknown)
+                    }
+                    RecoveryStep::Retract(_) => (RecoveryReport::Done, Clearance::Clear),
+                    RecoveryStep::Do(Operation::StopMotion) => {
+                        (RecoveryReport::Done, Clearance::Unknown)
+                    }
+                    RecoveryStep::Do(_) => (cause, Clearance::Unknown),
+                    RecoveryStep::Finished(_) => unreachable!(),
+                };
+                step = recovery.ended(now, report, clearance, up);
+                steps += 1;
+                assert!(steps < 5000, "no end");
+            }
+            let is_out = step == RecoveryStep::Finished(Clearance::Clear);
+            let expected = unheard.min(UNHEARD_RESETS_MAX) + 1;
+            assert_eq!((resets, is_out), (expected, unheard < u32::MAX));
         }
     }
 

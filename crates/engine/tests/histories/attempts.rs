@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use rig_engine::{Command, Event, RigState};
+use rig_engine::{Command, Event, FailureKind, Operation, RigState};
 use rig_model::Clearance;
 
 use crate::{
@@ -75,6 +75,49 @@ fn the_attempts_end_with_a_stage_that_is_lost() {
     assert!((world.linear_mm - before_mm).abs() < 1e-9);
     let made = attempts(&world).last().map(|(number, _)| *number);
     assert!(made <= Some(begun + 1), "{made:?} after {begun}");
+}
+
+/// A latched rig whose drive has forgotten its position, in an attempt that homes it away from the sample.
+fn homing_upwards() -> World {
+    let mut world = latched(30, 1_000_000, 70);
+    world.drive = Some(Drive::new(DriveTrouble::Unhomed { is_homing_safe: true }, world.now));
+    let is_homing = |world: &World| matches!(world.in_flight, Some((_, Operation::HomeUpwards)));
+    while !is_homing(&world) {
+        world.step();
+    }
+    world
+}
+
+#[test]
+fn an_attempt_homes_a_stage_upwards_that_has_forgotten_its_position() {
+    let mut world = homing_upwards();
+    let tried = attempts(&world).len();
+    while world.engine.snapshot().attempts.is_some() {
+        world.step();
+    }
+    let end = world.engine.snapshot();
+    assert_eq!((end.state, end.clearance), (RigState::Latched, Clearance::Clear));
+    assert_eq!(attempts(&world).len(), tried + 1);
+    assert!(REST_MM - 0.011 < world.linear_mm, "{} mm", world.linear_mm);
+}
+
+#[test]
+fn a_homing_upwards_that_a_person_stops_is_followed_by_nothing_until_it_is_acknowledged() {
+    let mut world = homing_upwards();
+    world.command(Command::Stop);
+    assert!(world.was_interrupted);
+    let (id, _) = world.in_flight.take().unwrap();
+    world.fail(id, FailureKind::Interrupted);
+    let end = world.engine.snapshot();
+    assert_eq!((end.state, end.clearance), (RigState::Latched, Clearance::Unknown));
+    assert_eq!((end.attempts, world.engine.deadline()), (None, None));
+    assert!(world.in_flight.is_none(), "{:?}", world.in_flight);
+    world.command(Command::Acknowledge);
+    while world.in_flight.is_some() {
+        world.step();
+    }
+    let end = world.engine.snapshot();
+    assert_eq!((end.state, end.clearance), (RigState::Idle, Clearance::Clear));
 }
 
 #[test]
