@@ -55,6 +55,9 @@ pub struct Stage<U: Unit> {
     axis: Axis<U>,
     /// The last reading of the drive. `None` until it is identified.
     seen: Option<DriveReading>,
+    /// Where it came to rest at the end of its last motion, or was found, in counts; `None` once it was sent on. Other readings
+    /// leave it: a position that is another one then is not where the axis was left.
+    rest: Option<i32>,
     /// When its position was read, if that is known: in the middle between question and answer.
     seen_at: Option<RigTime>,
     /// When it was read.
@@ -70,7 +73,17 @@ impl<U: Unit> Stage<U> {
         scale: Scale<U>,
         axis: Axis<U>,
     ) -> Self {
-        Self { bus, map, unit, scale, axis, seen: None, seen_at: None, read_at: Instant::now() }
+        Self {
+            bus,
+            map,
+            unit,
+            scale,
+            axis,
+            seen: None,
+            rest: None,
+            seen_at: None,
+            read_at: Instant::now(),
+        }
     }
 
     /// The counts of the drive.
@@ -102,10 +115,10 @@ impl<U: Unit> Stage<U> {
         })
     }
 
-    /// The position of the last reading, if it is plausible, so that a move may start from it.
+    /// The position of the last reading, if it is plausible, and where the axis came to rest, so that a move may start from it.
     ///
     /// # Errors
-    /// [`StageError::Unhomed`], [`StageError::BeyondTravel`], [`StageError::NotIdentified`].
+    /// [`StageError::Unhomed`], [`StageError::BeyondTravel`], [`StageError::Moved`], [`StageError::NotIdentified`].
     pub fn trusted_position(&self) -> Result<Position<U>, StageError<U>> {
         let seen = self.seen.ok_or(StageError::NotIdentified)?;
         let (at, travel) = (self.scale.position(seen.position.into()), self.axis.travel());
@@ -115,7 +128,36 @@ impl<U: Unit> Stage<U> {
         if !self.axis.can_be_at(at) {
             return Err(StageError::BeyondTravel { at, travel });
         }
+        let was = self.rest.map_or(at, |rest| self.scale.position(rest.into()));
+        if !seen.is_moving
+            && REST_TOLERANCES * self.axis.tolerance() < (at.value() - was.value()).abs()
+        {
+            return Err(StageError::Moved { was, at });
+        }
         Ok(at)
+    }
+
+    /// The last reading says where the axis is at rest.
+    fn came_to_rest(&mut self) {
+        self.rest = self.seen.filter(|seen| !seen.is_moving).map(|seen| seen.position);
+    }
+
+    /// Sends an axis on. Until it has come to rest, nothing says where it is to be. A stop between two requests keeps the rest of
+    /// them back.
+    async fn send_on(
+        &mut self,
+        steps: &[Step],
+        order: &Order,
+        stop: &StopSignal,
+    ) -> Result<(), StageError<U>> {
+        self.rest = None;
+        for (index, step) in steps.iter().enumerate() {
+            if index > 0 && stop.is_raised() {
+                return Err(self.stop_and_say().await?);
+            }
+            self.take(step, order, Priority::None).await?;
+        }
+        Ok(())
     }
 
     /// The count from which a move starts now.
@@ -158,7 +200,7 @@ impl<U: Unit> Stage<U> {
         if stop.is_raised() {
             return Err(self.stopped_at(from));
         }
-        self.take_all(&self.map.start, &order).await?;
+        self.send_on(&self.map.start, &order, stop).await?;
         self.follow(target, &order, from, stop).await
     }
 
@@ -184,7 +226,10 @@ impl<U: Unit> Stage<U> {
             return Err(self.stopped_at(seen.position));
         }
         self.command(&self.map.prepare).await?;
-        self.take_all(&self.map.start, &order).await?;
+        if stop.is_raised() {
+            return Err(self.stop_and_say().await?);
+        }
+        self.send_on(&self.map.start, &order, stop).await?;
         self.follow(target, &order, seen.position, stop).await
     }
 
@@ -236,6 +281,7 @@ impl<U: Unit> Stage<U> {
             }
             let has_target = reading.target == order.target;
             if has_target && self.axis.is_at(at, target) {
+                self.came_to_rest();
                 return Ok(at);
             }
             let patience = if has_target { SETTLE_WITHIN } else { self.start_within() };
@@ -277,6 +323,7 @@ impl<U: Unit> Stage<U> {
             let reading = self.read_drive().await?;
             let at = self.scale.position(reading.position.into());
             if !reading.is_moving {
+                self.came_to_rest();
                 break at;
             }
             let waited = started.elapsed();

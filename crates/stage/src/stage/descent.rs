@@ -30,7 +30,10 @@ impl<U: Unit> Stage<U> {
         if stop.is_raised() {
             return Ok((self.scale.position(from.into()), way));
         }
-        self.take_all(&self.map.start, &order).await?;
+        match self.send_on(&self.map.start, &order, stop).await {
+            Err(StageError::Stopped { at }) => return Ok((at, way)),
+            sent => sent?,
+        }
         let started = Instant::now();
         let deadline = started + order.duration_from(from).saturating_mul(2) + MOVE_SLACK;
         loop {

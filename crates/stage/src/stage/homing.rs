@@ -7,7 +7,7 @@ use rig_model::{Position, Unit};
 use tokio::time::Instant;
 
 use super::{READ_INTERVAL_MIN, Stage};
-use crate::StageError;
+use crate::{StageError, order::Order};
 
 /// The time between two readings of an axis that homes: the duration of homing is unknown.
 const READ_INTERVAL_HOMING: Duration = Duration::from_millis(250);
@@ -60,14 +60,19 @@ impl<U: Unit> Stage<U> {
             return Err(self.stopped_at(from.position));
         }
         let started_at = self.scale.position(from.position.into()).value();
-        self.command(&self.map.home).await?;
+        let order = Order::at_rest(&self.scale, &self.axis)?;
+        self.send_on(&self.map.home, &order, stop).await?;
         let started = Instant::now();
         let mut next_reading_at = started + self.start_within();
         loop {
             let (reading, at) = self.read_moving(next_reading_at, stop).await?;
             let now = Instant::now();
             if !reading.is_moving {
-                return if reading.is_homed { Ok(at) } else { Err(StageError::NotHomed { at }) };
+                if !reading.is_homed {
+                    return Err(StageError::NotHomed { at });
+                }
+                self.came_to_rest();
+                return Ok(at);
             }
             if at.value() < started_at - sinks_most {
                 let at = self.stop().await?;

@@ -49,7 +49,9 @@ impl<U: Unit> Stage<U> {
         }
         self.recognise_by(request, Some(expected)).await?;
         self.command(&self.map.prepare).await?;
-        self.status().await
+        let status = self.status().await?;
+        self.came_to_rest();
+        Ok(status)
     }
 
     /// Recognises the drive and reads its status, and writes nothing: its settings are read and compared.

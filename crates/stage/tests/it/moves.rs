@@ -443,12 +443,13 @@ async fn a_drive_that_was_switched_off_is_not_trusted_before_it_is_identified_ag
     }
 }
 
-/// It lost no frame by that, so that nothing on the line tells of it.
+/// It lost no frame by that, so that nothing on the line tells of it. A reading in between, as before a turn or for a look at the
+/// devices, does not make where it is now the place where it was left.
 #[tokio::test(start_paused = true)]
 async fn a_drive_that_was_switched_off_while_nothing_was_asked_is_not_moved_from_where_it_was() {
     let stop = StopSignal::new();
     for make in MAKES {
-        for is_descent in [false, true] {
+        for (is_descent, is_read) in [(false, false), (true, false), (false, true), (true, true)] {
             for is_homed in [false, true] {
                 let (drive, mut stage) = ready(make).await;
                 stage.move_to(target(2.0), 6.0, &stop).await.unwrap();
@@ -460,6 +461,12 @@ async fn a_drive_that_was_switched_off_while_nothing_was_asked_is_not_moved_from
                     drive.forget_home();
                 }
                 tokio::time::sleep(Duration::from_millis(300)).await;
+                if is_read {
+                    stage.look_again().await.unwrap();
+                    let error = stage.trusted_position().unwrap_err();
+                    let is_moved = matches!(error, StageError::Moved { .. });
+                    assert_eq!(is_moved, is_homed, "{}: {error:?}", make.map.name);
+                }
                 let error = if is_descent {
                     stage.descend_to(target(1.0), 1.0, &stop).await.unwrap_err()
                 } else {
@@ -560,4 +567,25 @@ async fn two_moves(stage: &mut Stage<Mm>) -> Result<Position<Mm>, StageError<Mm>
     let stop = StopSignal::new();
     stage.move_to(target(3.0), 6.0, &stop).await?;
     stage.move_to(target(2.9), 6.0, &stop).await
+}
+
+/// The button of a homing is released, held and pressed; a stop in between keeps it from being pressed.
+#[tokio::test(start_paused = true)]
+async fn a_stop_between_the_requests_of_a_homing_lets_nothing_begin() {
+    for make in MAKES {
+        let stop = StopSignal::new();
+        let (drive, mut stage) = ready(make).await;
+        stage.move_to(target(2.0), 6.0, &stop).await.unwrap();
+        let before = drive.position();
+        let stops = async {
+            sleep(Duration::from_millis(10)).await;
+            stop.raise();
+        };
+        let (homed, ()) = tokio::join!(stage.home(&stop), stops);
+        assert!(matches!(homed, Err(StageError::Stopped { .. })), "{}: {homed:?}", make.map.name);
+        if make.map.simulated_as == Some(DriveMake::IaiRc) {
+            assert_eq!(drive.position(), before);
+        }
+        stage.move_to(target(3.0), 6.0, &StopSignal::new()).await.unwrap();
+    }
 }
