@@ -6,7 +6,7 @@ mod before;
 mod tests;
 
 use std::{
-    collections::{BTreeMap, BTreeSet},
+    collections::BTreeMap,
     fs, io,
     path::{Path, PathBuf},
     process,
@@ -86,8 +86,9 @@ pub(crate) struct Journal {
     /// Records of sweeps, and the largest number of a sweep of the amendments of the run, or of the run and
     /// its other amendments, before each: all of them are numbered together.
     pub(crate) numbered: BTreeMap<u64, u64>,
-    /// Records at which the run goes on, and the touches that have an outcome in an ended amendment before each.
-    pub(crate) done_elsewhere: BTreeMap<u64, BTreeSet<String>>,
+    /// Records at which the run goes on, and the touches that have an outcome in an ended amendment before each, with
+    /// whether that is a refusal.
+    pub(crate) done_elsewhere: BTreeMap<u64, BTreeMap<String, bool>>,
     /// The settings of the run that an amendment amends.
     pub(crate) amended: Option<Box<RunStarted>>,
     /// The end of that run when it was amended.

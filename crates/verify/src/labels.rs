@@ -104,11 +104,11 @@ pub(crate) struct Labels {
     free_s: f64,
     /// The record of the result of each touch.
     results: BTreeMap<String, u64>,
-    refused: u32,
+    refused: BTreeSet<String>,
     /// The last touch with a result, until it is contradicted.
     last: Option<TouchResult>,
     elsewhere: BTreeSet<String>,
-    done_elsewhere: BTreeMap<u64, BTreeSet<String>>,
+    done_elsewhere: BTreeMap<u64, BTreeMap<String, bool>>,
     /// The largest number of a sweep in another record of the same touches, before each sweep.
     numbered: BTreeMap<u64, u64>,
     /// When the computer was held up, s on the rig's clock.
@@ -233,7 +233,7 @@ impl Labels {
     fn pass_amended(&mut self, step: &str) -> bool {
         let is_passed = |touch: &Touch| {
             let Touch { step: amended, .. } = touch;
-            self.elsewhere.contains(amended) && !step.starts_with(amended.as_str())
+            self.elsewhere.contains(amended) && !is_of_touch(step, amended)
         };
         let passed = self.planned.iter().skip(self.touches).take_while(|t| is_passed(t)).count();
         self.touches += passed;
@@ -387,9 +387,9 @@ impl Labels {
             let what = format!("touch {} of a completed run", touch.step);
             findings.add(Check::Row, seq, what, "a result or a refusal", "none");
         }
-        if is_complete && (status == "completed") != (self.refused == 0) {
+        if is_complete && (status == "completed") != self.refused.is_empty() {
             let what = "the ending of the run";
-            let found = format!("{status} with {} refused", self.refused);
+            let found = format!("{status} with {} refused", self.refused.len());
             findings.add(Check::Ends, seq, what, "completed without refusals", found);
         }
         let mut rest = self.planned.iter().skip(self.touches);
@@ -401,6 +401,11 @@ impl Labels {
             self.check_gap(seq, self.steps, findings);
         }
     }
+}
+
+/// Whether a step is a touch, or leads to it: `blind/1/no-load` is of `blind/1`, and `blind/10` is not.
+fn is_of_touch(step: &str, touch: &str) -> bool {
+    step.strip_prefix(touch).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
 }
 
 /// Checks that the rotary stage stands as the pose says.

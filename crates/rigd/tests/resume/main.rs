@@ -410,3 +410,31 @@ fn a_refused_touch_is_finished_and_is_not_repeated_unasked() {
     }
     assert!(outcomes.len() == 6 && outcomes.values().all(|count| *count == 1), "{outcomes:?}");
 }
+
+/// What was left out before the run went on is no refusal of the run, for the engine and for the checker.
+#[test]
+fn refused_touches_that_a_person_leaves_out_before_a_run_goes_on_are_refused_no_more() {
+    let folder = TempDir::new().unwrap();
+    let (rig, protocol) = (write_rig(folder.path()), write_protocol(folder.path()));
+    let text = fs::read_to_string(&protocol).unwrap();
+    fs::write(&protocol, text.replace("max_hz = 260", "max_hz = 190")).unwrap();
+    let (rig, protocol) = (rig.to_str().unwrap(), protocol.to_str().unwrap());
+    let whole = rigd(folder.path(), &["run", protocol, "--rig", rig]);
+    assert_eq!(whole.status.code(), Some(6), "{}", String::from_utf8_lossy(&whole.stderr));
+    let data = folder.path().join("data");
+    let events = Reader::open(&data).unwrap().events_after(0, 10_000).unwrap();
+    let refused: Vec<_> = events.iter().filter(|stored| stored.kind == "touch_refused").collect();
+    let crash = crashed(&data, refused.last().unwrap().event);
+    fs::copy(crash.path().join("rigd.db"), data.join("rigd.db")).unwrap();
+    for stored in &refused {
+        let Record::TouchRefused(touch) = stored.record().unwrap() else { unreachable!() };
+        let skip = ["skip", "latest", &touch.touch.step, "--why", "too stiff"];
+        let skipped = rigd(folder.path(), &skip);
+        assert!(skipped.status.success(), "{}", String::from_utf8_lossy(&skipped.stderr));
+    }
+    let done = rigd(folder.path(), &["run", "--resume", "latest", "--rig", rig]);
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    assert_eq!(Reader::open(&data).unwrap().find("latest").unwrap().status.name(), "completed");
+    let verified = rigd(folder.path(), &["verify", "latest"]);
+    assert!(verified.status.success(), "{}", String::from_utf8_lossy(&verified.stdout));
+}

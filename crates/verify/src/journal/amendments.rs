@@ -1,6 +1,6 @@
 //! A run and its amendments: what one says of the other.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use rusqlite::{Connection, OptionalExtension, params};
 
@@ -19,7 +19,8 @@ pub(super) const DONE_ELSEWHERE: &str = "
         CROSS JOIN records AS outcome ON outcome.run = runs.key
     WHERE seam.run = ?1 AND seam.kind = 'resumed' AND runs.kind = 'amendment' AND runs.name = ?2
         AND ends.kind = 'run_finished' AND ends.id < seam.id
-        AND outcome.kind IN ('amended', 'touch_result', 'touch_refused')";
+        AND outcome.kind IN ('amended', 'touch_result', 'touch_refused')
+    ORDER BY outcome.id";
 
 /// The last record of a run before the first one of an amendment, and whether a digest is that of any before it.
 pub(super) const HEAD: &str = "
@@ -67,22 +68,23 @@ pub(super) fn amended_steps(
     Ok(steps)
 }
 
-/// The touches of a run with an outcome in an amendment that had ended, before each record at which the run goes on.
+/// The touches of a run with an outcome in an amendment that had ended, before each record at which the run goes on,
+/// and whether the last one is a refusal.
 pub(super) fn done_elsewhere(
     connection: &Connection,
     run: &Listed,
-) -> Result<BTreeMap<u64, BTreeSet<String>>, rusqlite::Error> {
-    let mut done: BTreeMap<u64, BTreeSet<String>> = BTreeMap::new();
+) -> Result<BTreeMap<u64, BTreeMap<String, bool>>, rusqlite::Error> {
+    let mut done: BTreeMap<u64, BTreeMap<String, bool>> = BTreeMap::new();
     let mut statement = connection.prepare_cached(DONE_ELSEWHERE)?;
     let mut rows = statement.query(params![run.key, run.id])?;
     while let Some(row) = rows.next()? {
-        let step = match serde_json::from_str(&row.get::<_, String>(1)?) {
-            Ok(Record::TouchResult(result)) => result.touch.step,
-            Ok(Record::TouchRefused(refused)) => refused.touch.step,
-            Ok(Record::Amended(amended)) if amended.what == "skip" => amended.step,
+        let (step, is_refused) = match serde_json::from_str(&row.get::<_, String>(1)?) {
+            Ok(Record::TouchResult(result)) => (result.touch.step, false),
+            Ok(Record::TouchRefused(refused)) => (refused.touch.step, true),
+            Ok(Record::Amended(amended)) if amended.what == "skip" => (amended.step, false),
             _ => continue,
         };
-        done.entry(row.get::<_, i64>(0)?.cast_unsigned()).or_default().insert(step);
+        done.entry(row.get::<_, i64>(0)?.cast_unsigned()).or_default().insert(step, is_refused);
     }
     Ok(done)
 }

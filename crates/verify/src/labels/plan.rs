@@ -48,8 +48,15 @@ impl Labels {
         let &Resumed { ref next, touches_done, touches_left, .. } = resumed;
         let elsewhere = self.done_elsewhere.remove(&seq).unwrap_or_default();
         let is_done = |touch: &&Touch| {
-            self.results.contains_key(&touch.step) || elsewhere.contains(&touch.step)
+            self.results.contains_key(&touch.step) || elsewhere.contains_key(&touch.step)
         };
+        for (step, &is_refused) in &elsewhere {
+            if is_refused {
+                self.refused.insert(step.clone());
+            } else {
+                self.refused.remove(step);
+            }
+        }
         let (done, left): (Vec<&Touch>, Vec<&Touch>) = self.planned.iter().partition(is_done);
         let expected = (done.len(), left.len(), left.first().map(|touch| &touch.step));
         let stated = (touches_done as usize, touches_left as usize, next.as_ref());

@@ -333,7 +333,7 @@ impl Labels {
         settings: Option<&Settings>,
         findings: &mut Findings,
     ) {
-        self.refused += 1;
+        self.refused.insert(refused.touch.step.clone());
         if let Some(cause) = refused.reason.strip_prefix(CONTRADICTED)
             && self.fault.as_deref() != Some(cause)
         {
