@@ -28,6 +28,8 @@ pub(crate) struct RunData {
     idle_us: u64,
     /// Every sweep, in order, also those of amendments.
     pub(crate) sweeps: Vec<Sweep>,
+    /// The number of those that are not of amendments.
+    own_sweeps: usize,
     /// For each sweep: the time of the run at zero of the clock of its readings, s.
     pub(crate) clock_zeros_s: Vec<f64>,
     /// Every touch that gave a shift, in order; of one that was measured again, the last. Its reference is that between
@@ -53,7 +55,7 @@ pub(crate) struct RunData {
     pub(crate) confirmed: Confirmed,
     /// Whether the surface was looked for again in the touch under way.
     has_slip_check: bool,
-    /// Time in which surfaces were looked for, from the declaration of each search to its end, s.
+    /// Time in which surfaces were looked for, from the declaration of each search to its end, without amendments, s.
     pub(crate) surfaces_s: f64,
     /// When the search under way was declared, µs.
     search_us: Option<u64>,
@@ -63,7 +65,7 @@ pub(crate) struct RunData {
     pub(crate) log: Vec<LogEntry>,
     /// The operator who began the run, as of its first command.
     operator: Option<String>,
-    /// Cause of the first fault.
+    /// Cause of the first fault of the last part of the run, without amendments.
     pub(crate) fault: Option<String>,
 }
 
@@ -111,6 +113,8 @@ pub(crate) struct PlannedTouch {
     pub(crate) attempts: u32,
     /// Number of the clock on which its times count, from 1.
     pub(crate) clock: Option<u64>,
+    /// Beginning and clock of an attempt that may replace the outcome.
+    again: Option<(Option<String>, u64)>,
     /// The amendments and the outcomes that they replaced, oldest first.
     pub(crate) amendments: Vec<Replaced>,
 }
@@ -225,6 +229,11 @@ impl RunData {
         self.end_us.saturating_sub(self.idle_us) as f64 / 1e6
     }
 
+    /// The sweeps of the run itself: those of amendments were made at other times.
+    pub(crate) fn own_sweeps(&self) -> &[Sweep] {
+        &self.sweeps[..self.own_sweeps]
+    }
+
     /// The duration that was expected at the beginning.
     pub(crate) fn expected(&self) -> Option<Expected> {
         self.started.as_ref()?.expected
@@ -314,7 +323,11 @@ impl RunData {
         else {
             return;
         };
-        let earlier = self.planned[index].outcome.replace(outcome);
+        let planned = &mut self.planned[index];
+        if let Some((began_at, clock)) = planned.again.take() {
+            (planned.began_at, planned.clock) = (began_at, Some(clock));
+        }
+        let earlier = planned.outcome.replace(outcome);
         let before = earlier.as_ref().map(|earlier| self.describe(earlier));
         if let Some(Outcome::Measured(replaced)) = earlier {
             self.touches.remove(replaced);
@@ -369,6 +382,7 @@ impl RunData {
         };
         match record {
             Record::Resumed(resumed) => {
+                self.fault = None;
                 let Resumed { who, next, touches_left, changes, .. } = &resumed;
                 let next = next.as_deref().unwrap_or("the end");
                 let touches = if *touches_left == 1 { "touch" } else { "touches" };
@@ -408,7 +422,7 @@ impl RunData {
             }
             // The search in steps follows a descent that has not found it.
             Record::SurfaceNotFound(lost) if lost.reason.is_some() => {}
-            Record::SurfaceFound(_) | Record::SurfaceNotFound(_) => {
+            Record::SurfaceFound(_) | Record::SurfaceNotFound(_) if self.amendment.is_none() => {
                 let begun_us = self.search_us.take().unwrap_or(run_us);
                 self.surfaces_s += run_us.saturating_sub(begun_us) as f64 / 1e6;
             }
@@ -430,9 +444,14 @@ impl RunData {
             }
             Record::StepStarted(begun) => {
                 if let Some(planned) = self.planned(&begun.step) {
-                    planned.began_at.clone_from(&stored.at);
                     planned.attempts += 1;
-                    planned.clock = Some(clock);
+                    let times = (stored.at.clone(), clock);
+                    // An attempt that ends without an outcome leaves the one before.
+                    if planned.outcome.is_some() {
+                        planned.again = Some(times);
+                    } else {
+                        (planned.began_at, planned.clock) = (times.0, Some(times.1));
+                    }
                 }
             }
             Record::PromptAsked(asked) => {
@@ -445,7 +464,9 @@ impl RunData {
             }
             Record::Fault(fault) => {
                 let text = faulted(&fault);
-                self.fault.get_or_insert(fault.cause);
+                if self.amendment.is_none() {
+                    self.fault.get_or_insert(fault.cause);
+                }
                 note(fault.step, LogKind::Fault, text);
             }
             Record::Sweep(sweep) => {
@@ -454,6 +475,9 @@ impl RunData {
                     note(sweep.step.clone(), LogKind::Refusal, text);
                 }
                 self.sweeps.push(sweep);
+                if self.amendment.is_none() {
+                    self.own_sweeps = self.sweeps.len();
+                }
                 self.clock_zeros_s.push((run_us as f64 - stored.rig_us as f64) / 1e6);
             }
             Record::TouchResult(touch) => {
@@ -498,6 +522,7 @@ impl PlannedTouch {
             outcome: None,
             attempts: 0,
             clock: None,
+            again: None,
             amendments: Vec::new(),
         }
     }

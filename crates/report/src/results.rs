@@ -98,7 +98,7 @@ impl RunResults {
         };
         let sensitivity = sensitivity_at_smallest_angle(&data, &angle_means, shared_hz2);
         let references: Vec<NoLoadMeasurement> =
-            data.sweeps.iter().zip(&data.clock_zeros_s).filter_map(reference).collect();
+            data.own_sweeps().iter().zip(&data.clock_zeros_s).filter_map(reference).collect();
         let classification = Classification::of(&data);
         let is_same = |earlier: &&Self| {
             earlier.data.touches == data.touches

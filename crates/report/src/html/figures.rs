@@ -192,9 +192,16 @@ pub(super) fn no_load(results: &RunResults) -> Markup {
         );
         chart.series.push(Series { stroke: Some(Stroke::Dashed), ..line });
     }
-    let caption = "Every reference of the run, with the standard deviation of its fit. Each shift \
-                   refers to the last one before the touch.";
-    figure(&drawn_twice(chart, "fig-no-load"), caption)
+    let is_by_drift = results.touches().iter().any(|row| row.next_no_load_sweep.is_some());
+    let what = if is_by_drift {
+        "the one before the touch and the one after it"
+    } else {
+        "the last one before the touch"
+    };
+    let caption = format!(
+        "Every reference of the run, with the standard deviation of its fit. Each shift refers to {what}."
+    );
+    figure(&drawn_twice(chart, "fig-no-load"), &caption)
 }
 
 /// The readings of one touch and of its no-load sweep, with the fitted circuits. It is the main

@@ -72,7 +72,11 @@ impl AimSummary {
         let made = rows.iter().filter(is_made).count() as f64;
         let per_touch = |seconds: f64| (made > 0.0).then(|| seconds / made);
         let of_purpose = |purpose: SweepPurpose| {
-            data.sweeps.iter().filter(|sweep| sweep.purpose == purpose).map(swept_s).sum::<f64>()
+            data.own_sweeps()
+                .iter()
+                .filter(|sweep| sweep.purpose == purpose)
+                .map(swept_s)
+                .sum::<f64>()
         };
         let sweep_s = of_purpose(SweepPurpose::Touch);
         let reference_s = of_purpose(SweepPurpose::NoLoad);

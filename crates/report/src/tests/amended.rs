@@ -1,8 +1,8 @@
 //! Runs that were resumed or amended.
 
 use rig_record::{
-    Action, Amended, Amendment, Change, CitedCalibration, Record, Resumed, RunId, RunStarted,
-    ScrewMap, Source, StepStarted, Touch,
+    Action, Amended, Amendment, Change, CitedCalibration, Clearance, Fault, Record, Resumed, RunId,
+    RunStarted, ScrewMap, Source, StepStarted, Touch,
 };
 use uuid::Uuid;
 
@@ -217,4 +217,34 @@ fn a_resumed_run_counts_the_time_of_its_parts_and_not_the_time_between_them() {
     let first = &results.touches()[0];
     assert_eq!((first.attempts, first.clock), (1, Some(1)));
     assert!(sample.html().contains("resumed by Ada at main/1/back/45/1; 103 touches left"));
+}
+
+/// The row, the drift and the times of a run stay what they were, as nothing has replaced them.
+#[test]
+fn a_measurement_that_is_begun_again_and_fails_leaves_the_one_before() {
+    let mut sample = SampleRun::new(Story::Complete);
+    let before = sample.results();
+    let touch = first_touch(&sample);
+    let reference = before.data.sweep(touch.no_load_sweep).unwrap().clone();
+    let begun = StepStarted {
+        step: touch.touch.step.clone(),
+        index: 1,
+        count: 1,
+        action: Action::NoLoad { pose: touch.touch.pose },
+    };
+    let fault = Fault {
+        step: None,
+        cause: "the line has failed".to_owned(),
+        probe: Clearance::Clear,
+        hint: String::new(),
+        last_moves_mm: None,
+    };
+    let behind = vec![Record::StepStarted(begun), Record::Sweep(reference), Record::Fault(fault)];
+    amend(&mut sample, Amendment::Redo, behind);
+    let after = sample.results();
+    let (was, is) = (&before.touches()[0], &after.touches()[0]);
+    assert_eq!((&is.started_at, is.clock), (&was.started_at, was.clock));
+    assert_eq!(is.attempts, was.attempts + 1);
+    assert_eq!(after.data.fault, None);
+    assert_eq!(after.references.len(), before.references.len());
 }
