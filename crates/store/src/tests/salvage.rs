@@ -2,6 +2,8 @@
 
 use std::{fs, path::Path};
 
+use rusqlite::Connection;
+
 use super::sample::{Directory, append, records, sweep};
 use crate::{
     ChainCheck, Ending, Flaw, Reader, Record, RunFinished, RunId, RunKind, Store, StoreError,
@@ -58,6 +60,24 @@ fn a_sound_journal_is_copied_as_it_is() {
     let store = Store::open(target.path()).unwrap();
     assert_eq!(store.interrupted(), [runs[2].0]);
     store.reopen(runs[2].0).unwrap();
+}
+
+/// The number of an epoch is in no digest: one that is not that of its neighbours ends the run before it, and costs no other.
+#[test]
+fn an_altered_epoch_costs_the_rest_of_its_run_and_no_other() {
+    for altered in ["epoch = 7 WHERE run = 2 AND seq = 5", "epoch = 7 WHERE run = 2 AND seq >= 5"] {
+        let (directory, _) = journal();
+        let old = Connection::open(directory.path().join("rigd.db")).unwrap();
+        old.pragma_update(None, "foreign_keys", false).unwrap();
+        old.execute(&format!("UPDATE records SET {altered}"), []).unwrap();
+        old.execute("UPDATE epochs SET opened_at = CAST(x'ff' AS TEXT)", []).unwrap();
+        drop(old);
+        let target = Directory::new();
+        let salvaged = salvage(directory.path(), target.path()).unwrap();
+        let found: Vec<_> = salvaged.iter().map(|run| (run.records, run.flaw.is_some())).collect();
+        assert_eq!(found, [(21, false), (4, true), (20, false), (21, false)], "{altered}");
+        assert_eq!(Reader::open(target.path()).unwrap().broken_link().unwrap(), None);
+    }
 }
 
 #[test]
