@@ -81,7 +81,7 @@ pub(crate) use space::{RESERVE_BYTES, check as check_space, free_bytes};
 pub use status::{DeviceIdentity, RunView, Status};
 pub(crate) use status::{PortFrames, Setting};
 pub use step::NotMade;
-pub use way_out::{WayOut, make_safe};
+pub use way_out::{KnownRig, WayOut, make_safe};
 
 use self::proof::Purpose;
 use crate::{loaded_rig::LoadedRig, protocol_file::LoadedProtocol, simulation::SimHandle};

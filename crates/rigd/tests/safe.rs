@@ -139,6 +139,33 @@ async fn nothing_is_sent_while_another_program_has_the_data_directory_or_the_por
     assert!(bench.is_in_contact());
 }
 
+/// The guard says it, as the disk of the data directory may be what the program was waiting for.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_replaced_program_says_that_its_rig_was_in_service_and_which_position_is_wrong() {
+    let bench = in_contact().await;
+    let elsewhere = bench.folder.path().join("elsewhere");
+    std::fs::create_dir(&elsewhere).unwrap();
+    let safe = |args: &[&str]| {
+        let mut command =
+            bench.command("127.0.0.1:1", &bench.bus, &[], &[&["safe"], args].concat());
+        command.env("STATE_DIRECTORY", &elsewhere).output().unwrap()
+    };
+    let before = bench.places();
+    // Whether the rig was in service is not known there.
+    let halted = safe(&[]);
+    let said = stderr(&halted);
+    assert_eq!((halted.status.code(), bench.places()), (Some(4), before), "{said}");
+    assert!(said.contains(elsewhere.to_str().unwrap()) && said.contains("--data"), "{said}");
+    let in_service = "--was-in-service";
+    let doubtful = safe(&[in_service, "--jump-mm", "-60", "-50", "--homing"]);
+    let said = stderr(&doubtful);
+    assert_eq!((doubtful.status.code(), bench.places()), (Some(4), before), "{said}");
+    assert!(said.contains("the position of the linear stage may be wrong"), "{said}");
+    let retracted = safe(&[in_service]);
+    assert!(retracted.status.success(), "{}", stderr(&retracted));
+    assert!((bench.places().0 - CLEAR_MM).abs() < 0.05);
+}
+
 /// A terminal that this program holds as another rigd would.
 fn held_terminal() -> (OwnedFd, String, File) {
     let terminal = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
@@ -204,6 +231,8 @@ async fn a_position_that_was_said_to_be_wrong_moves_no_probe_before_a_homing() {
     for changes in [&changes[..], &renamed] {
         refused(&bench.rigd_with(&bench.analyzer, &bench.bus, changes, &["home"]));
         refused(&bench.safe(changes, &in_data));
+        // The journal is not written then, and read.
+        refused(&bench.safe(changes, &[]));
     }
     // A homing that does not end.
     let kind = FaultKind::Device(DeviceFault::LimitSwitch);

@@ -191,16 +191,17 @@ impl Engine {
         self.settle(effects);
     }
 
-    /// Latches before the rig is first prepared, because the last program did not end in order.
-    /// [`Command::Acknowledge`] prepares it. Does nothing later.
+    /// Latches before the rig is first prepared, because the last program did not end in order: at once, or when a rig is
+    /// commissioned that was latched because it was not. [`Command::Acknowledge`] prepares it. Does nothing later.
     pub fn latch_interrupted(&mut self, left: LeftRig, effects: &mut Vec<Effect>) {
-        if !matches!(self.activity, Activity::Unprepared) {
-            return;
+        match self.activity {
+            Activity::Unprepared => self.reach = Reach::left(left.jump),
+            Activity::Latched(Fault::NotCommissioned { .. }) => {}
+            _ => return,
         }
         if left.may_touch {
             self.interlock.assume_contact();
         }
-        self.reach = Reach::left(left.jump);
         let (fault, clearance) = (Fault::Interrupted(left), self.interlock.clearance());
         self.notes.push(Event::Faulted { fault: fault.clone(), clearance });
         self.activity = Activity::Latched(fault);

@@ -326,8 +326,12 @@ fn a_position_that_was_said_to_be_wrong_is_so_for_the_next_program_too() {
         jump,
     };
     let elsewhere = Some(Jump { last_moves: Span::new(-60.0, -50.0), is_homing_open: false });
+    // It was not commissioned any more, and is.
+    world.engine.latch_uncommissioned("geometry".to_owned(), elsewhere, &mut Vec::new());
     world.engine.latch_interrupted(left(elsewhere), &mut Vec::new());
-    assert_eq!(world.engine.snapshot().jump, elsewhere);
+    let Snapshot { state, fault, jump, .. } = world.engine.snapshot();
+    assert_eq!((state, jump), (RigState::Latched, elsewhere));
+    assert!(matches!(fault, Some(Fault::Interrupted(_))), "{fault:?}");
     // The way out of contact without the rest of the rig.
     let mut safe = World::new(None);
     let mut effects = Vec::new();

@@ -23,6 +23,7 @@ use tokio::{
 
 use super::{
     Failure,
+    safe::KnownArgs,
     screen::{say, say_clearly},
 };
 use crate::{
@@ -53,7 +54,8 @@ pub(super) fn watch_over(rig: &RigHandle, way_out: WayOut) -> Result<(), Failure
     on_a_thread("rig guard", async move {
         while let Some(silence) = next_silence(&mut status).await {
             if silence.is_given_up {
-                replace(&way_out, silence);
+                let known = KnownArgs::of(&status.borrow().snapshot);
+                replace(&way_out, &known, silence);
             }
             say(&format!("rigd: {silence}; {WHILE_SILENT}"));
             // Ended by a sign of life, or given up.
@@ -72,11 +74,11 @@ async fn next_silence(status: &mut watch::Receiver<Status>) -> Option<Silence> {
 }
 
 /// Becomes `rigd safe`. The journal is left out if it was being written: it may block again.
-fn replace(way_out: &WayOut, silence: Silence) {
+fn replace(way_out: &WayOut, known: &[String], silence: Silence) {
     let program = std::env::current_exe().unwrap_or_else(|_| PathBuf::from("rigd"));
     let mut safe = Command::new(program);
     safe.arg("safe").arg("--rig").arg(&way_out.rig).args(["--operator", "rigd"]);
-    safe.args(["--because", &silence.to_string()]);
+    safe.args(["--because", &silence.to_string()]).args(known);
     if silence.doing != Doing::Recording {
         safe.arg("--data").arg(&way_out.data);
     }

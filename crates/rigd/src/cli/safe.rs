@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use rig_model::{Clearance, Position};
+use rig_engine::{Fault, Jump, Snapshot};
+use rig_model::{Clearance, Position, Span};
 use rig_system::program::wait_for_the_replaced;
 use serde::Serialize;
 
@@ -14,7 +15,7 @@ use super::{
 };
 use crate::{
     hint,
-    rig::{WayOut, make_safe},
+    rig::{KnownRig, WayOut, make_safe},
 };
 
 /// Opens the port of the drives and nothing else, stops both axes, and retracts the probe until a
@@ -26,7 +27,8 @@ use crate::{
 pub(super) struct SafeArgs {
     #[command(flatten)]
     rig: RigArgs,
-    /// Directory of the journal, to record the retract; without it nothing is recorded
+    /// Directory of the journal, to record the retract; without it the default directory is read, and nothing is
+    /// recorded
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
     #[command(flatten)]
@@ -34,8 +36,52 @@ pub(super) struct SafeArgs {
     /// Why rigd has replaced itself by this command; the exit code is then 4
     #[arg(long, value_name = "TEXT", hide = true)]
     because: Option<String>,
+    /// What the replaced program knew of its rig
+    #[command(flatten)]
+    known: KnownArgs,
     #[command(flatten)]
     output: OutputArgs,
+}
+
+/// What a replaced program knew of its rig; its disk may not answer.
+#[derive(Debug, Default, Args)]
+pub(super) struct KnownArgs {
+    /// The rig was in service
+    #[arg(long, hide = true)]
+    was_in_service: bool,
+    /// The linear stage was not between these positions, mm, where its last moves can have led it
+    #[arg(long, value_names = ["MIN", "MAX"], num_args = 2, allow_hyphen_values = true, hide = true)]
+    jump_mm: Option<Vec<f64>>,
+    /// It was being homed since
+    #[arg(long, requires = "jump_mm", hide = true)]
+    homing: bool,
+}
+
+impl KnownArgs {
+    /// The arguments that say it.
+    pub(super) fn of(snapshot: &Snapshot) -> Vec<String> {
+        let mut args = Vec::new();
+        if !matches!(snapshot.fault, Some(Fault::NotCommissioned { .. })) {
+            args.push("--was-in-service".to_owned());
+        }
+        if let Some(Jump { last_moves, is_homing_open }) = snapshot.jump {
+            let ends = [last_moves.min, last_moves.max].map(|end| end.value().to_string());
+            args.extend(["--jump-mm".to_owned()].into_iter().chain(ends));
+            args.extend(is_homing_open.then(|| "--homing".to_owned()));
+        }
+        args
+    }
+
+    fn known(&self) -> KnownRig {
+        let jump = self.jump_mm.as_deref().and_then(|ends| match ends {
+            &[min, max] => {
+                let last_moves = Span::new(min, max);
+                Some(Jump { last_moves, is_homing_open: self.homing })
+            }
+            _ => None,
+        });
+        KnownRig { was_in_service: self.was_in_service, jump }
+    }
 }
 
 /// The way out, for a program.
@@ -61,7 +107,8 @@ struct SafeView {
 pub(super) fn safe(args: &SafeArgs) -> Result<(), Failure> {
     wait_for_the_replaced();
     let operator = args.operator.name();
-    let out = make_safe(args.rig.load()?, args.data.as_deref(), operator.as_str())?;
+    let rig = args.rig.load()?;
+    let out = make_safe(rig, args.data.as_deref(), args.known.known(), operator.as_str())?;
     for fault in &out.faults {
         note(&fault.to_string());
     }
@@ -105,5 +152,38 @@ fn view(out: &WayOut) -> SafeView {
         faults: out.faults.iter().map(ToString::to_string).collect(),
         session: out.recorded.as_ref().ok().and_then(|id| id.map(|id| id.to_string())),
         not_recorded: out.recorded.as_ref().err().map(ToString::to_string),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+    use rig_engine::Engine;
+
+    use super::*;
+
+    #[derive(Debug, Parser)]
+    struct Program {
+        #[command(flatten)]
+        known: KnownArgs,
+    }
+
+    #[test]
+    fn what_a_replaced_program_knew_is_understood() {
+        let file = include_str!("../../../../config/rigs/simulated.toml");
+        let file = rig_files::rig_file::RigFile::read("rig.toml", file).unwrap();
+        let engine = Engine::with_patience(file.limits, std::time::Duration::from_secs(60));
+        let mut snapshot = engine.snapshot();
+        for is_homing_open in [false, true] {
+            let jump = Jump { last_moves: Span::new(-60.5, 12.25), is_homing_open };
+            snapshot.jump = Some(jump);
+            let args = KnownArgs::of(&snapshot).into_iter();
+            let known = Program::parse_from(["rigd".to_owned()].into_iter().chain(args)).known;
+            let known = known.known();
+            assert_eq!((known.was_in_service, known.jump), (true, Some(jump)));
+        }
+        (snapshot.jump, snapshot.fault) =
+            (None, Some(Fault::NotCommissioned { missing: String::new() }));
+        assert!(KnownArgs::of(&snapshot).is_empty());
     }
 }

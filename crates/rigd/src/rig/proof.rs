@@ -5,7 +5,7 @@ use std::{
     sync::Arc,
 };
 
-use rig_commission::{Basis, Standing, Step};
+use rig_commission::{Basis, Standing, Step, Why};
 use rig_interlock::Proven;
 use rig_model::with_causes;
 
@@ -76,17 +76,25 @@ impl Proof {
         Self { proven: Proven::Nothing, missing, unproven: None }
     }
 
-    /// The same for the way out of contact, which needs no disk: where calibrations cannot be read, the rig may
-    /// have been in service.
+    /// The same for the way out of contact, which needs no disk: where calibrations cannot be read, or have expired only, the
+    /// rig may have been in service.
     pub(super) fn for_way_out(rig: &LoadedRig, data: &Path) -> Self {
         if rig.is_put_together_as_described() {
             return Self::COMPLETE;
         }
         match calibrations::standing(&rig.basis(), data) {
-            Ok(standing) => Self::from(&standing),
+            Ok(standing) => Self::of_way_out(&standing),
             Err(CalibrationsError::File { .. }) => Self::COMPLETE,
             Err(error) => Self::unreadable(&error),
         }
+    }
+
+    /// What expired while the rig was in service does not keep its probe in the sample.
+    fn of_way_out(standing: &Standing) -> Self {
+        if standing.missing().all(|(_, why)| why == Why::Expired) {
+            return Self::COMPLETE;
+        }
+        Self::from(standing)
     }
 }
 
@@ -163,6 +171,18 @@ impl Uncommissioned {
 mod tests {
     use super::*;
     use crate::transcripts::Role;
+
+    #[test]
+    fn expired_calibrations_keep_no_probe_in_the_sample() {
+        let expired = Step::ALL.map(|step| (step, Err(Why::Expired)));
+        let mut standing = Standing { steps: expired.into() };
+        assert_eq!(Proof::of_way_out(&standing).missing, None);
+        assert!(Proof::from(&standing).missing.is_some());
+        for why in [Why::Never, Why::OtherDrives, Why::Failed, Why::Changed, Why::Begun] {
+            standing.steps[0].1 = Err(why);
+            assert!(Proof::of_way_out(&standing).missing.is_some(), "{why:?}");
+        }
+    }
 
     #[test]
     fn a_commissioned_rig_with_an_unproven_instrument_is_not_in_service() {

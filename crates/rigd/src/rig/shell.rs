@@ -80,6 +80,8 @@ pub(super) struct Shell {
     /// What calibrations of the rig rest on.
     /// `None` for a rig that is commissioned.
     uncommissioned: Option<Uncommissioned>,
+    /// How the last program left a rig that is not commissioned, until it is.
+    left: Option<LeftRig>,
     /// The simulated person, while the rig is commissioned.
     person: Option<BenchPerson>,
     simulation: Option<Simulation>,
@@ -142,6 +144,7 @@ impl Shell {
                 .zip(simulation.as_ref())
                 .and_then(|(rig, simulation)| simulation.person(rig.attempts())),
             uncommissioned,
+            left: None,
             simulation,
             black_boxes,
             known_samples,
@@ -158,15 +161,25 @@ impl Shell {
             pulse,
         };
         shell.latch_uncommissioned(left.as_ref().and_then(|left| left.jump));
-        if let Some(left) = left.filter(|left| left.is_latched) {
-            let mut effects = Vec::new();
+        shell.left = left.filter(|left| left.is_latched).map(|left| {
             let InterruptedRig { probe, message, jump, .. } = left;
             let (may_touch, was_lowered) = (probe != LeftProbe::Clear, probe == LeftProbe::Lowered);
-            let left = LeftRig { message, may_touch, was_lowered, jump };
-            shell.engine.latch_interrupted(left, &mut effects);
-            shell.carry_out(effects);
+            LeftRig { message, may_touch, was_lowered, jump }
+        });
+        if shell.uncommissioned.is_none() {
+            shell.latch_interrupted();
         }
         Ok((shell, watcher))
+    }
+
+    /// Latches a rig that the last program did not leave in order; one that is not commissioned, when it is. Returns whether
+    /// it did.
+    fn latch_interrupted(&mut self) -> bool {
+        let Some(left) = self.left.take() else { return false };
+        let mut effects = Vec::new();
+        self.engine.latch_interrupted(left, &mut effects);
+        self.carry_out(effects);
+        true
     }
 
     pub(super) async fn serve(&mut self, inbox: &mut mpsc::Receiver<Request>) {

@@ -15,14 +15,16 @@ use std::{
 };
 
 use rig_engine::{
-    Device, Effect, Engine, Event, Fault, Input, LeftRig, Operation, Report, RigState,
+    Device, Effect, Engine, Event, Fault, Input, Jump, LeftRig, Operation, Report, RigState,
 };
 use rig_files::rig_file::{Connection, RigFile};
 use rig_interlock::Proven;
 use rig_link::{Clock, Port};
 use rig_model::{Clearance, Mm, Position, with_causes};
 use rig_stage::{BusHandle, HaltFrames};
-use rig_store::{Ending, Journal, Reader, Record, RunFinished, RunId, RunKind, Store, StoreError};
+use rig_store::{
+    Ending, Journal, Reader, Record, RunFinished, RunId, RunKind, StateChanged, Store, StoreError,
+};
 
 use super::{
     OpenError,
@@ -67,18 +69,46 @@ pub struct WayOut {
     pub recorded: Result<Option<RunId>, Arc<str>>,
 }
 
+/// What a program that is replaced by the way out knows of its rig without reading a disk.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct KnownRig {
+    /// It was in service: it was commissioned when it was opened.
+    pub was_in_service: bool,
+    /// The position of its linear stage may be wrong.
+    pub jump: Option<Jump>,
+}
+
 /// Retracts the probe of a rig that no program has open, and records it in the journal of `data`, if
-/// that can be written.
+/// that can be written. Without `data`, the default directory is read, and nothing is written.
 ///
 /// # Errors
 /// [`OpenError`] when nothing was sent: another rigd has the data directory, or the port cannot be
 /// opened.
-pub fn make_safe(rig: LoadedRig, data: Option<&Path>, by: &str) -> Result<WayOut, OpenError> {
+pub fn make_safe(
+    rig: LoadedRig,
+    data: Option<&Path>,
+    known: KnownRig,
+    by: &str,
+) -> Result<WayOut, OpenError> {
     let runtime = runtime_of(&rig)?;
-    let fault = with_jump(Fault::Stopped { by: by.to_owned() }, data, &rig.file);
-    let log = Log::open(data, &rig.file.name)?;
     let default = Place::found().data;
-    let proof = Proof::for_way_out(&rig, data.unwrap_or(&default));
+    let place = data.unwrap_or(&default);
+    let stopped = Fault::Stopped { by: by.to_owned() };
+    // The disk may be what the program was waiting for.
+    let (fault, missing) = if known.was_in_service && data.is_none() {
+        (left(stopped, known.jump), None)
+    } else {
+        let jump = known.jump.or_else(|| last_jump(place, &rig.file));
+        let missing = Proof::for_way_out(&rig, place).missing.filter(|_| !known.was_in_service);
+        let missing = missing.map(|missing| match data {
+            Some(_) => missing,
+            None => {
+                format!("{missing} (in {}; --data names another directory)", place.display()).into()
+            }
+        });
+        (left(stopped, jump), missing)
+    };
+    let log = Log::open(data, &rig.file.name)?;
     runtime.block_on(async {
         let clock = Clock::start();
         let LoadedRig { file, instruments, scene, .. } = rig;
@@ -92,26 +122,30 @@ pub fn make_safe(rig: LoadedRig, data: Option<&Path>, by: &str) -> Result<WayOut
             }
         };
         let port = port.map_err(|source| OpenError::Port { role: "bus", source })?;
-        if let Some(missing) = proof.missing {
+        if let Some(missing) = missing {
             return halt(&file, &instruments, port, clock, &missing, log).await;
         }
         retract(&file, &instruments, port, clock, fault, log).await
     })
 }
 
-/// The fault with what the journal says of a position that may be wrong. A journal that cannot be read is no reason to leave
-/// the probe where it is.
-fn with_jump(fault: Fault, data: Option<&Path>, file: &RigFile) -> Fault {
+/// What the journal says of a position that may be wrong. A journal that cannot be read is no reason to leave the probe where
+/// it is.
+fn last_jump(data: &Path, file: &RigFile) -> Option<Jump> {
     let is_simulated = matches!(file.connection, Connection::Simulated(_));
-    let reader = data.and_then(|data| Reader::open(data).ok());
-    let Some(jump) = reader.and_then(|reader| jump(&reader, &file.name, is_simulated)) else {
+    jump(&Reader::open(data).ok()?, &file.name, is_simulated)
+}
+
+/// The fault, with a position that may be wrong.
+fn left(fault: Fault, jump: Option<Jump>) -> Fault {
+    if jump.is_none() {
         return fault;
-    };
+    }
     Fault::Interrupted(LeftRig {
         message: fault.to_string(),
         may_touch: true,
         was_lowered: true,
-        jump: Some(jump),
+        jump,
     })
 }
 
@@ -130,7 +164,7 @@ impl Kept {
     /// stopped.
     pub(super) async fn retract(self, fault: Fault) -> Result<WayOut, OpenError> {
         let Self { file, instruments, data, simulation, missing } = self;
-        let fault = with_jump(fault, Some(&data), &file);
+        let fault = left(fault, last_jump(&data, &file));
         let clock = Clock::start();
         let port = match simulation {
             Some(bench) => Port::open(bench.bus(&file), clock).await,
@@ -182,6 +216,13 @@ impl Log {
         {
             self.append(clock, &record);
         }
+    }
+
+    /// The next program waits for a person: where the probe was left is not shown.
+    fn end_latched(&mut self, clock: Clock) {
+        let state = RigState::Latched.name().to_owned();
+        self.append(clock, &Record::StateChanged(StateChanged { state, reason: None }));
+        self.append(clock, &Record::RunFinished(RunFinished { status: Ending::Completed }));
     }
 
     /// A journal that fails is left: the way out needs none.
@@ -246,7 +287,7 @@ async fn halt(
         let clearance = Clearance::Unknown;
         log.note(clock, &Event::Faulted { fault: fault.clone(), clearance });
     }
-    log.append(clock, &Record::RunFinished(RunFinished { status: Ending::Completed }));
+    log.end_latched(clock);
     let took = clock.now().since(began);
     let clearance = Clearance::Unknown;
     Ok(WayOut { clearance, from: None, linear: None, faults, took, recorded: log.recorded })
@@ -319,7 +360,11 @@ async fn retract(
     // The first one is the reason for the way out.
     faults.drain(..1.min(faults.len()));
     let end = Record::RunFinished(RunFinished { status: Ending::Completed });
-    log.append(clock, &end);
+    if engine.snapshot().state == RigState::Latched {
+        log.append(clock, &end);
+    } else {
+        log.end_latched(clock);
+    }
     let clearance = engine.snapshot().clearance;
     let took = clock.now().since(began);
     Ok(WayOut { clearance, from, linear, faults, took, recorded: log.recorded })

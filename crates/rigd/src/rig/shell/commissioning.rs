@@ -103,8 +103,10 @@ impl Shell {
                 action: "bring the commissioned rig into service".to_owned(),
                 who: by.to_owned(),
             }));
-            // The engine was latched for nothing else.
-            _ = self.command(Command::Acknowledge, by);
+            // Otherwise the engine was latched for nothing else.
+            if !self.latch_interrupted() {
+                _ = self.command(Command::Acknowledge, by);
+            }
         }
         proof.missing
     }
