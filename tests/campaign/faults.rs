@@ -35,6 +35,9 @@ pub(crate) enum Fault {
     ByHand,
 }
 
+/// The longest pause between two attempts of the way out, s.
+const PAUSE_S: f64 = 5.0;
+
 /// A person sees within this time that a button has no effect, s.
 const DEAD_BUTTON_S: f64 = 2.0;
 
@@ -179,12 +182,13 @@ impl Trouble {
         self.trigger.starts_with("rate")
     }
 
-    /// For how long the bus is unplugged in all, s.
+    /// For how long the bus is unplugged in all, s. A connection that breaks is opened again after a pause of the way out.
     pub(crate) fn unplugs_bus_s(&self) -> f64 {
         let Fault::Frame(words) = self.fault() else { return 0.0 };
         let ms = words.strip_prefix("bus unplug ms=").and_then(|ms| ms.parse::<f64>().ok());
         let times = if self.trigger.starts_with("next") { self.nth as f64 } else { 1.0 };
-        ms.unwrap_or_default() * 1e-3 * times
+        let broken_s = if words.starts_with("bus disconnect") { PAUSE_S } else { 0.0 };
+        ms.map_or(broken_s, |ms| ms * 1e-3) * times
     }
 
     /// The fault that undoes a loss of steps.

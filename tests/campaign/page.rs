@@ -121,10 +121,11 @@ impl Page<'_> {
              failed: the checker expected a loss tangent below zero, which is stated as zero. That piece was taken out too, the \
              checker was changed, and its seeds were played again. Of seeds 550001 to 560000, seed 550121 \
              did not finish: a stage whose homing upwards was not answered was taken for one in a wrong place, for good. That piece \
-             was taken out, the engine was changed (decision 184), and its seeds were played again. Seed 624360, which is in the table, \
-             ended in contact: the drive stalled in two retracts within a second, each time with the alarm of a position deviation. \
+             was taken out, the engine was changed (decision 184), and its seeds were played again. In the piece of 620001 to 630000 seed 624360 was \
+             left in contact: the drive stalled in two retracts within a second, each time with the alarm of a position deviation. \
              An alarm that comes back is not reset again; the rig was latched, and 20 s later the simulated person acknowledged, and it \
-             retracted. The judge takes no drive that stalls for a blocked one. Seeds up to 410000 were judged before 2026-11-27 22:00 UTC, by a judge that excused \
+             retracted. That is the rule of the way out (decision 34), and the judge knows it now; the piece was played again. \
+             Seeds up to 410000 were judged before 2026-11-27 22:00 UTC, by a judge that excused \
              more (decision 41).\n\n\
              | seeds | runs | touches | faults | failed | jobs | runs a second | software | program | digest |\n\
              | --- | ---: | ---: | ---: | --- | ---: | ---: | --- | --- | --- |"
