@@ -61,8 +61,6 @@ pub(crate) struct Bench {
     /// Whether the drive of the linear stage forgets its position when it is switched off, and has no
     /// homing that is known to lead upwards.
     pub(crate) forgets_position: bool,
-    /// Whether the drives have an alarm when they stall.
-    pub(crate) alarms_at_stall: bool,
     /// Whether a sample that is placed again is stiffer or softer there.
     pub(crate) is_uneven: bool,
     /// Whether the surface is looked for again after each sweep.
@@ -145,6 +143,11 @@ impl Bench {
         if number < IN_STEPS { Self::in_steps(number) } else { Self::descending(number - IN_STEPS) }
     }
 
+    /// Whether its drives have an alarm when they stall.
+    pub(crate) fn has_alarm_at_stall(&self) -> bool {
+        self.makes == LEADSHINE_PR
+    }
+
     fn in_steps(number: u64) -> Self {
         let draw = &mut Draw::new(number, 0xbe9c);
         let (dialect, level_v, is_tcp) = *draw.one_of(&ANALYZERS);
@@ -175,7 +178,6 @@ impl Bench {
             protocol,
             makes,
             forgets_position,
-            alarms_at_stall: makes == LEADSHINE_PR,
             is_uneven,
             has_slip_check,
         }

@@ -300,7 +300,7 @@ pub(crate) fn has_no_way_out(troubles: &[Trouble], played: &Played, bench: &Benc
 /// reset again (decision 34).
 fn has_alarm_again(played: &Played, bench: &Bench) -> bool {
     ["bus alarm code=48 unit=1", "bus stall unit=1"].into_iter().any(|words| {
-        let is_alarm = words.starts_with("bus alarm") || bench.alarms_at_stall;
+        let is_alarm = words.starts_with("bus alarm") || bench.has_alarm_at_stall();
         let mut begun = played.begun.iter().filter(|one| one.fault() == Fault::Device(words));
         is_alarm && begun.next().is_some() && begun.any(|one| one.phase == Phase::Recovery)
     })

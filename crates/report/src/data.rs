@@ -28,8 +28,8 @@ pub(crate) struct RunData {
     idle_us: u64,
     /// Every sweep, in order, also those of amendments.
     pub(crate) sweeps: Vec<Sweep>,
-    /// The number of those that are not of amendments.
-    own_sweeps: usize,
+    /// The number of those before the first amendment.
+    own_sweeps: Option<usize>,
     /// For each sweep: the time of the run at zero of the clock of its readings, s.
     pub(crate) clock_zeros_s: Vec<f64>,
     /// Every touch that gave a shift, in order; of one that was measured again, the last. Its reference is that between
@@ -231,7 +231,7 @@ impl RunData {
 
     /// The sweeps of the run itself: those of amendments were made at other times.
     pub(crate) fn own_sweeps(&self) -> &[Sweep] {
-        &self.sweeps[..self.own_sweeps]
+        &self.sweeps[..self.own_sweeps.unwrap_or(self.sweeps.len())]
     }
 
     /// The duration that was expected at the beginning.
@@ -316,6 +316,17 @@ impl RunData {
         self.samples().iter().position(|sample| sample.name == name)
     }
 
+    /// A touch begins, or another step. An attempt that ends without an outcome leaves the one before.
+    fn begin_touch(&mut self, step: &str, times: (Option<String>, u64)) {
+        let Some(planned) = self.planned(step) else { return };
+        planned.attempts += 1;
+        if planned.outcome.is_some() {
+            planned.again = Some(times);
+        } else {
+            (planned.began_at, planned.clock) = (times.0, Some(times.1));
+        }
+    }
+
     /// Records the outcome of the touch at an address, in place of an earlier one.
     fn end_touch(&mut self, step: &str, outcome: Outcome) {
         let amendment = self.amendment.as_ref().map(|(amended, _)| described(amended));
@@ -396,6 +407,7 @@ impl RunData {
                 note(None, LogKind::Seam, format!("given up by {}", given_up.who));
             }
             Record::Amended(amended) => {
+                self.own_sweeps.get_or_insert(self.sweeps.len());
                 let (step, end_us) = (amended.step.clone(), self.end_us.max(run_us));
                 let text = described(&amended);
                 self.log.push(LogEntry {
@@ -443,16 +455,7 @@ impl RunData {
                 self.started = Some(started);
             }
             Record::StepStarted(begun) => {
-                if let Some(planned) = self.planned(&begun.step) {
-                    planned.attempts += 1;
-                    let times = (stored.at.clone(), clock);
-                    // An attempt that ends without an outcome leaves the one before.
-                    if planned.outcome.is_some() {
-                        planned.again = Some(times);
-                    } else {
-                        (planned.began_at, planned.clock) = (times.0, Some(times.1));
-                    }
-                }
+                self.begin_touch(&begun.step, (stored.at.clone(), clock));
             }
             Record::PromptAsked(asked) => {
                 note(Some(asked.step), LogKind::Prompt, request(&asked.prompt));
@@ -475,9 +478,6 @@ impl RunData {
                     note(sweep.step.clone(), LogKind::Refusal, text);
                 }
                 self.sweeps.push(sweep);
-                if self.amendment.is_none() {
-                    self.own_sweeps = self.sweeps.len();
-                }
                 self.clock_zeros_s.push((run_us as f64 - stored.rig_us as f64) / 1e6);
             }
             Record::TouchResult(touch) => {

@@ -83,6 +83,9 @@ pub fn salvage(from: &Path, to: &Path) -> Result<Vec<SalvagedRun>, StoreError> {
     Ok(salvaged)
 }
 
+/// A row of the epochs.
+type Epoch = (i64, String, Option<String>, String, Option<i64>);
+
 /// The bench stays the same, and the epochs keep their numbers. One that cannot be read is left out: no record rests on it.
 fn copy_meta(old: &Connection, new: &Connection) -> Result<(), StoreError> {
     let bench = old.query_row("SELECT bench FROM meta", [], |row| row.get::<_, String>(0));
@@ -93,7 +96,7 @@ fn copy_meta(old: &Connection, new: &Connection) -> Result<(), StoreError> {
         old.prepare("SELECT n, opened_at, boot_id, software, is_clock_synced FROM epochs")?;
     let mut rows = epochs.query([])?;
     while let Ok(Some(row)) = rows.next() {
-        let epoch = || -> rusqlite::Result<(i64, String, Option<String>, String, Option<i64>)> {
+        let epoch = || -> rusqlite::Result<Epoch> {
             Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?, row.get(4)?))
         };
         if let Ok(epoch) = epoch() {
