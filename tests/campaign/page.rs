@@ -124,7 +124,10 @@ impl Page<'_> {
              was taken out, the engine was changed (decision 184), and its seeds were played again. In the piece of 620001 to 630000 seed 624360 was \
              left in contact: the drive stalled in two retracts within a second, each time with the alarm of a position deviation. \
              An alarm that comes back is not reset again; the rig was latched, and 20 s later the simulated person acknowledged, and it \
-             retracted. That is the rule of the way out (decision 34), and the judge knows it now; the piece was played again. \
+             retracted. That is the rule of the way out (decision 34), and the judge knows it now; the piece was played again. Two more seeds of the program \
+             `c659773d68c9f766` were left in contact. Seed 781872: the line failed in the reset of an alarm, which used up the only one; the engine \
+             was changed (decision 185). Seed 856468: the bus was away for 30 s, and then six connections broke, until the patience of 60 s \
+             was over; the judge counts both together now. Their pieces were played again. \
              Seeds up to 410000 were judged before 2026-11-27 22:00 UTC, by a judge that excused \
              more (decision 41).\n\n\
              | seeds | runs | touches | faults | failed | jobs | runs a second | software | program | digest |\n\
