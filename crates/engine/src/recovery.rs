@@ -17,11 +17,11 @@
 //!
 //! A drive that does not answer, or refuses a request, is asked again until the patience of the rig file is
 //! over. When it answers, it is identified again and then moved. An alarm is reset once, and one other alarm
-//! that comes after it; a reset whose end was not heard does not count, a few times. A drive whose emergency stop is pressed is not moved again: nothing may move when the
-//! button is released. A stage that
-//! moved and is not clear after a few retracts, or that does not know its position and has no safe way to
-//! find it, is not moved again. Nothing moves before the stage was read back, at its stop or found again, where its
-//! last moves can have led it. A probe above its clear position stays there: a way out goes up or nowhere. A stage that is
+//! that comes after it; a reset whose end was not heard does not count, a few times. A drive whose emergency
+//! stop is pressed is not moved again: nothing may move when the button is released. A stage that moved and is
+//! not clear after a few retracts, or that does not know its position and has no safe way to find it, is not
+//! moved again. Nothing moves before the stage was read back, at its stop or found again, where its last moves
+//! can have led it. A probe above its clear position stays there: a way out goes up or nowhere. A stage that is
 //! found without its position is homed first, if that leads away from the sample.
 //!
 //! It also prepares the rig: it finds the linear stage, moves the probe clear, and homes the rotary stage
