@@ -6,7 +6,12 @@ mod kills;
 mod skips;
 mod support;
 
-use std::{collections::BTreeMap, fs, path::Path, time::Duration};
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+    time::Duration,
+};
 
 use rig_engine::{Command as RigCommand, RigState, RunStatus};
 use rig_store::{Clearance, Reader, Record, Resumed, StoredRecord};
@@ -379,18 +384,23 @@ fn a_skipped_touch_is_not_measured_when_the_run_is_resumed() {
     assert!(run.is_sealed && !touches(&reader, run.id).contains_key("blind/2"));
 }
 
+/// A run with refused touches, because the resonances of the stiffer sample lie above the window: its rig file and its records.
+fn with_refused_touches(folder: &Path) -> (PathBuf, Vec<StoredRecord>) {
+    let (rig, protocol) = (write_rig(folder), write_protocol(folder));
+    let text = fs::read_to_string(&protocol).unwrap();
+    fs::write(&protocol, text.replace("max_hz = 260", "max_hz = 190")).unwrap();
+    let paths = (protocol.to_str().unwrap(), rig.to_str().unwrap());
+    let whole = rigd(folder, &["run", paths.0, "--rig", paths.1]);
+    assert_eq!(whole.status.code(), Some(6), "{}", String::from_utf8_lossy(&whole.stderr));
+    let reader = Reader::open(&folder.join("data")).unwrap();
+    (rig, reader.events_after(0, 10_000).unwrap())
+}
+
 #[test]
 fn a_refused_touch_is_finished_and_is_not_repeated_unasked() {
     let folder = TempDir::new().unwrap();
-    let (rig, protocol) = (write_rig(folder.path()), write_protocol(folder.path()));
-    // The resonances of the stiffer sample lie above the window.
-    let text = fs::read_to_string(&protocol).unwrap();
-    fs::write(&protocol, text.replace("max_hz = 260", "max_hz = 190")).unwrap();
-    let (rig, protocol) = (rig.to_str().unwrap(), protocol.to_str().unwrap());
-    let whole = rigd(folder.path(), &["run", protocol, "--rig", rig]);
-    assert_eq!(whole.status.code(), Some(6), "{}", String::from_utf8_lossy(&whole.stderr));
-    let data = folder.path().join("data");
-    let events = Reader::open(&data).unwrap().events_after(0, 10_000).unwrap();
+    let (rig, events) = with_refused_touches(folder.path());
+    let (rig, data) = (rig.to_str().unwrap(), folder.path().join("data"));
     let refused = events.iter().find(|stored| stored.kind == "touch_refused").unwrap();
     let crash = crashed(&data, refused.event);
     fs::copy(crash.path().join("rigd.db"), data.join("rigd.db")).unwrap();
@@ -415,14 +425,8 @@ fn a_refused_touch_is_finished_and_is_not_repeated_unasked() {
 #[test]
 fn refused_touches_that_a_person_leaves_out_before_a_run_goes_on_are_refused_no_more() {
     let folder = TempDir::new().unwrap();
-    let (rig, protocol) = (write_rig(folder.path()), write_protocol(folder.path()));
-    let text = fs::read_to_string(&protocol).unwrap();
-    fs::write(&protocol, text.replace("max_hz = 260", "max_hz = 190")).unwrap();
-    let (rig, protocol) = (rig.to_str().unwrap(), protocol.to_str().unwrap());
-    let whole = rigd(folder.path(), &["run", protocol, "--rig", rig]);
-    assert_eq!(whole.status.code(), Some(6), "{}", String::from_utf8_lossy(&whole.stderr));
-    let data = folder.path().join("data");
-    let events = Reader::open(&data).unwrap().events_after(0, 10_000).unwrap();
+    let (rig, events) = with_refused_touches(folder.path());
+    let (rig, data) = (rig.to_str().unwrap(), folder.path().join("data"));
     let refused: Vec<_> = events.iter().filter(|stored| stored.kind == "touch_refused").collect();
     let crash = crashed(&data, refused.last().unwrap().event);
     fs::copy(crash.path().join("rigd.db"), data.join("rigd.db")).unwrap();
