@@ -1,17 +1,21 @@
 //! The records of a run, sorted by kind.
 
+mod words;
+
 use std::{collections::BTreeMap, fmt::Write as _};
 
 use rig_record::{
-    Amended, Amendment, BlackBox, Change, CitedCalibration, Clearance, ClockJumped, Confirmed,
-    Direction, Expected, Fault, Intent, MoveReason, Prompt, Record, ReferenceJumped,
-    RefusalAnswered, RefusedTouch, Resumed, RetractTried, RunId, RunStarted, Sample, Source,
-    Stalled, StoredRecord, Sweep, SweepOutcome, Touch, TouchSettings, UnreadableRecord,
+    Amended, Amendment, Change, CitedCalibration, Confirmed, Direction, Expected, Intent,
+    MoveReason, Record, RefusedTouch, Resumed, RunId, RunStarted, Sample, Source, StoredRecord,
+    Sweep, SweepOutcome, Touch, TouchSettings, UnreadableRecord,
 };
 
+use self::words::{
+    clock_set, decided, faulted, held_up, jump, kept_frames, request, retract_tried,
+};
 use crate::{
     between::Between,
-    units::{duration, fixed, with_sigma},
+    units::{duration, with_sigma},
 };
 
 /// The directions, in the order of their indices in the analysis.
@@ -551,61 +555,4 @@ pub(crate) fn clock(epochs: &[u64], epoch: u64) -> u64 {
 /// An amendment in words.
 fn described(amended: &Amended) -> String {
     format!("{} by {}: {}", amended.what.name(), amended.who, amended.why)
-}
-
-/// The clearance of the probe in words.
-const fn whereabouts(probe: Clearance) -> &'static str {
-    match probe {
-        Clearance::Clear => "clear",
-        Clearance::InContact => "lowered, and may be in contact",
-        Clearance::Unknown => "at an unknown position",
-    }
-}
-
-/// A fault in words.
-fn faulted(Fault { cause, probe, hint, .. }: &Fault) -> String {
-    format!("{cause}. The probe was {}. {hint}", whereabouts(*probe))
-}
-
-/// A jump of the free resonance in words.
-fn jump(ReferenceJumped { off_hz, sigma_hz, touches, .. }: &ReferenceJumped) -> String {
-    let (off, sigma) = (fixed(*off_hz, 3), fixed(*sigma_hz, 3));
-    format!(
-        "the no-load resonance is {off} Hz from where its drift lets it be expected (± {sigma} Hz); touched since the \
-         reference before: {}",
-        touches.join(", ")
-    )
-}
-
-/// A hold-up in words.
-fn decided(RefusalAnswered { reason, answer, by, .. }: &RefusalAnswered) -> String {
-    format!("the touch was refused ({reason}); {by}: {answer}")
-}
-
-fn retract_tried(RetractTried { attempt, cause, .. }: &RetractTried) -> String {
-    let end = cause.as_deref().unwrap_or("the probe is clear");
-    format!("attempt {attempt} to retract: {end}")
-}
-
-fn kept_frames(BlackBox { frames, port }: &BlackBox) -> String {
-    format!("the last frames on {port} are in the journal ({})", frames.len())
-}
-
-fn clock_set(ClockJumped { jump_s }: ClockJumped) -> String {
-    format!("the wall clock was set by {jump_s:+.1} s")
-}
-
-fn held_up(stalled: &Stalled) -> String {
-    let again = if stalled.is_measured_again { "; its readings were measured again" } else { "" };
-    format!("rigd was held up for {:.1} s{again}", stalled.stalled_s)
-}
-
-/// A prompt in words.
-fn request(prompt: &Prompt) -> String {
-    match prompt {
-        Prompt::PlaceSample { sample } => format!("place sample {sample} under the probe"),
-        Prompt::TurnSensor { orientation } => {
-            format!("turn the sensor to its {orientation} position")
-        }
-    }
 }
