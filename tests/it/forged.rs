@@ -1,5 +1,6 @@
 //! Forged journals: the checker finds each forgery by its name, and nothing in sound runs.
 
+mod amended;
 mod cut;
 mod labels;
 mod list;

@@ -86,6 +86,8 @@ pub(crate) enum RecoveryReport {
     Unhomed,
     /// The position is not known, and there is no safe way to find it.
     Lost,
+    /// It failed elsewhere than in the linear stage, so that nothing was read back.
+    Unread,
 }
 
 impl RecoveryReport {
@@ -95,7 +97,10 @@ impl RecoveryReport {
             Ok(Report::Unhomed) => Self::Unhomed,
             Ok(Report::Stopped(None)) => Self::Lost,
             Ok(_) => Self::Done,
-            Err(fault) => Self::of(fault),
+            Err(fault) => match Self::of(fault) {
+                Self::Done => Self::Unread,
+                report => report,
+            },
         }
     }
 
@@ -178,8 +183,8 @@ impl Recovery {
 
     /// An operation of the recovery has ended; `clearance` is the present one, and `up` the target of a retract.
     ///
-    /// The stop is not repeated when it fails: to find the linear stage and to retract is the safest action whether or not
-    /// the rotary stage has answered.
+    /// The stop is not repeated when it fails: to find the linear stage, and then to retract, is the safest action whether or
+    /// not the rotary stage has answered.
     pub(crate) fn ended(
         &mut self,
         now: RigTime,
@@ -187,7 +192,9 @@ impl Recovery {
         clearance: Clearance,
         up: Target<Mm>,
     ) -> RecoveryStep {
-        use RecoveryReport::{Alarmed, Blocked, Done, EmergencyStopped, Lost, Unhomed, Unready};
+        use RecoveryReport::{
+            Alarmed, Blocked, Done, EmergencyStopped, Lost, Unhomed, Unread, Unready,
+        };
         if std::mem::take(&mut self.is_resetting)
             && report == Unready
             && let Some(left) = self.unheard_resets_left.checked_sub(1)
@@ -204,10 +211,13 @@ impl Recovery {
             (Phase::Stopping { .. } | Phase::Finding, Done) => self.retract(up),
             // Nothing moves before the stage was read back.
             (Phase::Stopping { .. }, _) => self.find(),
-            (Phase::Retracting, Done) if clearance == Clearance::Clear => self.finish(clearance),
+            (Phase::Retracting, Done | Unread) if clearance == Clearance::Clear => {
+                self.finish(clearance)
+            }
             (Phase::Retracting, Alarmed(code)) if self.may_reset(code) => self.find_at_once(),
             (Phase::Retracting, Lost) => self.find_at_once(),
-            (Phase::Retracting, Done | Blocked | Alarmed(_)) | (Phase::Finding, Blocked) => {
+            (Phase::Retracting, Done | Unread | Blocked | Alarmed(_))
+            | (Phase::Finding, Blocked) => {
                 self.retracts_left = self.retracts_left.saturating_sub(1);
                 if self.retracts_left == 0 {
                     self.finish(Clearance::Unknown)
@@ -217,9 +227,8 @@ impl Recovery {
             }
             (Phase::Finding, Unhomed) => self.home_upwards(),
             (Phase::Finding, Alarmed(code)) if self.may_reset(code) => self.find_with_reset(code),
-            (Phase::Retracting | Phase::Finding, Unready) | (Phase::Finding, Alarmed(_)) => {
-                self.wait(now)
-            }
+            (Phase::Retracting | Phase::Finding, Unready)
+            | (Phase::Finding, Alarmed(_) | Unread) => self.wait(now),
             (Phase::Finding, Lost)
             | (Phase::Retracting, Unhomed)
             | (Phase::Waiting | Phase::Finished, _) => self.finish(Clearance::Unknown),
@@ -381,6 +390,24 @@ mod tests {
             assert_eq!(step, RecoveryStep::Finished(Clearance::Unknown));
             assert_eq!(retracts, 5, "{failing:?}");
             assert!(!recovery.is_worth_trying());
+        }
+    }
+
+    /// A rotary drive that does not answer its stop hides where the linear stage was read back.
+    #[test]
+    fn a_stage_whose_stop_was_not_read_back_is_found_before_it_moves() {
+        let silent =
+            Failure { device: Device::RotaryStage, kind: FailureKind::Line, detail: String::new() };
+        let report = RecoveryReport::of_result(&Err(Fault::Device(silent)));
+        for cause in [RecoveryReport::Blocked, RecoveryReport::Done, RecoveryReport::Unready] {
+            let (now, up) = (RigTime::ZERO, limits().linear.rest_target());
+            let (mut recovery, _) = Recovery::begin(now, Duration::from_secs(60), cause);
+            let step = recovery.ended(now, report, Clearance::Unknown, up);
+            let find = Operation::FindLinear { may_reset_alarm: false };
+            assert_eq!(step, RecoveryStep::Do(find), "{cause:?}");
+            // One that fails elsewhere again is not moved either.
+            let step = recovery.ended(now, report, Clearance::Unknown, up);
+            assert!(matches!(step, RecoveryStep::Wait(_)), "{cause:?}: {step:?}");
         }
     }
 

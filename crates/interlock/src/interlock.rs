@@ -76,7 +76,10 @@ impl Interlock {
     pub fn ended(&mut self, now: RigTime, command: &PortCommand, outcome: &Outcome) {
         self.ports.ended(command);
         self.identity.ended(command, outcome);
-        if matches!(outcome, Outcome::Failed) {
+        let is_failed = matches!(outcome, Outcome::Failed);
+        if !matches!(command, PortCommand::Measure | PortCommand::Stream) {
+            self.latch.ended(is_failed);
+        } else if is_failed {
             self.latch.failed();
         }
         self.read(now, outcome);
@@ -127,12 +130,12 @@ impl Interlock {
         }
         match word {
             Word::Command => {}
-            Word::Acknowledgement => self.latch.acknowledged(),
+            Word::Acknowledgement => self.latch.acknowledged(self.ports.is_bus_busy()),
             Word::ThisStep => self.commission.stated(now),
             Word::LinearStepSeen => self.commission.linear_seen(),
             Word::RotaryStepSeen => self.commission.rotary_seen(),
             Word::NothingBelow => {
-                self.latch.acknowledged();
+                self.latch.acknowledged(self.ports.is_bus_busy());
                 self.homing.stated(now);
             }
         }

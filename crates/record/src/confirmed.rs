@@ -25,8 +25,10 @@ impl Confirmed {
                 self.last = Some(touch.touch.step.clone());
             }
             Record::TouchRefused(refused) => {
-                self.unconfirmed.remove(&refused.touch.step);
-                self.last = None;
+                let step = &refused.touch.step;
+                self.unconfirmed.remove(step);
+                // One that was refused before the probe touched says nothing of the touch before it.
+                self.last.take_if(|last| last == step || refused.indented.is_some());
             }
             Record::SurfaceFound(_) => self.last = None,
             Record::Sweep(sweep) => {

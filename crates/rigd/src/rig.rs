@@ -271,6 +271,19 @@ impl Request {
     const fn is_stop(&self) -> bool {
         matches!(self, Self::Command { command: Command::Stop | Command::Abort, .. })
     }
+
+    /// Whether the data directory is used to answer it.
+    const fn uses_data(&self) -> bool {
+        matches!(
+            self,
+            Self::Run { .. }
+                | Self::Resume { .. }
+                | Self::Redo { .. }
+                | Self::Skip { .. }
+                | Self::GiveUp { .. }
+                | Self::ReadCalibrations { .. }
+        )
+    }
 }
 
 /// Opens a rig on a thread of its own, and brings it into service.

@@ -11,10 +11,16 @@ mod preload;
 #[expect(dead_code, reason = "other tests use more of it")]
 #[path = "support/program.rs"]
 mod program;
+#[expect(dead_code, reason = "other tests use more of it")]
+#[path = "support/short_runs.rs"]
+mod short_runs;
 
-use std::fs;
+use std::{
+    fs,
+    thread::sleep,
+    time::{Duration, Instant},
+};
 
-use rig_store::{Axis, Record};
 use rustix::process::Signal;
 
 use bench::Bench;
@@ -29,6 +35,9 @@ enum Person {
 }
 
 fn check(person: Person, bench: &Bench) {
+    short_runs::run_short(bench.folder.path(), 1);
+    let list = short_runs::json(&bench.folder.path().join("data"), &["runs"]);
+    let earlier = list[0]["run_id"].as_str().unwrap();
     bench.sim.with(|now, rig| rig.world().place_sample(now, "3")).unwrap();
     let blocked = bench.folder.path().join("blocked");
     let library = preload::library("disk/fail.c", bench.folder.path());
@@ -38,23 +47,26 @@ fn check(person: Person, bench: &Bench) {
     command.env("LD_PRELOAD", library).env("RIGD_BLOCK_WHILE", &blocked);
     let mut program = Program::spawn(&mut command, bench.folder.path().join("data"));
     let address = program.wait_for_address();
-    program.wait_for_record("service", is_idle);
-    let lowered = post(&address, "moves", r#"{"axis": "linear", "to": 9.7}"#);
-    assert!(lowered.starts_with("HTTP/1.1 202 "), "{lowered}");
-    program.wait_for_record("the probe to be lowered", |record| match record {
-        Record::Moved(moved) => moved.axis == Axis::LinearMm && moved.read_back < 9.8,
-        _ => false,
-    });
-    assert!(bench.is_in_contact(), "the probe does not touch");
+    let lower = || post(&address, "moves", r#"{"axis": "linear", "to": 9.7}"#);
+    wait_until("the rig to be in service", || lower().starts_with("HTTP/1.1 202 "));
+    wait_until("the probe to touch", || bench.is_in_contact());
+    let is_idle = || request(&address, "GET /api/v1/rig", "").contains("\"state\":\"idle\"");
+    wait_until("the move to end", is_idle);
 
     fs::write(&blocked, "").unwrap();
-    let sweep = r#"{"min_hz": 120, "max_hz": 165}"#;
-    let unanswered = post(&address, "sweeps", sweep);
+    let unanswered = match person {
+        Person::PressesStopAll => post(&address, "sweeps", r#"{"min_hz": 120, "max_hz": 165}"#),
+        // A request that writes by itself.
+        Person::EndsTheProgram => {
+            let touch = r#"{"step": "main/1/left/30/1", "why": "a hair"}"#;
+            post(&address, &format!("runs/{earlier}/skip"), touch)
+        }
+    };
     assert!(unanswered.starts_with("HTTP/1.1 503 "), "{unanswered}");
     let rig = request(&address, "GET /api/v1/rig", "");
     for said in [&unanswered, &rig] {
         assert!(said.contains("the rig loop has not answered since "), "{said}");
-        assert!(said.contains("when it wrote the journal"), "{said}");
+        assert!(said.contains("when it used the data directory"), "{said}");
     }
     // The watchdog of a service manager is fed for as long as this is well.
     let health = request(&address, "GET /healthz", "");
@@ -73,8 +85,13 @@ fn check(person: Person, bench: &Bench) {
     assert!(blocked.exists());
 }
 
-fn is_idle(record: &Record) -> bool {
-    matches!(record, Record::StateChanged(change) if change.state == "idle")
+fn wait_until(what: &str, is_so: impl Fn() -> bool) {
+    let began = Instant::now();
+    while !is_so() {
+        assert!(began.elapsed() < PATIENCE, "gave up waiting for {what}");
+        // It happens in another program.
+        sleep(Duration::from_millis(5));
+    }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -323,6 +323,14 @@ pub enum StageError<U: Unit> {
         /// Position read back from the drive.
         at: Position<U>,
     },
+    /// A drive that was homed neither moved nor homed itself anew.
+    #[error("acknowledged a homing, did not move, and is at {at}, without an alarm; {hint}")]
+    HomingUnseen {
+        /// Position read back from the drive.
+        at: Position<U>,
+        /// Usual cause, and what to check.
+        hint: &'static str,
+    },
     /// An axis that should rise while it homes was sinking. It was stopped.
     #[error("was sinking while it homed, stopped at {at}")]
     HomesDownwards {

@@ -86,17 +86,17 @@ pub fn excerpt(from: &Path, run: RunId, to: &Path) -> Result<Vec<(RunId, Digest)
     Ok(copied)
 }
 
-/// The records of a run, those that moved the axes from the beginning of its session to its end, and the
-/// last one of each session in its epochs. They are what the checker reads of a run.
+/// The records of a run, those that moved the axes from the beginning of the first session of its epoch to its end, and
+/// the last one of each session in its epochs. They are what the checker reads of a run.
 const RECORDS: &str = "
     WITH own AS (SELECT min(id) AS first, max(id) AS last FROM records WHERE run = ?1),
-    begun AS (SELECT max(key) AS session FROM runs WHERE kind = 'session' AND key <= ?1)
+    begun AS (SELECT min(id) AS first FROM records WHERE seq = 1 AND run IN (
+        SELECT key FROM runs WHERE kind = 'session' AND key <= ?1
+            AND epoch = (SELECT epoch FROM runs WHERE key = ?1)))
     SELECT records.id, records.run FROM own, begun, records
     WHERE run = ?1 OR records.id <= own.last
-        AND records.id >= coalesce(
-            (SELECT min(id) FROM records WHERE run = begun.session), own.first)
-        AND (records.kind IN ('operator', 'intent', 'moved', 'fault')
-            OR run = begun.session AND seq = 1)
+        AND records.id >= coalesce(begun.first, own.first)
+        AND (records.kind IN ('operator', 'intent', 'moved', 'fault') OR records.id = begun.first)
     UNION
     SELECT records.id, records.run FROM records JOIN (
         SELECT max(records.id) AS last FROM runs CROSS JOIN records ON records.run = runs.key

@@ -2,13 +2,13 @@
 
 mod list;
 
-use std::path::Path;
+use std::{collections::BTreeMap, path::Path};
 
 use rig_record::{ListEntry, Stretch, seal};
 use rusqlite::{Connection, OptionalExtension, params};
 
 use crate::{
-    Digest, Ending, Flaw, Record, RunKind, StoreError,
+    Clearance, Digest, Ending, Fault, Flaw, Record, RunKind, Store, StoreError,
     journal::{ENTRY, entry_from, insert_entry, insert_stretch, stretches},
     lock::DirectoryLock,
     reader::has_no_content,
@@ -46,6 +46,9 @@ struct Copied {
 /// end can be resumed from the copy. A run whose entry in the list cannot be read is named and not copied. `from`
 /// is unchanged.
 ///
+/// If records of the last start of a program are lost, what is left may show the probe clear although it was lowered since. The
+/// copy then ends with a session that says that this is not known.
+///
 /// # Errors
 /// [`StoreError::NotEmpty`] if `to` has a journal already; [`StoreError::NoJournal`] or
 /// [`StoreError::Damaged`] if the list of runs cannot be read at all; or an error of the system.
@@ -56,7 +59,7 @@ pub fn salvage(from: &Path, to: &Path) -> Result<Vec<SalvagedRun>, StoreError> {
     }
     let (old, _copy) = schema::open_to_salvage(&source)?;
     let list = List::read(&old)?;
-    let _lock = DirectoryLock::take(to)?;
+    let lock = DirectoryLock::take(to)?;
     let target = schema::database(to);
     if target.exists() {
         return Err(StoreError::NotEmpty);
@@ -65,11 +68,19 @@ pub fn salvage(from: &Path, to: &Path) -> Result<Vec<SalvagedRun>, StoreError> {
     new.pragma_update(None, "foreign_keys", false)?;
     new.execute_batch("BEGIN IMMEDIATE")?;
     copy_meta(&old, &new)?;
-    let mut salvaged = Vec::new();
+    let (mut salvaged, mut losses) = (Vec::new(), Losses::default());
+    let counts = counts(&old);
     for key in 1..=list.last_key {
-        match Found::read(&old, key, &list) {
-            Ok(run) => salvaged.push(run.write(&new)?),
-            Err(error) => salvaged.extend(list.lost(key, &error)),
+        match Found::read(&old, key, &list, counts.as_ref()) {
+            Ok(run) => {
+                let run = run.write(&new, &mut losses)?;
+                salvaged.push(run);
+            }
+            Err(error) => {
+                let lost = list.lost(key, &error);
+                losses.has_lost_entry |= lost.is_some();
+                salvaged.extend(lost);
+            }
         }
     }
     // The next opening must have a number of its own.
@@ -80,7 +91,65 @@ pub fn salvage(from: &Path, to: &Path) -> Result<Vec<SalvagedRun>, StoreError> {
         [],
     )?;
     new.execute_batch("COMMIT")?;
+    drop((new, lock));
+    losses.tell(to)?;
     Ok(salvaged)
+}
+
+/// What the copy has not of what was written.
+#[derive(Default)]
+struct Losses {
+    /// The last epoch of each run that lost records.
+    epochs: Vec<u64>,
+    has_lost_entry: bool,
+    /// Name and epoch of the last session.
+    session: Option<(String, u64)>,
+}
+
+impl Losses {
+    /// Takes in a run, in the order of the list.
+    fn add(&mut self, found: &Found) {
+        let later = found.stretches.iter().map(|stretch| stretch.epoch);
+        let epoch = later.fold(found.entry.epoch, u64::max);
+        let cut =
+            |flaw: &Flaw| matches!(flaw, Flaw::Missing | Flaw::Altered | Flaw::Unreadable { .. });
+        if found.flaw.as_ref().is_some_and(cut) {
+            self.epochs.push(epoch);
+        }
+        if found.entry.kind == RunKind::Session.name() {
+            self.session = Some((found.entry.name.clone(), epoch));
+        }
+    }
+
+    /// Adds a session to the copy if what it shows of the probe may be out of date.
+    fn tell(self, to: &Path) -> Result<(), StoreError> {
+        let Some((rig, last)) = self.session else { return Ok(()) };
+        if !self.has_lost_entry && self.epochs.iter().all(|epoch| *epoch < last) {
+            return Ok(());
+        }
+        let mut session = Store::open(to)?.begin(RunKind::Session, &rig)?;
+        let lost = Fault {
+            step: None,
+            cause: "records are lost, and where the probe was at last is not known".to_owned(),
+            probe: Clearance::Unknown,
+            hint: "check by eye where the probe is".to_owned(),
+            last_moves_mm: None,
+        };
+        session.append(0, &Record::Fault(lost))?;
+        session.commit()
+    }
+}
+
+/// The number of records of each run in the table, which its index may not show; `None` if the table is damaged.
+fn counts(old: &Connection) -> Option<BTreeMap<i64, usize>> {
+    let mut statement =
+        old.prepare("SELECT run, count(*) FROM records NOT INDEXED GROUP BY run").ok()?;
+    let counts = statement.query_map([], |row| Ok((row.get(0)?, row.get::<_, i64>(1)?))).ok()?;
+    let count = |row: rusqlite::Result<(i64, i64)>| {
+        let (run, count) = row.ok()?;
+        Some((run, usize::try_from(count).ok()?))
+    };
+    counts.map(count).collect()
 }
 
 /// A row of the epochs.
@@ -120,7 +189,12 @@ struct Found {
 }
 
 impl Found {
-    fn read(old: &Connection, key: i64, list: &List) -> rusqlite::Result<Self> {
+    fn read(
+        old: &Connection,
+        key: i64,
+        list: &List,
+        counts: Option<&BTreeMap<i64, usize>>,
+    ) -> rusqlite::Result<Self> {
         let (entry, finished_at, status, digest) = old.query_row(
             &format!("SELECT {ENTRY}, finished_at, status, digest FROM runs WHERE key = ?1"),
             [key],
@@ -129,7 +203,9 @@ impl Found {
         let is_archived = list.is_archived(&entry.run);
         let read = |order| read_records(old, key, is_archived, order);
         let (mut records, mut head, mut flaw) = read(BY_NUMBER);
-        if matches!(flaw, Some(Flaw::Unreadable { .. })) {
+        let is_short = counts
+            .is_some_and(|counts| counts.get(&key).is_some_and(|count| *count != records.len()));
+        if flaw.is_some() || is_short {
             let (more, head_of_more, flaw_of_more) = read(AS_WRITTEN);
             if more.len() > records.len() {
                 (records, head, flaw) = (more, head_of_more, flaw_of_more);
@@ -154,7 +230,7 @@ impl Found {
         })
     }
 
-    fn write(mut self, new: &Connection) -> Result<SalvagedRun, StoreError> {
+    fn write(mut self, new: &Connection, losses: &mut Losses) -> Result<SalvagedRun, StoreError> {
         let count = self.records.len() as u64;
         let seal_of = |found: &Self, stretches: &[Stretch]| {
             let at = found.finished_at.as_deref().unwrap_or(&found.entry.started_at);
@@ -174,6 +250,7 @@ impl Found {
             (!is_sealed && (is_final || self.seal.is_some())).then_some(Flaw::SealDiffers)
         };
         self.flaw = self.flaw.or(flaw);
+        losses.add(&self);
         if self.flaw.is_some() {
             // Its entry in the list is incomplete, so that the new journal confirms it.
             self.entry.journal = new.query_row("SELECT journal FROM meta", [], |row| row.get(0))?;

@@ -74,6 +74,8 @@ pub enum JournalError {
 #[derive(Debug)]
 pub(crate) struct Journal {
     pub(crate) run: Listed,
+    /// Whether it is read without the journal that it was in.
+    pub(crate) is_alone: bool,
     /// The link of the entry before that of the run, if the links up to there hold.
     pub(crate) links: Result<(), Broken>,
     pub(crate) stretches: Vec<Stretch>,
@@ -102,13 +104,15 @@ pub(crate) struct Journal {
 }
 
 impl Journal {
-    /// The calibrations that the run cites, at its beginning and where it goes on.
+    /// The calibrations that the run or the amendment cites, at its beginning and where it goes on.
     pub(crate) fn cited(&self) -> Vec<Cited> {
         let own = self.entries.iter().filter(|entry| entry.is_own);
-        let begun = own.filter(|entry| ["run_started", "resumed"].contains(&entry.kind.as_str()));
+        let begins = ["run_started", "resumed", "amended"];
+        let begun = own.filter(|entry| begins.contains(&entry.kind.as_str()));
         let cited = begun.flat_map(|entry| match serde_json::from_str(&entry.payload) {
             Ok(Record::RunStarted(started)) => started.calibrations,
             Ok(Record::Resumed(resumed)) => resumed.calibrations.unwrap_or_default(),
+            Ok(Record::Amended(amended)) => amended.calibrations.unwrap_or_default(),
             _ => Vec::new(),
         });
         let mut all: Vec<Cited> = Vec::new();
@@ -129,6 +133,7 @@ impl Journal {
     ) -> Self {
         Self {
             run,
+            is_alone: true,
             links: Ok(()),
             stretches,
             seal: Some(seal),
@@ -264,6 +269,7 @@ pub(crate) fn read(connection: &Connection, run: &str) -> Result<Journal, Journa
         amended: None,
         head: None,
         sessions: sessions(connection, run.key)?,
+        is_alone: false,
         note: if run.kind == "archive" { None } else { note(connection, &run.id)? },
         run,
         damage: None,
@@ -273,8 +279,8 @@ pub(crate) fn read(connection: &Connection, run: &str) -> Result<Journal, Journa
     }
     let first = journal.entries.iter().find(|entry| entry.is_own);
     if let Some(Ok(Record::Amended(amended))) = first.map(|e| serde_json::from_str(&e.payload)) {
-        journal.amended = settings_of(connection, &amended, journal.run.key)?;
-        journal.head = head(connection, &amended, journal.run.key)?;
+        journal.amended = settings_of(connection, &amended, &journal.run)?;
+        journal.head = head(connection, &amended, &journal.run)?;
     }
     Ok(journal)
 }

@@ -45,6 +45,12 @@ pub enum ObjectError {
         /// The format found.
         found: u32,
     },
+    /// Its columns are not those of a sealed run.
+    #[error("its columns are {found}, which are not the ten of a sealed run")]
+    Columns {
+        /// The columns found.
+        found: String,
+    },
     /// A column is missing, has another type, or lacks values.
     #[error("its column `{name}` is missing, is not of {kind}, or lacks values")]
     Column {

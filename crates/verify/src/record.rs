@@ -505,6 +505,7 @@ pub(crate) struct Amended {
     pub(crate) what: String,
     pub(crate) why: String,
     pub(crate) rig: Option<Source>,
+    pub(crate) calibrations: Option<Vec<Cited>>,
 }
 
 #[derive(Debug, Clone, Deserialize)]

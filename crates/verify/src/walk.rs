@@ -25,7 +25,7 @@ use crate::{
     results::{self, Accepted},
     screw,
     seam::Stated,
-    settings::Settings,
+    settings::{Rig, Settings},
 };
 
 /// Checks a run that was read from this database.
@@ -40,7 +40,7 @@ pub(crate) fn check(connection: &Connection, journal: &Journal) -> Verdict {
             _ => Kind::Session,
         },
         name: journal.run.name.clone(),
-        is_given_up: false,
+        given_up: None,
         findings: Findings::default(),
         chain: Chain::new(),
         settings: None,
@@ -52,7 +52,8 @@ pub(crate) fn check(connection: &Connection, journal: &Journal) -> Verdict {
         accepted: Vec::new(),
         refused: Vec::new(),
         copies: Copies::default(),
-        session: None,
+        coming: coming(journal),
+        program: None,
         before: None,
         last_own: None,
         foreign: false,
@@ -65,6 +66,10 @@ pub(crate) fn check(connection: &Connection, journal: &Journal) -> Verdict {
         walk.settings = Settings::read(started).ok();
         let (run, touches) = (journal.run.name.clone(), started.touches.clone());
         walk.amends = Some(Amends { run, touches, head: journal.head.clone() });
+    }
+    if journal.run.kind == "amendment" && journal.amended.is_none() && !journal.is_alone {
+        let what = "an amendment of a run that is not in this journal";
+        walk.findings.add(Check::Ends, 1, what, &journal.run.name, "none");
     }
     let before =
         journal::before(connection, journal.run.key, |entry| walk.pass(entry, &journal.sessions));
@@ -94,6 +99,21 @@ pub(crate) fn check(connection: &Connection, journal: &Journal) -> Verdict {
     }
 }
 
+/// The rig files with which the run goes on at a later start of the program. Those that cannot be read are found there.
+fn coming(journal: &Journal) -> BTreeMap<u64, Rig> {
+    let (mut coming, mut before) = (BTreeMap::new(), None);
+    for entry in journal.entries.iter().filter(|entry| entry.is_own) {
+        let is_another = before.replace(entry.epoch).is_some_and(|before| before != entry.epoch);
+        if is_another
+            && let Ok(Record::Resumed(resumed)) = serde_json::from_str(&entry.payload)
+            && let Some(Ok(rig)) = resumed.rig.map(|rig| toml::from_str(&rig.toml))
+        {
+            coming.insert(entry.epoch, rig);
+        }
+    }
+    coming
+}
+
 /// The frames that a record keeps come before it.
 fn kept_before(seq: u64, rig_us: u64, black_box: &BlackBox, findings: &mut Findings) {
     if let Some(frame) = black_box.frames.iter().find(|frame| frame.rig_us > rig_us) {
@@ -121,7 +141,8 @@ struct Walk {
     kind: Kind,
     /// Name in the list of runs.
     name: String,
-    is_given_up: bool,
+    /// How a run that was given up must end.
+    given_up: Option<String>,
     findings: Findings,
     chain: Chain,
     settings: Option<Settings>,
@@ -135,8 +156,10 @@ struct Walk {
     accepted: Vec<Accepted>,
     refused: Vec<Refused>,
     copies: Copies,
-    /// The session whose rig moves.
-    session: Option<i64>,
+    /// The rig files that a later start of the program has, by its epoch. They hold from its first move on.
+    coming: BTreeMap<u64, Rig>,
+    /// Epoch of the program whose rig moves.
+    program: Option<u64>,
     /// Epoch of the last record, whether it is one of this run, and its time, µs.
     before: Option<(u64, bool, u64)>,
     /// Epoch and time of the last record of this run, µs.
@@ -155,9 +178,14 @@ struct Walk {
 
 impl Walk {
     fn pass(&mut self, entry: &Entry, sessions: &BTreeMap<u64, u64>) {
-        if entry.is_of_session && self.session != Some(entry.key) {
+        if let Some(rig) = self.coming.remove(&entry.epoch)
+            && let Some(settings) = &mut self.settings
+        {
+            settings.rig = rig;
+        }
+        if entry.is_of_session && self.program != Some(entry.epoch) {
             // Another start of the program, with a clock of its own.
-            self.session = Some(entry.key);
+            self.program = Some(entry.epoch);
             self.motion = Motion::new();
         }
         self.check_order(entry);
@@ -210,10 +238,6 @@ impl Walk {
                 let settings = self.settings.as_ref();
                 self.motion.moved(entry.seq, entry.rig_us, &moved, settings, &mut unsaid);
             }
-            Record::Descended(descended) => {
-                let settings = self.settings.as_ref();
-                self.motion.went_down(entry.seq, entry.rig_us, &descended, settings, &mut unsaid);
-            }
             Record::Fault(fault) => self.motion.fault(entry.seq, &fault.probe, &mut unsaid),
             Record::Operator(operator) => self.operator(&operator),
             _ => {}
@@ -222,7 +246,7 @@ impl Walk {
 
     /// A run without an end was cut off by the end of its program, which has written nothing since.
     fn check_cut(&mut self, seq: u64, next: Option<u64>, sessions: &BTreeMap<u64, u64>) {
-        let is_cut = self.kind == Kind::Run && self.ending.is_none() && !self.is_given_up;
+        let is_cut = self.kind == Kind::Run && self.ending.is_none();
         let Some((epoch, rig_us)) = self.last_own.filter(|_| is_cut) else { return };
         if next == Some(epoch) || sessions.get(&epoch).is_some_and(|last| rig_us < *last) {
             let what = "a run without an end, after which its program went on";
@@ -256,7 +280,8 @@ impl Walk {
             let what = "the kind of a record is not that of its content";
             self.findings.add(Check::Readable, seq, what, word.unwrap_or_default(), &entry.kind);
         }
-        if let Some((end, _)) = self.ending.take_if(|_| opens.is_none() && !self.is_given_up) {
+        if let Some((end, _)) = self.ending.take_if(|_| opens.is_none() || self.given_up.is_some())
+        {
             let what = "a record after the end of the run";
             let expected = format!("record {end} as the last");
             self.findings.add(Check::Ends, seq, what, expected, &entry.kind);
@@ -276,6 +301,10 @@ impl Walk {
         if self.amendment == Some(Amendment::Skip) && !is_its_end {
             let what = "a record of a touch that is left out";
             self.findings.add(Check::Row, seq, what, "the end", &entry.kind);
+        }
+        if self.given_up.is_some() && !matches!(record, Record::RunFinished(_)) {
+            let what = "a record of a run that was given up";
+            self.findings.add(Check::Ends, seq, what, "the end", &entry.kind);
         }
         self.record(entry, record);
     }
@@ -347,7 +376,7 @@ impl Walk {
             Record::Stalled(stalled) => labels.stalled(rig_us, stalled.stalled_s),
             Record::ClockJumped {} => {}
             Record::Resumed(resumed) => self.resumed(seq, &resumed),
-            Record::GivenUp(_) => self.is_given_up = true,
+            Record::GivenUp(_) => self.give_up(),
             Record::Amended(amended) => self.amended(seq, &amended),
             // It is held against the run that it is about.
             Record::Archived(_) => {}
@@ -358,10 +387,13 @@ impl Walk {
     /// The first record of an amendment.
     fn amended(&mut self, seq: u64, amended: &Amended) {
         amendment::check(seq, amended, self.amends.as_ref(), &mut self.findings);
-        self.amendment = match &*amended.what {
-            "skip" => Some(Amendment::Skip),
-            _ => Some(Amendment::Redo),
-        };
+        screw::check(amended.calibrations.as_deref().unwrap_or_default(), seq, &mut self.findings);
+        if amended.what == "skip" {
+            self.amendment = Some(Amendment::Skip);
+        } else {
+            self.amendment = Some(Amendment::Redo);
+            self.begins(seq, "a touch was measured again");
+        }
         let touch = self.amends.as_ref().and_then(|amends| amends.touch(&amended.step)).cloned();
         let protocol = self.settings.as_ref().map(|settings| &settings.protocol);
         self.labels.amend(touch, protocol);
@@ -396,23 +428,8 @@ impl Walk {
                 findings.add(Check::Readable, seq, what, "TOML with the known keys", error);
             }
         }
-        if let Some(fault) = self.motion.fault {
-            let found = format!("the fault of record {fault} of the session");
-            findings.add(
-                Check::Stopped,
-                seq,
-                "a run began on a latched rig",
-                "acknowledged",
-                found,
-            );
-        }
-        if self.motion.probe != Probe::Clear {
-            let what = "a run began while the probe was not shown clear";
-            findings.add(Check::FalseClear, seq, what, "clear", self.motion.probe.name());
-        }
+        self.begins(seq, "a run began");
         self.stated = Some(Stated::of(&started));
-        // A command to end that came before is not about this run.
-        (self.motion.turn, self.is_stopped) = (Turn::Forbidden, false);
         let protocol = self.settings.as_ref().map(|settings| &settings.protocol);
         self.labels.begin(seq, started.plan, started.touches, protocol, &mut self.findings);
     }
@@ -429,26 +446,34 @@ impl Walk {
                 }
             }
         }
-        if let Some(fault) = self.motion.fault {
-            let found = format!("the fault of record {fault}");
-            findings.add(
-                Check::Stopped,
-                seq,
-                "a run goes on on a latched rig",
-                "acknowledged",
-                found,
-            );
-        }
-        if self.motion.probe != Probe::Clear {
-            let what = "a run goes on while the probe was not shown clear";
-            findings.add(Check::FalseClear, seq, what, "clear", self.motion.probe.name());
-        }
+        screw::check(resumed.calibrations.as_deref().unwrap_or_default(), seq, findings);
         if let Some(stated) = &mut self.stated {
             stated.resumed(seq, resumed, findings);
         }
-        self.motion.turn = Turn::Forbidden;
-        (self.fault, self.is_stopped, self.ending) = (None, false, None);
-        self.labels.resume(seq, resumed, findings);
+        (self.fault, self.ending) = (None, None);
+        self.begins(seq, "a run goes on");
+        self.labels.resume(seq, resumed, &mut self.findings);
+    }
+
+    /// The run ends with the status of its last part.
+    fn give_up(&mut self) {
+        let ending = self.ending.take().map(|(_, finished)| finished.status);
+        self.given_up = Some(ending.unwrap_or_else(|| "interrupted".to_owned()));
+    }
+
+    /// What begins moves only on a rig that is not latched, with the probe clear.
+    fn begins(&mut self, seq: u64, what: &str) {
+        if let Some(fault) = self.motion.fault {
+            let found = format!("the fault of record {fault}");
+            let latched = format!("{what} on a latched rig");
+            self.findings.add(Check::Stopped, seq, latched, "acknowledged", found);
+        }
+        if self.motion.probe != Probe::Clear {
+            let what = format!("{what} while the probe was not shown clear");
+            self.findings.add(Check::FalseClear, seq, what, "clear", self.motion.probe.name());
+        }
+        // A command to end that came before is not about this.
+        (self.motion.turn, self.is_stopped) = (Turn::Forbidden, false);
     }
 
     fn faulted(&mut self, seq: u64, Fault { probe, cause }: &Fault) {
@@ -476,9 +501,13 @@ impl Walk {
         let status = finished.status.as_str();
         let probe = self.motion.probe;
         self.labels.check_contradiction(findings);
+        if let Some(given_up) = self.given_up.as_ref().filter(|given_up| *given_up != status) {
+            let what = "the ending of a run that was given up is that of its last part";
+            findings.add(Check::Ends, seq, what, given_up, status);
+        }
         // What a program that was killed has not ended is ended by the next one.
         let is_redone = self.amendment == Some(Amendment::Redo) && status != "interrupted";
-        if (self.kind == Kind::Run || is_redone) && !self.is_given_up {
+        if (self.kind == Kind::Run || is_redone) && self.given_up.is_none() {
             let is_whole = status.starts_with("completed");
             self.labels.step_ended(!is_whole, findings);
             self.labels.finish(seq, status, findings);
@@ -519,7 +548,8 @@ impl Walk {
             self.findings.add(Check::Ends, last, what, status, ending.unwrap_or("none"));
         }
         let is_whole = ending.is_some_and(|ending| ending.starts_with("completed"));
-        let ends = ending.is_some() && (self.kind != Kind::Run || is_whole || self.is_given_up);
+        let ends =
+            ending.is_some() && (self.kind != Kind::Run || is_whole || self.given_up.is_some());
         self.chain.check_list(journal, ends, &mut self.findings);
         list::check(journal, &mut self.findings);
     }

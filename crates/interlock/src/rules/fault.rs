@@ -15,6 +15,8 @@ use crate::{PortCommand, Refusal};
 pub struct Latch {
     is_latched: bool,
     is_stopping: bool,
+    /// A person has acknowledged while a command was under way, which ends first.
+    is_acknowledged: bool,
 }
 
 impl Latch {
@@ -39,6 +41,15 @@ impl Latch {
         self.is_latched = true;
     }
 
+    /// A command of the axes has ended. What fails after an acknowledgement was acknowledged with it.
+    pub(crate) const fn ended(&mut self, is_failed: bool) {
+        if self.is_acknowledged {
+            self.acknowledged(false);
+        } else if is_failed {
+            self.failed();
+        }
+    }
+
     pub(crate) const fn stop_begun(&mut self) {
         self.is_stopping = true;
     }
@@ -47,9 +58,11 @@ impl Latch {
         self.is_stopping = false;
     }
 
-    pub(crate) const fn acknowledged(&mut self) {
-        self.is_latched = false;
-        self.is_stopping = false;
+    /// A person acknowledges. A command that is under way is still one of the latched rig.
+    pub(crate) const fn acknowledged(&mut self, is_under_way: bool) {
+        self.is_acknowledged = is_under_way;
+        self.is_latched &= is_under_way;
+        self.is_stopping &= is_under_way;
     }
 
     pub(crate) const fn is_latched(&self) -> bool {

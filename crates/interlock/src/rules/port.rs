@@ -27,6 +27,11 @@ impl Ports {
         Ok(())
     }
 
+    /// Whether a command of the axes is under way.
+    pub(crate) const fn is_bus_busy(&self) -> bool {
+        self.bus.is_some()
+    }
+
     pub(crate) const fn begun(&mut self, command: PortCommand) {
         match command {
             PortCommand::Measure | PortCommand::Stream => self.analyzer = Some(command),

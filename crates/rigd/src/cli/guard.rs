@@ -73,7 +73,7 @@ async fn next_silence(status: &mut watch::Receiver<Status>) -> Option<Silence> {
     status.wait_for(|status| status.silence.is_some()).await.ok()?.silence
 }
 
-/// Becomes `rigd safe`. The journal is left out if it was being written: it may block again.
+/// Becomes `rigd safe`. The data directory is left out if it was being used: it may block again.
 fn replace(way_out: &WayOut, known: &[String], silence: Silence) {
     let program = std::env::current_exe().unwrap_or_else(|_| PathBuf::from("rigd"));
     let mut safe = Command::new(program);

@@ -272,7 +272,8 @@ pub(crate) fn stage_failure<U: Unit>(device: Device, error: &StageError<U>) -> F
         | StageError::NotThere { .. }
         | StageError::Overdue { .. }
         | StageError::WillNotStop { .. }
-        | StageError::NotHomed { .. } => FailureKind::Blocked,
+        | StageError::NotHomed { .. }
+        | StageError::HomingUnseen { .. } => FailureKind::Blocked,
         _ => FailureKind::Refused,
     };
     Failure { device, kind, detail: with_causes(error) }

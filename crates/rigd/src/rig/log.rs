@@ -128,10 +128,10 @@ impl Log {
     }
 
     pub(super) fn append(&mut self, record: &Record) {
-        self.pulse.beat(Doing::Recording);
+        let before = self.pulse.beat(Doing::Recording);
         let (journal, _) = self.run.as_mut().unwrap_or(&mut self.session);
         let appended = journal.append(self.clock.now().as_micros(), record);
-        self.pulse.beat(Doing::Deciding);
+        self.pulse.beat(before);
         match appended {
             Ok(id) => {
                 self.newest = id;
@@ -152,10 +152,10 @@ impl Log {
     pub(super) fn commit(&mut self) {
         let _span = tracing::info_span!("commit").entered();
         self.last_commit = Instant::now();
-        self.pulse.beat(Doing::Recording);
+        let before = self.pulse.beat(Doing::Recording);
         let committed = self.session.0.commit();
         self.meters.committed(self.last_commit.elapsed());
-        self.pulse.beat(Doing::Deciding);
+        self.pulse.beat(before);
         match committed {
             Ok(()) => self.events[1] = self.newest,
             Err(error) => self.failed(&error),

@@ -36,7 +36,7 @@ pub enum Doing {
     Waiting,
     /// The engine decides.
     Deciding,
-    /// The journal is written.
+    /// The journal is written, or the data directory is used for a request.
     Recording,
 }
 
@@ -60,10 +60,12 @@ pub(super) struct Pulse {
 }
 
 impl Pulse {
-    /// A sign of life. Only the loop gives it.
-    pub(super) fn beat(&self, doing: Doing) {
-        let number = (self.signs.load(Ordering::Relaxed) >> 2).wrapping_add(1);
+    /// A sign of life. Only the loop gives it. Returns what it did before.
+    pub(super) fn beat(&self, doing: Doing) -> Doing {
+        let signs = self.signs.load(Ordering::Relaxed);
+        let number = (signs >> 2).wrapping_add(1);
         self.signs.store(number << 2 | doing as u64, Ordering::Release);
+        Self::doing(signs)
     }
 
     /// A loop that is silent must not be waited for.
@@ -140,7 +142,7 @@ impl fmt::Display for Silence {
         let doing = match self.doing {
             Doing::Waiting => "waited for its devices",
             Doing::Deciding => "decided about the next operation",
-            Doing::Recording => "wrote the journal",
+            Doing::Recording => "used the data directory",
         };
         write!(
             f,

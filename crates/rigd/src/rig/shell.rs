@@ -195,6 +195,7 @@ impl Shell {
                 return;
             }
             if self.is_idle() && self.log.is_session_old() {
+                self.pulse.beat(Doing::Recording);
                 self.log.renew_session();
                 self.publish();
             }
@@ -339,6 +340,7 @@ impl Shell {
     }
 
     fn think<T>(&mut self, decide: impl FnOnce(&mut Engine, RigTime) -> T) -> T {
+        self.pulse.beat(Doing::Deciding);
         let begun = is_traced().then(clocks::of_thread);
         let decision = decide(&mut self.engine, self.clock.now());
         self.thought =

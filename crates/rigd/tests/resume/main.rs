@@ -81,10 +81,19 @@ async fn a_session_is_sealed_after_a_day() {
     tokio::time::timeout(Duration::from_secs(60), renewed).await.unwrap().unwrap();
     let reader = Reader::open(&data).unwrap();
     assert!(reader.run(first).unwrap().is_sealed);
+    // The clock and the axes go on, so that a run of the next session begins as any other.
+    let next = bench.start(&rig, &write_protocol(folder.path())).await;
+    assert_eq!(bench.ended(next).await, RunStatus::Completed);
     bench.close().await;
-    let sessions = reader.runs().unwrap().into_iter().filter(|run| run.id != first);
-    assert!(sessions.into_iter().all(|run| run.is_sealed));
+    let runs = reader.runs().unwrap();
+    assert!(runs.iter().all(|run| run.is_sealed));
     assert_eq!(reader.broken_link().unwrap(), None);
+    let archive = TempDir::new().unwrap();
+    rig_store::excerpt(&data, next, archive.path()).unwrap();
+    for (data, run) in runs.iter().map(|run| (&*data, run.id)).chain([(archive.path(), next)]) {
+        let verdict = rig_verify::verify(data, &run.to_string()).unwrap();
+        assert!(verdict.is_sound, "{run} in {}: {:#?}", data.display(), verdict.findings);
+    }
 }
 
 #[test]

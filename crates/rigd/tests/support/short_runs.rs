@@ -32,16 +32,21 @@ pub(crate) fn json(data: &Path, args: &[&str]) -> Value {
 /// A folder with a data directory `data` with this number of runs of four touches.
 pub(crate) fn with_runs(count: usize) -> TempDir {
     let folder = TempDir::new().unwrap();
+    run_short(folder.path(), count);
+    folder
+}
+
+/// Makes this number of runs of four touches in the data directory `data` of a folder.
+pub(crate) fn run_short(folder: &Path, count: usize) {
     let smoke = include_str!("../../../../config/protocols/smoke.toml");
     let short = smoke
         .replace("directions = [\"front\", \"back\", \"left\"]", "directions = [\"left\"]")
         .replace("angles_deg = [0, 45]", "angles_deg = [30]")
         .replace("trials = 6", "trials = 2");
-    let protocol = folder.path().join("short.toml");
+    let protocol = folder.join("short.toml");
     fs::write(&protocol, short).unwrap();
     for _ in 0..count {
-        let run = rigd(&folder.path().join("data"), &["run", protocol.to_str().unwrap()], &[]);
+        let run = rigd(&folder.join("data"), &["run", protocol.to_str().unwrap()], &[]);
         assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     }
-    folder
 }

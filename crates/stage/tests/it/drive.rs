@@ -243,6 +243,9 @@ impl State {
     }
 
     fn home(&mut self) {
+        if self.ignores_moves {
+            return;
+        }
         self.motion = Motion { to: 0, seconds: 1.5, ..Motion::standing(self.motion.position()) };
         self.is_homed = true;
     }

@@ -260,6 +260,9 @@ async fn a_drive_that_does_not_move_as_told_is_found_out() {
         drive.ignore_moves();
         let error = stage.move_to(target(10.0), 6.0, &stop).await.unwrap_err();
         assert!(matches!(error, StageError::Ignored { .. }), "{}: {error}", make.map.name);
+        // It still says that it is homed.
+        let error = stage.home(&stop).await.unwrap_err();
+        assert!(matches!(error, StageError::HomingUnseen { .. }), "{}: {error}", make.map.name);
 
         let (drive, mut stage) = ready(make).await;
         drive.lose_counts(counts(make, 0.03));

@@ -6,8 +6,8 @@ use rusqlite::Connection;
 
 use super::sample::{Directory, append, records, sweep};
 use crate::{
-    ChainCheck, Ending, Flaw, Reader, Record, RunFinished, RunId, RunKind, Store, StoreError,
-    StoredRecord, SweepPurpose, salvage,
+    Axis, ChainCheck, Ending, Flaw, Move, ProbeWord, Reader, Record, RunFinished, RunId, RunKind,
+    Store, StoreError, StoredRecord, SweepPurpose, salvage,
 };
 
 /// Size of a page of the database, bytes.
@@ -60,6 +60,96 @@ fn a_sound_journal_is_copied_as_it_is() {
     let store = Store::open(target.path()).unwrap();
     assert_eq!(store.interrupted(), [runs[2].0]);
     store.reopen(runs[2].0).unwrap();
+}
+
+/// A page of the index that was not written hides records that are in the table.
+#[test]
+fn records_that_an_index_does_not_show_are_copied() {
+    let (directory, runs) = journal();
+    let old = Connection::open(directory.path().join("rigd.db")).unwrap();
+    let schema: String = old
+        .query_row(
+            "SELECT sql FROM sqlite_schema WHERE name = 'records' AND type = 'table'",
+            [],
+            |row| row.get(0),
+        )
+        .unwrap();
+    let kept = "CREATE TABLE kept AS SELECT * FROM records WHERE run = 3 AND seq > 5";
+    old.execute_batch(kept).unwrap();
+    assert!(schema.contains("UNIQUE (run, seq)"), "{schema}");
+    // The table without its index gets records that the index has not.
+    old.execute("DELETE FROM records WHERE run = 3 AND seq > 5", []).unwrap();
+    old.pragma_update(None, "writable_schema", true).unwrap();
+    let without = schema.replace("UNIQUE (run, seq)", "CHECK (seq > 0)");
+    let set = "UPDATE sqlite_schema SET sql = ?1 WHERE name = 'records' AND type = 'table'";
+    let index = "SELECT name, tbl_name, rootpage FROM sqlite_schema
+                 WHERE type = 'index' AND tbl_name = 'records' AND sql IS NULL";
+    let hidden: (String, String, i64) =
+        old.query_row(index, [], |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?))).unwrap();
+    old.execute("DELETE FROM sqlite_schema WHERE type = 'index' AND name = ?1", [&hidden.0])
+        .unwrap();
+    old.execute(set, [&without]).unwrap();
+    drop(old);
+    let old = Connection::open(directory.path().join("rigd.db")).unwrap();
+    old.pragma_update(None, "foreign_keys", false).unwrap();
+    old.execute_batch("INSERT INTO records SELECT * FROM kept; DROP TABLE kept;").unwrap();
+    old.pragma_update(None, "writable_schema", true).unwrap();
+    old.execute(
+        "INSERT INTO sqlite_schema (type, name, tbl_name, rootpage) VALUES ('index', ?1, ?2, ?3)",
+        rusqlite::params![hidden.0, hidden.1, hidden.2],
+    )
+    .unwrap();
+    old.execute(set, [&schema]).unwrap();
+    drop(old);
+
+    let shown = Reader::open(directory.path()).unwrap().records(runs[2].0).unwrap();
+    assert_eq!(shown.len(), 5, "the index shows them");
+    let target = Directory::new();
+    let salvaged = salvage(directory.path(), target.path()).unwrap();
+    assert!(salvaged.iter().all(|run| run.flaw.is_none()), "{salvaged:?}");
+    assert_eq!(&Reader::open(target.path()).unwrap().records(runs[2].0).unwrap(), &runs[2].1);
+}
+
+/// What is left of the records may end with the probe clear.
+#[test]
+fn a_copy_that_has_lost_the_last_records_does_not_show_the_probe_clear() {
+    for (damage, is_lost) in [
+        ("", false),
+        ("UPDATE records SET payload = '{' WHERE run = 2 AND seq = 2", false),
+        ("UPDATE records SET payload = '{' WHERE run = 4 AND seq = 3", true),
+        ("UPDATE runs SET id = CAST(x'ff' AS TEXT) WHERE key = 4", true),
+    ] {
+        let directory = Directory::new();
+        let clear = |position_mm| {
+            Record::Moved(Move {
+                axis: Axis::LinearMm,
+                target: position_mm,
+                read_back: position_mm,
+                is_clear: true,
+            })
+        };
+        for _ in 0..2 {
+            let store = Store::open(directory.path()).unwrap();
+            let mut session = store.begin(RunKind::Session, "the bench").unwrap();
+            append(&mut session, 0, &clear(24.5));
+            session.commit().unwrap();
+            let mut run = store.begin(RunKind::Run, "indents").unwrap();
+            append(&mut run, 1, &records()[0]);
+            append(&mut run, 2, &clear(24.5));
+            append(&mut run, 3, &sweep(1, SweepPurpose::Touch, 150.0));
+            run.commit().unwrap();
+        }
+        let old = Connection::open(directory.path().join("rigd.db")).unwrap();
+        old.pragma_update(None, "foreign_keys", false).unwrap();
+        old.execute_batch(damage).unwrap();
+        drop(old);
+        let target = Directory::new();
+        salvage(directory.path(), target.path()).unwrap();
+        let reader = Reader::open(target.path()).unwrap();
+        let latest = reader.latest_session("the bench").unwrap().unwrap();
+        let word = reader.probe_word(&latest).unwrap();
+        assert_eq!(word != ProbeWord::Clear, is_lost, "{damage:?}: {word:?}");
+    }
 }
 
 /// The number of an epoch is in no digest: one that is not that of its neighbours ends the run before it, and costs no other.

@@ -7,10 +7,10 @@ use rusqlite::{Connection, OptionalExtension, params};
 use super::Listed;
 use crate::record::{Amended, Record, RunStarted};
 
-/// What each amendment of the journal amends.
+/// What each amendment of a run amends.
 pub(super) const AMENDED: &str = "
     SELECT payload FROM runs CROSS JOIN records ON records.run = runs.key
-    WHERE runs.kind = 'amendment' AND records.kind = 'amended' AND seq = 1";
+    WHERE runs.kind = 'amendment' AND runs.name = ?1 AND records.kind = 'amended' AND seq = 1";
 
 /// What may be the outcome of a touch in an amendment that ended before a run went on.
 pub(super) const DONE_ELSEWHERE: &str = "
@@ -57,12 +57,11 @@ pub(super) fn amended_steps(
     run: &str,
 ) -> Result<Vec<String>, rusqlite::Error> {
     let mut statement = connection.prepare_cached(AMENDED)?;
-    let payloads = statement.query_map([], |row| row.get::<_, String>(0))?;
+    let payloads = statement.query_map([run], |row| row.get::<_, String>(0))?;
     let mut steps = Vec::new();
     for payload in payloads {
-        match serde_json::from_str(&payload?) {
-            Ok(Record::Amended(amended)) if amended.run == run => steps.push(amended.step),
-            _ => {}
+        if let Ok(Record::Amended(amended)) = serde_json::from_str(&payload?) {
+            steps.push(amended.step);
         }
     }
     Ok(steps)
@@ -89,11 +88,12 @@ pub(super) fn done_elsewhere(
     Ok(done)
 }
 
-/// The settings of an amendment in the records with this key: its own, or those of the last resumption of its run before.
+/// The settings of an amendment: its own, or those of the last resumption of its run before. Its run is the one in whose name
+/// it is listed, whatever its first record says. `None` if that run is not there.
 pub(super) fn settings_of(
     connection: &Connection,
-    Amended { run, rig, .. }: &Amended,
-    key: i64,
+    Amended { rig, .. }: &Amended,
+    &Listed { key, name: ref run, .. }: &Listed,
 ) -> Result<Option<Box<RunStarted>>, rusqlite::Error> {
     let payload: Option<String> = connection
         .query_row(
@@ -122,15 +122,15 @@ pub(super) fn settings_of(
     Ok(Some(started))
 }
 
-/// The end of a run when it was amended in the records with this key; `None` if it has no record before them.
+/// The end of a run when it was amended; `None` if it has no record before the amendment.
 pub(super) fn head(
     connection: &Connection,
     amended: &Amended,
-    key: i64,
+    &Listed { key, name: ref run, .. }: &Listed,
 ) -> Result<Option<Head>, rusqlite::Error> {
     connection
         .prepare_cached(HEAD)?
-        .query_row(params![amended.run, key, amended.head], |row| {
+        .query_row(params![run, key, amended.head], |row| {
             let has_ended = row.get::<_, String>(1)? == "run_finished";
             Ok(Head { last: row.get(0)?, has_ended, is_of_run: row.get(2)? })
         })

@@ -4,12 +4,14 @@ use rusqlite::{Connection, OptionalExtension, params};
 
 use super::Entry;
 
-/// The first record of the session of a run, and that of the last run of this session that was completed before it.
+/// The first record of the sessions in the epoch of a run, and that of the last run since then that was completed before it. A
+/// program that runs for days has several sessions on one clock, and the axes stay where they are between them.
 pub(super) const BEGINS: &str = "
-    WITH session AS (SELECT max(key) AS key FROM runs WHERE kind = 'session' AND key <= ?1),
-    completed AS (SELECT max(runs.key) AS key FROM session, runs
-        WHERE kind = 'run' AND status LIKE 'completed%' AND runs.key > session.key AND runs.key < ?1)
-    SELECT (SELECT id FROM records WHERE run = (SELECT key FROM session) ORDER BY seq LIMIT 1),
+    WITH sessions AS (SELECT key FROM runs WHERE kind = 'session' AND key <= ?1
+        AND epoch = (SELECT epoch FROM runs WHERE key = ?1)),
+    completed AS (SELECT max(key) AS key FROM runs WHERE kind = 'run' AND status LIKE 'completed%'
+        AND key > (SELECT min(key) FROM sessions) AND key < ?1)
+    SELECT (SELECT min(id) FROM records WHERE run IN (SELECT key FROM sessions) AND seq = 1),
         (SELECT id FROM records WHERE run = (SELECT key FROM completed) ORDER BY seq LIMIT 1)";
 
 /// The last move of an axis between two records.
@@ -31,8 +33,8 @@ pub(super) const SINCE: &str = "
         AND records.kind IN ('operator', 'intent', 'moved', 'fault')
     ORDER BY records.id";
 
-/// Calls `pass` for the first record of the session, for the last move of each axis before the last run of the session that was
-/// completed, and for what moved the axes since. A session may last for months, so that neither all of its
+/// Calls `pass` for the first record of the sessions of this start of the program, for the last move of each axis before the last
+/// run since then that was completed, and for what moved the axes since. A program may run for months, so that neither all
 /// records are read, nor more than one is kept at a time.
 ///
 /// A completed run begins on axes whose positions are known and on a rig that is not latched: that is held against
@@ -42,16 +44,16 @@ pub(crate) fn before(
     run: i64,
     mut pass: impl FnMut(&Entry),
 ) -> Result<(), rusqlite::Error> {
-    let (session, completed): (Option<i64>, Option<i64>) = connection
+    let (first, completed): (Option<i64>, Option<i64>) = connection
         .prepare_cached(BEGINS)?
         .query_row([run], |row| Ok((row.get(0)?, row.get(1)?)))?;
-    let Some(session) = session else { return Ok(()) };
+    let Some(first) = first else { return Ok(()) };
     if let Some(completed) = completed {
-        let mut known = vec![session];
+        let mut known = vec![first];
         for axis in ["linear_mm", "rotary_deg"] {
             let moved = connection
                 .prepare_cached(LAST_MOVE)?
-                .query_row(params![session, completed, axis], |row| row.get::<_, i64>(0));
+                .query_row(params![first, completed, axis], |row| row.get::<_, i64>(0));
             known.extend(moved.optional()?);
         }
         known.sort_unstable();
@@ -62,7 +64,7 @@ pub(crate) fn before(
         }
     }
     let mut since = connection.prepare_cached(SINCE)?;
-    let mut rows = since.query([run, completed.unwrap_or(session)])?;
+    let mut rows = since.query([run, completed.unwrap_or(first)])?;
     while let Some(row) = rows.next()? {
         pass(&Entry::from_row(row, run)?);
     }

@@ -13,18 +13,33 @@ use super::ObjectError;
 /// The key of the seal in the metadata of the file.
 const SEAL_KEY: &str = "rigd:seal";
 
+/// The columns of a sealed run. With another one, or a group with columns of these names, other programs would read a
+/// table that nobody has checked.
+const NAMES: [&str; 10] =
+    ["run_id", "run_kind", "run_name", "seq", "epoch", "rig_us", "at", "kind", "payload", "digest"];
+
 /// An open file.
 pub(super) struct Columns(SerializedFileReader<Bytes>);
 
 impl Columns {
     pub(super) fn open(object: Bytes) -> Result<Self, ObjectError> {
-        Ok(Self(SerializedFileReader::new(object)?))
+        let reader = SerializedFileReader::new(object)?;
+        let schema = reader.metadata().file_metadata().schema_descr();
+        let found: Vec<String> =
+            schema.columns().iter().map(|column| column.path().string()).collect();
+        let are_all = NAMES.iter().all(|name| found.iter().any(|column| column == name));
+        if are_all && found.len() == NAMES.len() {
+            return Ok(Self(reader));
+        }
+        Err(ObjectError::Columns { found: found.join(", ") })
     }
 
     /// The seal, as JSON.
     pub(super) fn seal(&self) -> Option<&str> {
         let metadata = self.0.metadata().file_metadata().key_value_metadata()?;
-        metadata.iter().find(|entry| entry.key == SEAL_KEY)?.value.as_deref()
+        let mut seals = metadata.iter().filter(|entry| entry.key == SEAL_KEY);
+        // Of two, another program may show the other one.
+        seals.next().filter(|_| seals.next().is_none())?.value.as_deref()
     }
 
     /// A column of texts without missing values.
@@ -83,4 +98,43 @@ fn read<T: DataType>(
         left -= read;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use parquet::{file::writer::SerializedFileWriter, schema::parser::parse_message_type};
+
+    use super::*;
+
+    /// An empty file with these columns.
+    fn file(columns: &str) -> Bytes {
+        let schema = parse_message_type(&format!("message run {{ {columns} }}")).unwrap();
+        let mut bytes = Vec::new();
+        let writer =
+            SerializedFileWriter::new(&mut bytes, Arc::new(schema), Arc::default()).unwrap();
+        writer.close().unwrap();
+        bytes.into()
+    }
+
+    #[test]
+    fn a_file_has_the_columns_of_a_sealed_run_and_no_others() {
+        let of = |name: &str| format!("required binary {name} (UTF8); ");
+        let all: String = NAMES.iter().map(|name| of(name)).collect();
+        let less: String = NAMES.iter().skip(1).map(|name| of(name)).collect();
+        let hidden = format!("required group x {{ {} }} ", of("payload"));
+        let files = [
+            (all.clone(), true),
+            (less.clone(), false),
+            (less + &of("payload"), false),
+            (hidden.clone() + &all, false),
+            (all.replace(&of("payload"), &hidden), false),
+            (all + &of("note"), false),
+        ];
+        for (columns, is_read) in files {
+            let opened = Columns::open(file(&columns));
+            assert_eq!(opened.is_ok(), is_read, "{columns}: {:?}", opened.err());
+        }
+    }
 }

@@ -55,7 +55,7 @@ fn a_stop_gives_up_a_silent_loop_at_once_and_no_other() {
 fn the_message_has_the_time_and_the_activity() {
     let since = SystemTime::UNIX_EPOCH + Duration::from_secs(86_400 * 3 + 3600 * 14 + 62);
     let silence = Silence { since, doing: Doing::Recording, is_given_up: false };
-    let said = "the rig loop has not answered since 14:01:02 UTC, when it wrote the journal";
+    let said = "the rig loop has not answered since 14:01:02 UTC, when it used the data directory";
     assert_eq!(silence.to_string(), said);
 }
 

@@ -9,12 +9,15 @@ use rig_store::{Operator, Record, RunId};
 
 use super::Shell;
 use crate::rig::{
-    Request, RequestRefusal, ResumeRefusal, TouchOrder, amend, identify::Answers,
+    Doing, Request, RequestRefusal, ResumeRefusal, TouchOrder, amend, identify::Answers,
     open::HALT_WITHIN, record::Recorder,
 };
 
 impl Shell {
     pub(super) fn take(&mut self, request: Request) {
+        if request.uses_data() {
+            self.pulse.beat(Doing::Recording);
+        }
         // The caller may have closed its end. Its command is carried out.
         match request {
             Request::Run { protocol, by, key, reply } => {
@@ -67,6 +70,7 @@ impl Shell {
         }
         // A request that met a failure of the disk has closed the journal.
         self.log.check();
+        self.pulse.beat(Doing::Deciding);
         self.publish();
     }
 
@@ -89,10 +93,9 @@ impl Shell {
             return;
         }
         self.gate.stop_asked();
-        // A line that takes longer gets them when it can; the decision must not wait for it.
-        if tokio::time::timeout(HALT_WITHIN, self.owners.halt()).await.is_ok() {
-            self.gate.stop_sent();
-        }
+        // A line that takes longer gets them when it can; the decision must not wait for it, and it is said that it took long.
+        drop(tokio::time::timeout(HALT_WITHIN, self.owners.halt()).await);
+        self.gate.stop_sent();
     }
 
     pub(super) fn command(&mut self, command: Command, by: &str) -> Result<(), RequestRefusal> {
