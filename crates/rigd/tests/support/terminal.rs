@@ -45,7 +45,7 @@ give_up_below_mm = 0.8
 coarse_step_mm = 0.1
 fine_step_mm = 0.01
 contact_threshold = 0.10
-settle_s = 0.5
+settle_s = 0.1
 cycles = 10
 [no_load_sweep]
 min_hz = 125
@@ -58,7 +58,7 @@ level_v = 5
 min_hz = 130
 max_hz = 260
 target_sigma_hz = 1
-time_limit_s = 30
+time_limit_s = 5
 cycles = 20
 level_v = 5
 "#;
