@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::{Ending, Record, SweepOutcome, SweepPurpose};
+use crate::{Amendment, Ending, Record, SweepOutcome, SweepPurpose};
 
 /// Which measured touches are confirmed, found by taking in the records of a run in their order.
 ///
@@ -41,6 +41,8 @@ impl Confirmed {
                 self.last.take_if(|_| is_whole);
                 self.end();
             }
+            // Nothing is measured where a touch is left out, which may be during the run.
+            Record::Amended(amended) if amended.what == Amendment::Skip => {}
             Record::Resumed(_) | Record::GivenUp(_) | Record::Amended(_) => self.end(),
             _ => {}
         }

@@ -87,6 +87,15 @@ impl Daemon {
         daemon
     }
 
+    /// A sweep that a touch names is in the list of its run, and can be had.
+    async fn check_sweep(&self, of_run: &str, number: &Value) {
+        let (_, list) = self.ask("GET", of_run, &Value::Null).await;
+        let is_listed = |line: &Value| line["number"] == *number;
+        assert!(list.as_array().unwrap().iter().any(is_listed), "{number}: {list}");
+        let (status, sweep) = self.ask("GET", &format!("{of_run}/{number}"), &Value::Null).await;
+        assert_eq!((status, &sweep["number"]), (StatusCode::OK, number), "{sweep}");
+    }
+
     #[track_caller]
     fn check_sound(&self, id: &str) {
         let verdict = rig_verify::verify(self.data.path(), id).unwrap();
@@ -455,6 +464,7 @@ async fn a_run_is_continued_amended_and_given_up_over_http() {
     };
     let row = amended().await;
     assert_eq!(row["amended"], "redo by the lab: it slipped", "{row}");
+    daemon.check_sweep(&run("sweeps"), &row["sweep"]).await;
     assert_eq!(daemon.ask("POST", &run("skip"), &step).await.0, StatusCode::NO_CONTENT);
     assert_eq!(amended().await["status"], "skipped");
     let nowhere = json!({ "step": "main/7/front/0/1", "why": "it slipped" });

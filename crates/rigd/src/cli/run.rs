@@ -8,7 +8,8 @@ use std::{
 use clap::Args;
 use rig_engine::{Command, RefusalAnswer, RefusedTouch, RunStatus};
 use rig_model::with_causes;
-use rig_store::{Ending, Reader, RunId};
+use rig_report::{TouchRow, TouchStatus};
+use rig_store::{Reader, RunId};
 use tokio::time::MissedTickBehavior;
 
 use super::{
@@ -95,7 +96,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
                 && ending.is_complete()
             {
                 note(&format!("{} has been {}", run.short_name(), run.status.describe()));
-                return finish(data, &args.output, run.id, ending == Ending::CompletedWithRefusals);
+                return finish(data, &args.output, run.id, None);
             }
             let order = Order::Rest { run: run.id, is_confirmed: args.accept_changes };
             (order, args.bench.rig.load()?, LeftInContact::Retract)
@@ -140,7 +141,8 @@ fn end(
     ending: RunStatus,
     status: &Status,
 ) -> Result<(), Failure> {
-    let finished = finish(data, output, run, ending == RunStatus::CompletedWithRefusals);
+    let has_refusals = ending == RunStatus::CompletedWithRefusals;
+    let finished = finish(data, output, run, Some(has_refusals));
     let ended = match ending {
         RunStatus::Completed | RunStatus::CompletedWithRefusals => return finished,
         RunStatus::Aborted => Failure::Aborted,
@@ -157,8 +159,14 @@ fn end(
     }
 }
 
-/// Writes the files of a run and prints its results.
-fn finish(data: &Path, output: &OutputArgs, run: RunId, has_refusals: bool) -> Result<(), Failure> {
+/// Writes the files of a run and prints its results. `has_refusals` says whether touches were refused just now; for a run that had
+/// ended before, its results say it, with all that was measured again since.
+fn finish(
+    data: &Path,
+    output: &OutputArgs,
+    run: RunId,
+    has_refusals: Option<bool>,
+) -> Result<(), Failure> {
     let files = run_files::write(data, run)?;
     if !output.json {
         note(&format!("report: {}\ndata:   {}\n", files.report.display(), files.data.display()));
@@ -167,6 +175,9 @@ fn finish(data: &Path, output: &OutputArgs, run: RunId, has_refusals: bool) -> R
     if !files.verdict.is_sound() {
         return Err(Failure::NotSound);
     }
+    let is_refused = |row: &TouchRow| row.status == TouchStatus::Refused;
+    let has_refusals =
+        has_refusals.unwrap_or_else(|| files.results.touches().iter().any(is_refused));
     if has_refusals { Err(Failure::TouchesRefused) } else { Ok(()) }
 }
 

@@ -139,7 +139,7 @@ pub(super) async fn sweep(
     let found = shared.build(move |reader| {
         reader.run(id)?;
         let is_wanted = |sweep: &Sweep| sweep.number.to_string() == number;
-        let sweeps = reader.records(id)?.into_iter().filter_map(|record| match record.record() {
+        let sweeps = reader.amended(id)?.into_iter().filter_map(|record| match record.record() {
             Ok(Record::Sweep(sweep)) => Some(sweep),
             _ => None,
         });

@@ -41,7 +41,7 @@ pub(super) struct SweepLine {
     href: String,
 }
 
-/// The sweeps of a run, without their readings.
+/// The sweeps of a run and of the touches that were measured again, without their readings.
 pub(super) async fn of_run(
     State(shared): State<Shared>,
     Path(id): Path<String>,
@@ -60,7 +60,7 @@ pub(super) async fn of_run(
             }),
             _ => None,
         };
-        Ok(reader.records(id)?.into_iter().filter_map(line).collect())
+        Ok(reader.amended(id)?.into_iter().filter_map(line).collect())
     });
     found.await.map(Json)
 }

@@ -14,6 +14,10 @@ pub struct Pace {
     answers: u32,
     /// Start of the open prompt.
     asked: Option<RigTime>,
+    /// Total time of all pauses, s.
+    paused_s: f64,
+    /// Start of the present pause.
+    paused: Option<RigTime>,
 }
 
 /// Remaining time of a run, s on the rig's clock.
@@ -95,9 +99,20 @@ impl Pace {
         }
     }
 
-    /// Age of the open prompt, s.
+    /// The run has a state in which it is paused, or another one.
+    pub(super) fn pauses(&mut self, now: RigTime, is_paused: bool) {
+        if is_paused {
+            self.paused.get_or_insert(now);
+        } else if let Some(since) = self.paused.take() {
+            self.paused_s += now.since(since).as_secs_f64();
+        }
+    }
+
+    /// Total time that the rig has not worked, with the open prompt and the present pause, s.
     pub fn waited_s(&self, now: RigTime) -> f64 {
-        self.waited_s + self.asked.map_or(0.0, |asked| now.since(asked).as_secs_f64())
+        let since =
+            |begin: Option<RigTime>| begin.map_or(0.0, |begin| now.since(begin).as_secs_f64());
+        self.waited_s + since(self.asked) + self.paused_s + since(self.paused)
     }
 
     /// The remaining time of a run, from what such touches took before on this rig, or else from the
@@ -175,6 +190,23 @@ mod tests {
         assert_eq!(here.after(5.0, next), Remaining { least_s: 45.0, most_s: 75.0 });
         assert_eq!(here.after(15.0, next), Remaining { least_s: 40.0, most_s: 65.0 });
         assert_eq!(here.after(500.0, next), next);
+    }
+
+    #[test]
+    fn a_pause_is_no_work_of_the_rig_and_no_answer_of_a_person() {
+        let mut paused = Pace::default();
+        paused.pauses(at(10), true);
+        paused.pauses(at(20), true);
+        paused.pauses(at(36_010), false);
+        paused.pauses(at(36_020), false);
+        let (with, without) = (
+            paused.by_plan(at(36_080), (80.0, 20.0), 36_080.0, 8, 0.0),
+            Pace::default().by_plan(at(80), (80.0, 20.0), 80.0, 8, 0.0),
+        );
+        assert_eq!(with, without);
+        assert_eq!((paused.waited_s(at(40_000)), paused.answers), (36_000.0, 0));
+        paused.pauses(at(40_000), true);
+        assert_eq!(paused.waited_s(at(40_005)), 36_005.0);
     }
 
     #[test]

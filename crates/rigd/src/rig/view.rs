@@ -101,8 +101,13 @@ impl View {
             Event::SweepFinished(outcome) if outcome.purpose == SweepPurpose::Manual => {
                 self.status.sweep = None;
             }
-            // One that was aborted or failed is never finished.
-            Event::StateChanged(word) if *word != RigState::Running => self.status.sweep = None,
+            Event::StateChanged(word) => {
+                self.run(|run| run.pace.pauses(now, *word == RigState::Paused));
+                // A sweep that was aborted or failed is never finished.
+                if *word != RigState::Running {
+                    self.status.sweep = None;
+                }
+            }
             _ => {}
         }
     }

@@ -431,6 +431,16 @@ fn a_refused_touch_is_finished_and_is_not_repeated_unasked() {
         *outcomes.entry(step).or_default() += 1;
     }
     assert!(outcomes.len() == 6 && outcomes.values().all(|count| *count == 1), "{outcomes:?}");
+    // The exit code is that of the results, with what was left out since.
+    for stored in events.iter().filter(|stored| stored.kind == "touch_refused") {
+        let Record::TouchRefused(touch) = stored.record().unwrap() else { unreachable!() };
+        let again = rigd(folder.path(), &["run", "--resume", "latest", "--rig", rig]);
+        assert_eq!(again.status.code(), Some(6));
+        let skip = ["skip", "latest", &touch.touch.step, "--why", "too stiff"];
+        assert!(rigd(folder.path(), &skip).status.success());
+    }
+    let again = rigd(folder.path(), &["run", "--resume", "latest", "--rig", rig]);
+    assert!(again.status.success(), "{}", String::from_utf8_lossy(&again.stderr));
 }
 
 /// What was left out before the run went on is no refusal of the run, for the engine and for the checker.

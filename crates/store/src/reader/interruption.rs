@@ -84,7 +84,7 @@ fn asked(run: &Run) -> Value {
 pub(super) fn probe_records(kind: RunKind) -> String {
     let (own, order) = own_records(kind);
     select_records(&format!(
-        "WHERE {own} AND records.kind IN ('intent', 'moved', 'fault', 'state_changed')
+        "WHERE {own} AND records.kind IN ('intent', 'moved', 'fault', 'state_changed', 'resumed')
          ORDER BY {order} DESC"
     ))
 }
@@ -149,6 +149,9 @@ impl Reader {
                     return Ok(ProbeWord::Clear);
                 }
                 Record::Moved(moved) if moved.is_clear => break,
+                // A run goes on with the probe clear.
+                Record::Resumed(_) if !is_lost && !is_unknown => return Ok(ProbeWord::Clear),
+                Record::Resumed(_) => break,
                 Record::Moved(moved) if moved.axis == Axis::LinearMm => {
                     is_lost = true;
                     at_mm = at_mm.or(Some(moved.read_back));

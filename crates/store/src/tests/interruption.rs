@@ -149,6 +149,11 @@ fn the_probe_counts_as_in_contact_unless_the_last_word_is_a_proven_clear() {
     run(&[&lowering(9.0), &down, &rest, &lowering(8.0)], may_touch(None, Some(8.0)));
     run(&[&rest, &lost()], may_touch(None, None));
     run(&[&lost(), &rest], ProbeWord::Clear);
+    // It goes on with the probe clear.
+    let on = super::resume::resumed(1);
+    run(&[&lowering(9.0), &on], ProbeWord::Clear);
+    run(&[&lowering(9.0), &on, &lowering(8.0)], may_touch(None, Some(8.0)));
+    run(&[&lowering(9.0), &on, &lost()], may_touch(None, None));
     check(RunKind::Session, &[], ProbeWord::Silent);
     check(RunKind::Session, std::slice::from_ref(&rest), ProbeWord::Clear);
     check(RunKind::Session, &[rest.clone(), preparing()], ProbeWord::Silent);

@@ -6,9 +6,9 @@ use crate::{
     RunId, RunKind, RunStatus, Store, StoreError, SweepPurpose,
 };
 
-fn resumed(store: &Store) -> Record {
+pub(super) fn resumed(epoch: u64) -> Record {
     Record::Resumed(Resumed {
-        epoch: store.epoch().unwrap(),
+        epoch,
         who: "Ada".to_owned(),
         next: Some("main/1/back/30/1".to_owned()),
         touches_done: 0,
@@ -39,7 +39,7 @@ fn cut_short(directory: &Directory, count: usize) -> RunId {
 
 fn resume(store: &Store, run: RunId) -> Journal {
     let mut journal = store.reopen(run).unwrap();
-    append(&mut journal, 1, &resumed(store));
+    append(&mut journal, 1, &resumed(store.epoch().unwrap()));
     journal.commit().unwrap();
     journal
 }
@@ -95,7 +95,7 @@ fn a_run_that_ended_early_goes_on_in_the_same_epoch_too() {
         let run = reader.run(journal.id()).unwrap();
         assert_eq!((run.status, run.is_sealed), (RunStatus::Ended(ending), false));
         journal = store.reopen(run.id).unwrap();
-        append(&mut journal, 7, &resumed(&store));
+        append(&mut journal, 7, &resumed(store.epoch().unwrap()));
         journal.commit().unwrap();
         assert_eq!(reader.run(run.id).unwrap().status, RunStatus::Running);
     }
