@@ -185,7 +185,7 @@ fn bench(row: &Row) -> Option<Bench> {
 
 /// The rows below the header.
 fn rows(header: &Header<'_>, text: &str, faults: &mut FaultCollector) -> Vec<Row> {
-    let mut numbers = Numbers::default();
+    let mut numbers = Numbers::new(header.separator == Separator::Comma);
     let mut rows = Vec::new();
     for (line, text) in lines(text).skip(header.line) {
         let begins_empty =
@@ -199,6 +199,10 @@ fn rows(header: &Header<'_>, text: &str, faults: &mut FaultCollector) -> Vec<Row
             break;
         }
         rows.extend(row(header, line, text, &mut numbers, faults));
+    }
+    if let Some(text) = numbers.ambiguous() {
+        let refusal = SweepFileFault::Thousands { text: text.to_owned() };
+        faults.refuse(Location { line: header.line + 1, column: 1 }, refusal);
     }
     for column in header.columns.iter().filter(|column| column.head.unit.is_none()) {
         let quantity = column.head.quantity;

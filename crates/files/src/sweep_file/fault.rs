@@ -49,6 +49,10 @@ pub(super) enum SweepFileFault {
     NotANumber { text: String },
     #[error("`{text}` has a different decimal mark from the numbers before")]
     MixedMarks { text: String },
+    #[error(
+        "the comma of `{text}` may be a decimal mark or one for thousands, and other numbers have none"
+    )]
+    Thousands { text: String },
     #[error("{} = {found} is outside [{min:e}, {max:e}]", quantity.key())]
     OutOfRange { quantity: Quantity, found: f64, min: f64, max: f64 },
     #[error("an impedance of zero was not measured")]
@@ -136,7 +140,7 @@ impl Complaint for SweepFileFault {
             Self::NotANumber { .. } => {
                 "write it like 140.25, 1.4025e2 or, between semicolons, 140,25"
             }
-            Self::MixedMarks { .. } => {
+            Self::MixedMarks { .. } | Self::Thousands { .. } => {
                 "write all numbers with a point, without marks for thousands"
             }
             Self::OutOfRange { .. } => "check the unit in the header",

@@ -36,6 +36,19 @@ pub(super) struct Column {
     text: String,
 }
 
+/// Joins each unit in brackets to the name before it: `R (Ohm)` is one column between blanks too.
+fn join_units(cells: &mut Vec<CsvCell<'_>>) {
+    let all = std::mem::take(cells);
+    for cell in all {
+        match cells.last_mut() {
+            Some(name) if cell.text.starts_with(['(', '[']) => {
+                name.text = format!("{} {}", name.text, cell.text).into();
+            }
+            _ => cells.push(cell),
+        }
+    }
+}
+
 impl<'a> Header<'a> {
     /// The first line that names a frequency and an impedance. The lines above it are not data.
     pub(super) fn find(text: &'a str, faults: &mut FaultCollector) -> Option<Self> {
@@ -92,6 +105,9 @@ impl<'a> Header<'a> {
         let mut all = cells(bare, separator).ok()?;
         while all.last().is_some_and(|cell| cell.text.is_empty()) {
             all.pop();
+        }
+        if separator == Separator::Spaces {
+            join_units(&mut all);
         }
         let before = text.len() - bare.len();
         let column = |(index, cell): (usize, &CsvCell<'_>)| {

@@ -6,9 +6,17 @@ use super::fault::SweepFileFault;
 const NO_NUMBER: f64 = 9.9e37;
 
 /// Reads the numbers of a file, which has one kind of decimal mark.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Numbers {
     mark: Option<char>,
+    /// Commas separate the cells, so that they are no decimal marks.
+    are_commas_taken: bool,
+    /// The first number whose comma may be a mark for thousands.
+    thousands: Option<String>,
+    /// Whether a comma is surely a decimal mark.
+    is_decimal: bool,
+    /// Whether a number has no mark.
+    has_whole: bool,
 }
 
 /// The value of a cell.
@@ -22,6 +30,17 @@ pub(super) enum Value {
 }
 
 impl Numbers {
+    /// Those of a file whose cells are separated by commas, or by something else.
+    pub(super) fn new(are_commas_taken: bool) -> Self {
+        Self { are_commas_taken, ..Self::default() }
+    }
+
+    /// A number of which it cannot be told whether its comma is a decimal mark. With three decimals in each number, none is
+    /// without a mark.
+    pub(super) fn ambiguous(&self) -> Option<&str> {
+        self.thousands.as_deref().filter(|_| self.has_whole && !self.is_decimal)
+    }
+
     /// The number in a cell.
     pub(super) fn read(&mut self, text: &str) -> Result<Value, SweepFileFault> {
         if ["OL", "OF", "OVLD", "OVERLOAD"].iter().any(|word| text.eq_ignore_ascii_case(word)) {
@@ -35,6 +54,7 @@ impl Numbers {
         let mut marks = text.chars().filter(|character| matches!(character, '.' | ','));
         let number: f64 = match (marks.next(), marks.next()) {
             (Some(_), Some(_)) => return Err(refused()),
+            (Some(','), None) if self.are_commas_taken => return Err(refused()),
             (Some(','), None) => text.replace(',', ".").parse(),
             _ => text.parse(),
         }
@@ -47,8 +67,26 @@ impl Numbers {
         {
             return Err(SweepFileFault::MixedMarks { text: excerpt(text) });
         }
+        match text.split_once(',') {
+            Some((before, after)) if is_thousands(before, after) => {
+                self.thousands.get_or_insert_with(|| excerpt(text));
+            }
+            Some(_) => self.is_decimal = true,
+            None => self.has_whole |= !text.contains('.'),
+        }
         Ok(if number.abs() < NO_NUMBER { Value::Number(number) } else { Value::Overload })
     }
+}
+
+/// Whether a comma between these is where a mark for thousands would be.
+fn is_thousands(before: &str, after: &str) -> bool {
+    let before = before.trim_start_matches(['+', '-']);
+    let are_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+    (1..=3).contains(&before.len())
+        && !before.starts_with('0')
+        && after.len() == 3
+        && are_digits(before)
+        && are_digits(after)
 }
 
 /// The start of a text, for a message.

@@ -291,6 +291,45 @@ fn an_impossible_setting_of_the_fit_is_a_fault() {
     );
 }
 
+/// A frequency of 40,000 Hz is not one of 40 Hz.
+#[test]
+fn a_comma_for_thousands_is_no_decimal_mark() {
+    check_faults(
+        "a.csv",
+        "Frequency (Hz),R (Ohm),X (Ohm)\n\"40,000\",350,-870\n",
+        &["a.csv:2:1: `40,000` is not a number; write it like 140.25, 1.4025e2 or, between \
+           semicolons, 140,25"],
+    );
+    let thousands = "a.csv:2:1: the comma of `40,000` may be a decimal mark or one for thousands, and other \
+         numbers have none; write all numbers with a point, without marks for thousands";
+    for (rows, is_refused) in [
+        ("40,000;350;-870\n40,010;362;-861\n", true),
+        ("40,000;350;-1,870\n", true),
+        ("140,125;350,120;-870,334\n", false),
+        ("140,125;350;-870,3\n", false),
+        ("1400,125;350;-870\n", false),
+        ("0,125;350;-870\n", false),
+        ("140;350;-870\n", false),
+    ] {
+        for separator in [";", "\t"] {
+            let text = format!("f (Hz);R (Ohm);X (Ohm)\n{rows}").replace(';', separator);
+            let read = SweepFile::read("a.csv", &text, None);
+            let faults = read.err().map(|faults| faults.to_string()).unwrap_or_default();
+            assert_eq!(faults.contains(thousands), is_refused, "{rows}: {faults}");
+        }
+    }
+}
+
+#[test]
+fn units_that_stand_apart_belong_to_the_names_before_them() {
+    for unit in ["(kHz)", "[kHz]"] {
+        let text = format!("Freq {unit}   R (Ohm)  X [Ohm]\n0.12  900  -47000\n0.14 2000 -39000\n");
+        let sweep = SweepFile::read("a.txt", &text, None).unwrap();
+        let hz: Vec<f64> = sweep.sweeps[0].readings.iter().map(|one| one.frequency_hz).collect();
+        assert_eq!(hz, [120.0, 140.0], "{text}");
+    }
+}
+
 #[test]
 fn all_faults_are_reported_at_once() {
     check_faults(
