@@ -111,6 +111,8 @@ pub(crate) struct PlannedTouch {
     pub(crate) settings: TouchSettings,
     /// Time of its beginning: UTC, RFC 3339.
     pub(crate) began_at: Option<String>,
+    /// Whether it has begun in the last part of the run itself, and has no outcome.
+    pub(crate) is_begun: bool,
     /// `None` when it has not ended.
     pub(crate) outcome: Option<Outcome>,
     /// Number of attempts.
@@ -322,12 +324,14 @@ impl RunData {
 
     /// A touch begins, or another step. An attempt that ends without an outcome leaves the one before.
     fn begin_touch(&mut self, step: &str, times: (Option<String>, u64)) {
+        let is_of_run = self.amendment.is_none();
         let Some(planned) = self.planned(step) else { return };
         planned.attempts += 1;
         if planned.outcome.is_some() {
             planned.again = Some(times);
         } else {
             (planned.began_at, planned.clock) = (times.0, Some(times.1));
+            planned.is_begun |= is_of_run;
         }
     }
 
@@ -398,6 +402,7 @@ impl RunData {
         match record {
             Record::Resumed(resumed) => {
                 self.fault = None;
+                self.planned.iter_mut().for_each(|planned| planned.is_begun = false);
                 let Resumed { who, next, touches_left, changes, .. } = &resumed;
                 let next = next.as_deref().unwrap_or("the end");
                 let touches = if *touches_left == 1 { "touch" } else { "touches" };
@@ -523,6 +528,7 @@ impl PlannedTouch {
         Self {
             settings,
             began_at: None,
+            is_begun: false,
             outcome: None,
             attempts: 0,
             clock: None,

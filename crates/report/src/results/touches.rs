@@ -279,9 +279,9 @@ fn earlier(planned: &PlannedTouch) -> Option<String> {
 
 /// The reason why a touch has no end in the journal.
 fn not_reached(run: &Run, data: &RunData, planned: &PlannedTouch) -> String {
-    let during = if planned.began_at.is_some() { " during this touch" } else { "" };
+    let during = if planned.is_begun { " during this touch" } else { "" };
     match run.status {
-        RunStatus::Running if planned.began_at.is_some() => "the touch is under way".to_owned(),
+        RunStatus::Running if planned.is_begun => "the touch is under way".to_owned(),
         RunStatus::Running => "the run is under way".to_owned(),
         RunStatus::Ended(Ending::Aborted) => format!("the run was aborted{during}"),
         RunStatus::Ended(Ending::Faulted) => {

@@ -2,7 +2,7 @@
 
 use rig_record::{
     Action, Amended, Amendment, Change, CitedCalibration, Clearance, Fault, Record, Resumed, RunId,
-    RunStarted, ScrewMap, Source, StepStarted, Touch,
+    RunStarted, RunStatus, ScrewMap, Source, StepStarted, Touch,
 };
 use uuid::Uuid;
 
@@ -173,11 +173,9 @@ fn rig() -> Source {
     started(&SampleRun::new(Story::Complete)).rig
 }
 
-#[test]
-fn a_resumed_run_counts_the_time_of_its_parts_and_not_the_time_between_them() {
-    let mut sample = SampleRun::new(Story::Faulted);
-    let last_us = sample.chain.records.last().unwrap().run_us;
-    let resumed = Resumed {
+/// The run goes on at the touch in which a fault ended it.
+fn resumed() -> Record {
+    Record::Resumed(Resumed {
         epoch: 2,
         who: "Ada".to_owned(),
         next: Some("main/1/back/45/1".to_owned()),
@@ -189,7 +187,32 @@ fn a_resumed_run_counts_the_time_of_its_parts_and_not_the_time_between_them() {
         scene: None,
         calibrations: None,
         devices: Vec::new(),
+    })
+}
+
+#[test]
+fn a_touch_that_was_begun_before_its_run_went_on_has_not_begun() {
+    let mut sample = SampleRun::new(Story::Faulted);
+    let reason = |sample: &SampleRun| {
+        let results = sample.results();
+        let is_it = |row: &&TouchRow| row.step == "main/1/back/45/1";
+        results.touches().iter().find(is_it).unwrap().reason.clone().unwrap()
     };
+    assert!(reason(&sample).starts_with("a fault ended the run during this touch"));
+    sample.chain.records.extend(chain(&[(2_000_000, resumed())]).records);
+    for (status, expected) in [
+        (RunStatus::Running, "the run is under way"),
+        (RunStatus::Interrupted, "rigd ended, before the end of the run"),
+    ] {
+        sample.run.status = status;
+        assert_eq!(reason(&sample), expected);
+    }
+}
+
+#[test]
+fn a_resumed_run_counts_the_time_of_its_parts_and_not_the_time_between_them() {
+    let mut sample = SampleRun::new(Story::Faulted);
+    let last_us = sample.chain.records.last().unwrap().run_us;
     let mut touch = first_touch(&sample);
     touch.touch.step = "main/1/back/45/1".to_owned();
     let begun = StepStarted {
@@ -199,7 +222,7 @@ fn a_resumed_run_counts_the_time_of_its_parts_and_not_the_time_between_them() {
         action: Action::NoLoad { pose: touch.touch.pose },
     };
     let records = [
-        (2_000_000, Record::Resumed(resumed)),
+        (2_000_000, resumed()),
         (3_000_000, Record::StepStarted(begun)),
         (4_000_000, Record::TouchResult(touch)),
     ];
