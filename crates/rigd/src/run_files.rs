@@ -12,7 +12,7 @@ use rig_report::{
     RunResults, RunSummary, RunVerdict,
     export::{self, ExportError, TableFormat, TableName},
 };
-use rig_store::{Chain, Reader, Run, RunId, RunKind, StoreError};
+use rig_store::{Chain, Reader, Run, RunId, StoreError};
 use rig_verify::JournalError;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -134,10 +134,7 @@ pub(crate) fn size_of_folder(folder: &Path) -> u64 {
 /// [`RunFilesError`] names the file.
 pub fn write(data: &Path, run: RunId) -> Result<RunFiles, RunFilesError> {
     let reader = Reader::open(data)?;
-    let mut run = reader.run(run)?;
-    if run.kind == RunKind::Amendment {
-        run = reader.run(run.name.parse().map_err(StoreError::from)?)?;
-    }
+    let run = reader.amended_run(reader.run(run)?)?;
     let chain = reader.chain(run.id)?;
     let records = reader.amend(run.id, chain.records.clone())?;
     let results = RunResults::new(&run, &records).map_err(StoreError::from)?;

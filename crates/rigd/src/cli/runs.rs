@@ -164,10 +164,10 @@ pub(super) fn show(args: &ShowArgs) -> Result<(), Failure> {
     print_run(&args.run.dir()?, &reader, &run, args.output.json)
 }
 
-/// Prints the results of a run for a person.
+/// Prints the results of a run for a person; of an amendment, those of the run that it amends.
 pub(super) fn show_run(data: &DataArgs, run: &str) -> Result<(), Failure> {
     let reader = data.journal()?;
-    let run = reader.find(run)?;
+    let run = reader.amended_run(reader.find(run)?)?;
     print_run(&data.dir(), &reader, &run, false)
 }
 

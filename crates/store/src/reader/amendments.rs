@@ -1,7 +1,7 @@
 //! A run with the touches that were measured again or left out afterwards.
 
 use super::{Reader, parsed};
-use crate::{RunId, StoreError, StoredRecord};
+use crate::{Run, RunId, RunKind, StoreError, StoredRecord};
 
 impl Reader {
     /// The records of a run, and behind them those of its ended amendments, in the order in which
@@ -26,6 +26,17 @@ impl Reader {
             records.extend(self.records(amendment)?);
         }
         Ok(records)
+    }
+
+    /// This run or, for an amendment, the one that it amends.
+    ///
+    /// # Errors
+    /// [`StoreError`] of the system or of SQLite, or [`StoreError::NoSuchRun`].
+    pub fn amended_run(&self, run: Run) -> Result<Run, StoreError> {
+        if run.kind != RunKind::Amendment {
+            return Ok(run);
+        }
+        self.run(run.name.parse()?)
     }
 
     /// The ended amendments of a run, oldest first. The name of an amendment is the id of its run.
