@@ -30,6 +30,7 @@ mod priority;
 mod proof;
 mod pulse;
 mod record;
+mod request;
 mod resume;
 mod rig_loop;
 mod shell;
@@ -83,7 +84,7 @@ pub(crate) use status::{PortFrames, Setting};
 pub use step::NotMade;
 pub use way_out::{KnownRig, WayOut, make_safe};
 
-use self::proof::Purpose;
+use self::{proof::Purpose, request::Request};
 use crate::{loaded_rig::LoadedRig, protocol_file::LoadedProtocol, simulation::SimHandle};
 
 /// Commands wait here while the rig thread is busy for a moment. One person and one program
@@ -173,117 +174,6 @@ pub enum RequestRefusal {
     /// The rig thread has ended.
     #[error("the rig has been closed")]
     Closed,
-}
-
-/// A message to the rig thread.
-#[derive(Debug)]
-enum Request {
-    Run {
-        protocol: Box<LoadedProtocol>,
-        by: String,
-        key: Option<String>,
-        reply: oneshot::Sender<Result<RunId, RequestRefusal>>,
-    },
-    Resume {
-        run: RunId,
-        is_confirmed: bool,
-        by: String,
-        reply: oneshot::Sender<Result<(), RequestRefusal>>,
-    },
-    Redo {
-        order: TouchOrder,
-        is_confirmed: bool,
-        by: String,
-        reply: oneshot::Sender<Result<RunId, RequestRefusal>>,
-    },
-    Skip {
-        order: TouchOrder,
-        by: String,
-        reply: oneshot::Sender<Result<(), RequestRefusal>>,
-    },
-    GiveUp {
-        run: RunId,
-        by: String,
-        reply: oneshot::Sender<Result<(), RequestRefusal>>,
-    },
-    Sweep {
-        request: SweepRequest,
-        by: String,
-        reply: oneshot::Sender<Result<u64, RequestRefusal>>,
-    },
-    Command {
-        command: Command,
-        run: Option<RunId>,
-        by: String,
-        reply: oneshot::Sender<Result<(), RequestRefusal>>,
-    },
-    Answer {
-        run: RunId,
-        step: String,
-        by: String,
-        reply: oneshot::Sender<Result<(), RequestRefusal>>,
-    },
-    Identify {
-        by: String,
-        reply: oneshot::Sender<Result<identify::Answers, RequestRefusal>>,
-    },
-    Commission {
-        order: Order,
-        by: String,
-        reply: oneshot::Sender<Result<oneshot::Receiver<Result<Jogged, NotMade>>, RequestRefusal>>,
-    },
-    StepSeen {
-        axis: JogAxis,
-        by: String,
-        reply: oneshot::Sender<Result<(), RequestRefusal>>,
-    },
-    AskSimulated {
-        asked: Asked,
-        reply: oneshot::Sender<Option<Answer>>,
-    },
-    Answered {
-        asked: Asked,
-        answer: Answer,
-        reply: oneshot::Sender<()>,
-    },
-    ReadCalibrations {
-        by: String,
-        reply: oneshot::Sender<Option<Arc<str>>>,
-    },
-    Note {
-        action: String,
-        by: String,
-        reply: oneshot::Sender<Result<(), RequestRefusal>>,
-    },
-    Close {
-        reply: oneshot::Sender<()>,
-    },
-    /// Blocks the rig thread until the other end is dropped.
-    #[cfg(test)]
-    Block(std::sync::mpsc::Receiver<()>),
-    /// Has the rig thread panic at this event of the engine, counted from now.
-    #[cfg(test)]
-    PanicAt(u64),
-}
-
-impl Request {
-    /// Whether it asks for what is under way to end.
-    const fn is_stop(&self) -> bool {
-        matches!(self, Self::Command { command: Command::Stop | Command::Abort, .. })
-    }
-
-    /// Whether the data directory is used to answer it.
-    const fn uses_data(&self) -> bool {
-        matches!(
-            self,
-            Self::Run { .. }
-                | Self::Resume { .. }
-                | Self::Redo { .. }
-                | Self::Skip { .. }
-                | Self::GiveUp { .. }
-                | Self::ReadCalibrations { .. }
-        )
-    }
 }
 
 /// Opens a rig on a thread of its own, and brings it into service.

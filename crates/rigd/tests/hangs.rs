@@ -15,16 +15,12 @@ mod program;
 #[path = "support/short_runs.rs"]
 mod short_runs;
 
-use std::{
-    fs,
-    thread::sleep,
-    time::{Duration, Instant},
-};
+use std::fs;
 
 use rustix::process::Signal;
 
 use bench::Bench;
-use program::{PATIENCE, Program, post, request};
+use program::{PATIENCE, Program, post, request, wait_until};
 
 /// What a person does about a daemon that does not answer.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -83,15 +79,6 @@ fn check(person: Person, bench: &Bench) {
     assert!(!bench.is_in_contact());
     // The block has no end of its own.
     assert!(blocked.exists());
-}
-
-fn wait_until(what: &str, is_so: impl Fn() -> bool) {
-    let began = Instant::now();
-    while !is_so() {
-        assert!(began.elapsed() < PATIENCE, "gave up waiting for {what}");
-        // It happens in another program.
-        sleep(Duration::from_millis(5));
-    }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

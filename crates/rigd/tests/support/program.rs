@@ -92,17 +92,10 @@ impl Program {
 
     /// Waits for a record in the journal.
     pub(crate) fn wait_for_record(&self, what: &str, is_wanted: impl Fn(&Record) -> bool) {
-        let began = Instant::now();
-        while began.elapsed() < PATIENCE {
+        wait_until(what, || {
             let events = Reader::open(&self.data).and_then(|reader| reader.events_after(0, 10_000));
-            if events.is_ok_and(|all| all.iter().any(|stored| is_wanted(&stored.record().unwrap())))
-            {
-                return;
-            }
-            // Records come from another program.
-            sleep(Duration::from_millis(5));
-        }
-        panic!("gave up waiting for {what}");
+            events.is_ok_and(|all| all.iter().any(|stored| is_wanted(&stored.record().unwrap())))
+        });
     }
 
     pub(crate) fn wait_until_lowered(&self) {
@@ -119,6 +112,15 @@ impl Program {
 }
 
 /// One request on a connection of its own.
+/// Waits for what happens in another program.
+pub(crate) fn wait_until(what: &str, is_so: impl Fn() -> bool) {
+    let began = Instant::now();
+    while !is_so() {
+        assert!(began.elapsed() < PATIENCE, "gave up waiting for {what}");
+        sleep(Duration::from_millis(5));
+    }
+}
+
 pub(crate) fn request(address: &str, line: &str, headers: &str) -> String {
     ask(address, line, headers, "")
 }
