@@ -379,6 +379,55 @@ async fn an_idempotency_key_is_known_after_a_restart() {
     daemon.close().await;
 }
 
+/// What is told of the run under way.
+async fn progress(daemon: &Daemon) -> Value {
+    let (status, rig) = daemon.ask("GET", "rig", &Value::Null).await;
+    assert_eq!(status, StatusCode::OK, "{rig}");
+    rig["run"].clone()
+}
+
+#[tokio::test]
+async fn a_touch_that_is_left_out_is_neither_to_be_measured_nor_measured() {
+    let daemon = Daemon::start().await;
+    let smoke = include_str!("../../../config/protocols/smoke.toml");
+    let (_, begun) = daemon.ask("POST", "runs", &json!({ "protocol_toml": smoke })).await;
+    let run = |what: &str| format!("runs/{}/{what}", begun["id"].as_str().unwrap());
+    let mut rig = daemon.handle.status();
+    let has_touches =
+        |status: &rig::Status| status.run.as_ref().is_some_and(|run| run.touches_done >= 2);
+    rig.wait_for(has_touches).await.unwrap();
+    let is_paused = |status: &rig::Status| status.snapshot.state == RigState::Paused;
+    assert_eq!(daemon.ask("POST", &run("pause"), &json!({})).await.0, StatusCode::ACCEPTED);
+    rig.wait_for(is_paused).await.unwrap();
+    let before = progress(&daemon).await;
+    let (_, plan) = daemon.ask("GET", &run("plan"), &Value::Null).await;
+    let steps = plan["steps"].as_array().unwrap();
+    let is_touch = |step: &&Value| step["action"] == "touch";
+    let last = steps.iter().rfind(is_touch).unwrap_or_else(|| panic!("{plan}"));
+    let skip = json!({ "step": last["step"], "why": "it is dry" });
+    assert_eq!(daemon.ask("POST", &run("skip"), &skip).await.0, StatusCode::NO_CONTENT);
+    let planned = |run: &Value| run["touches_planned"].as_u64().unwrap();
+    let is_less = |status: &rig::Status| {
+        status.run.as_ref().is_some_and(|run| run.touches_planned() as u64 == planned(&before) - 1)
+    };
+    rig.wait_for(is_less).await.unwrap();
+    let after = progress(&daemon).await;
+    let to_go = |run: &Value| run["remaining_s"][0].as_f64().unwrap();
+    assert!(to_go(&after) < to_go(&before), "{before} {after}");
+
+    assert_eq!(daemon.ask("POST", &run("abort"), &json!({})).await.0, StatusCode::ACCEPTED);
+    daemon.wait_until_idle().await;
+    assert_eq!(daemon.ask("POST", &run("continue"), &json!({})).await.0, StatusCode::ACCEPTED);
+    let status = daemon.handle.status().borrow().clone();
+    let run = status.run.unwrap();
+    assert_eq!((run.touches_planned() as u64, run.touches_skipped), (planned(&after), 1));
+    assert_eq!(Some(run.touches_before as u64), after["touches_measured"].as_u64());
+    daemon.wait_until_idle().await;
+    let run = daemon.handle.status().borrow().run.clone().unwrap();
+    assert_eq!(run.touches_done, run.touches_planned());
+    daemon.close().await;
+}
+
 /// Each amendment is answered with what is true of it, and with nothing else.
 async fn check_amendments_of_a_run_under_way(daemon: &Daemon, id: &str) {
     let step = json!({ "step": "main/1/front/0/1", "why": "it slipped" });

@@ -119,8 +119,10 @@ pub(super) struct Rest {
     pub(super) plan: Plan,
     /// Number of done steps.
     pub(super) from: usize,
+    /// Number of touches with a result or a refusal.
     pub(super) touches_done: usize,
     pub(super) touches_refused: usize,
+    pub(super) touches_skipped: usize,
     /// Number of the last sweep.
     pub(super) sweeps: u64,
 }
@@ -198,8 +200,10 @@ impl Known {
     pub(super) fn rest(&self) -> Result<Rest, ResumeRefusal> {
         let outcomes = Outcomes::of(&self.records)?;
         let (plan, from) = self.protocol.plan.resumed(|step| outcomes.done.contains(&step.0));
-        let (touches_done, touches_refused) = (outcomes.done.len(), outcomes.refused.len());
-        Ok(Rest { plan, from, touches_done, touches_refused, sweeps: outcomes.sweeps })
+        let (touches_refused, touches_skipped) = (outcomes.refused.len(), outcomes.skipped.len());
+        let touches_done = outcomes.done.len() - touches_skipped;
+        let sweeps = outcomes.sweeps;
+        Ok(Rest { plan, from, touches_done, touches_refused, touches_skipped, sweeps })
     }
 
     /// The record at the seam.
@@ -213,7 +217,7 @@ impl Known {
             who: who.to_owned(),
             touches_left: count(usize::from(next.is_some()) + left.count()),
             next,
-            touches_done: count(rest.touches_done),
+            touches_done: count(rest.touches_done + rest.touches_skipped),
             changes: self.changes.clone(),
             software: SOFTWARE.to_owned(),
             rig: self.changed_rig(setting),
@@ -398,6 +402,7 @@ pub(crate) struct Outcomes {
     /// Touches with a result or a refusal, and those that a person left out.
     done: BTreeSet<String>,
     refused: BTreeSet<String>,
+    skipped: BTreeSet<String>,
     /// Number of the last sweep.
     sweeps: u64,
 }
@@ -411,7 +416,9 @@ impl Outcomes {
                 Record::TouchResult(touch) => outcomes.done(touch.touch.step, false),
                 Record::TouchRefused(refused) => outcomes.done(refused.touch.step, true),
                 Record::Amended(amended) if amended.what == rig_store::Amendment::Skip => {
-                    outcomes.done(amended.step, false);
+                    outcomes.skipped.insert(amended.step.clone());
+                    outcomes.refused.remove(&amended.step);
+                    outcomes.done.insert(amended.step);
                 }
                 Record::Sweep(sweep) => outcomes.sweeps = outcomes.sweeps.max(sweep.number),
                 _ => {}
@@ -426,6 +433,7 @@ impl Outcomes {
         } else {
             self.refused.remove(&step);
         }
+        self.skipped.remove(&step);
         self.done.insert(step);
     }
 

@@ -72,6 +72,8 @@ pub struct RunView {
     pub touches_done: usize,
     /// The touches that were refused.
     pub touches_refused: usize,
+    /// The touches that a person left out.
+    pub touches_skipped: usize,
     /// Time spent waiting for people, s.
     pub pace: Pace,
     /// The touches of earlier runs of this rig.
@@ -111,10 +113,21 @@ impl RunView {
         describe::prompt(&self.plan, prompt)
     }
 
-    /// Number of planned touches.
+    /// Number of planned touches, without those that were left out.
     pub fn touches_planned(&self) -> usize {
         let is_touch = |step: &&rig_protocol::Step| matches!(step.action, Action::Touch(_));
-        self.plan.steps.iter().filter(is_touch).count()
+        self.plan.steps.iter().filter(is_touch).count() - self.touches_skipped
+    }
+
+    /// A person leaves a touch out, which takes no time then.
+    pub(super) fn skipped(&mut self, step: &str) {
+        let steps = self.plan.steps.iter();
+        let durations_s = steps.zip(self.durations_s.iter());
+        let left_s = |(one, &seconds): (&rig_protocol::Step, &f64)| {
+            if one.id.0 == step { 0.0 } else { seconds }
+        };
+        self.durations_s = durations_s.map(left_s).collect();
+        self.touches_skipped += 1;
     }
 
     /// Remaining time of the run, from the step under way on.

@@ -69,6 +69,11 @@ impl View {
         self.status.run.as_ref().is_some_and(|run| run.ending.is_some())
     }
 
+    /// A person leaves a touch of the run out.
+    pub(super) fn skipped(&mut self, step: &str) {
+        self.run(|run| run.skipped(step));
+    }
+
     /// The last records of the run are not on disk.
     pub(super) fn run_is_incomplete(&mut self) {
         self.run(|run| run.ending = Some(RunStatus::Faulted));

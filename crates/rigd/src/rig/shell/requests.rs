@@ -176,6 +176,7 @@ impl Shell {
         // What is recorded, the run can read.
         self.log.commit();
         amend::write_skip(self.log.store(), order, by, rig_us)?;
+        self.view.skipped(&order.step);
         self.begin(admitted, by);
         Ok(())
     }

@@ -62,6 +62,7 @@ impl Shell {
             touches_before: 0,
             touches_done: 0,
             touches_refused: 0,
+            touches_skipped: 0,
             pace: Pace::default(),
             history: Arc::new(history),
             ending: None,
@@ -120,6 +121,7 @@ impl Shell {
             touches_before: rest.touches_done,
             touches_done: rest.touches_done,
             touches_refused: rest.touches_refused,
+            touches_skipped: rest.touches_skipped,
             ..self.run_view(id, Arc::new(rest.plan), history)
         };
         self.set_out(admitted, by, journal, rest.sweeps, view)
