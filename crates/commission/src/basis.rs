@@ -9,6 +9,9 @@ use rig_record::{Digest, DigestPart};
 
 use crate::Kind;
 
+/// What the place of a simulated drive begins with.
+pub(crate) const SIMULATED: &str = "simulated, ";
+
 /// The keys of a rig file on which calibrations rest, as digests, and its drives.
 ///
 /// The digests are of values, not of text: comments, order and other keys may change.
@@ -17,6 +20,7 @@ pub struct Basis {
     axes: Digest,
     geometry: Digest,
     limits: Digest,
+    latency: Digest,
     nothing: Digest,
     drives: [String; 2],
 }
@@ -29,6 +33,12 @@ impl Basis {
         keys.extend(axis("linear", &rig.linear, &rig.limits.linear));
         keys.extend(axis("rotary", &rig.rotary, &rig.limits.rotary));
         let axes = digest(&keys);
+        let stream = &rig.limits.analyzer.stream;
+        let mut latency = keys.clone();
+        latency.extend([
+            ("analyzer.latency_s".to_owned(), stream.latency_s),
+            ("analyzer.latency_sigma_s".to_owned(), stream.latency_sigma_s),
+        ]);
         let mut limits = keys.clone();
         limits.extend(soft("linear", &rig.limits.linear));
         limits.extend(soft("rotary", &rig.limits.rotary));
@@ -47,6 +57,7 @@ impl Basis {
             axes,
             geometry: digest(&keys),
             limits: digest(&limits),
+            latency: digest(&latency),
             nothing: digest(&[]),
             drives,
         }
@@ -58,6 +69,7 @@ impl Basis {
             kind if kind.rests_on_no_key() => &self.nothing,
             kind if kind.rests_on_geometry() => &self.geometry,
             kind if kind.rests_on_soft_limits() => &self.limits,
+            Kind::Latency => &self.latency,
             _ => &self.axes,
         };
         digest.to_string()
@@ -111,7 +123,7 @@ fn drive<U>(file: &AxisFile<U>, rig: &RigFile, sha256: Option<Digest>) -> String
     };
     let place = match (&rig.connection, &rig.bus) {
         (Connection::Simulated(simulation), _) => {
-            format!("simulated, {}", simulation.scene.display())
+            format!("{SIMULATED}{}", simulation.scene.display())
         }
         (Connection::Ports, bus) => bus.place().to_owned(),
     };
@@ -148,6 +160,9 @@ mod tests {
             Basis::of(&rig(&[("soft_limits_mm = [8, 45]", "soft_limits_mm = [8, 44]")]), none);
         assert_eq!(other.sha256(Kind::Scale), basis.sha256(Kind::Scale));
         assert_ne!(other.sha256(Kind::Limits), basis.sha256(Kind::Limits));
+        let late = Basis::of(&rig(&[("[analyzer]", "[analyzer]\nlatency_s = 0.02")]), none);
+        assert_eq!(late.sha256(Kind::Homing), basis.sha256(Kind::Homing));
+        assert_ne!(late.sha256(Kind::Latency), basis.sha256(Kind::Latency));
     }
 
     #[test]

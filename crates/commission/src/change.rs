@@ -105,7 +105,7 @@ impl BenchChange {
             Self::Analyzer => &[Kind::Latency, Kind::Sensor],
             Self::Place => &[Kind::Blocks],
             Self::References => &[Kind::Check],
-            Self::Zero => &[Kind::Geometry, Kind::Limits, Kind::Homing, Kind::Blocks],
+            Self::Zero => &[Kind::Scale, Kind::Geometry, Kind::Limits, Kind::Homing, Kind::Blocks],
         }
     }
 }

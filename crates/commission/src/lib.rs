@@ -45,5 +45,5 @@ pub use record::{
     Calibration, Circumstances, NoTemperature, UnreadableCalibration, Unwritable, file_name,
     temperature,
 };
-pub use standing::{Standing, Why, checks, holding, is_homing_begun, last_change};
+pub use standing::{Standing, Why, checks, holding, is_homing_begun, last_accepted, last_change};
 pub use step::Step;

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     Basis, BenchChange, Change, Finding, Kind, Value, Verdict,
+    basis::SIMULATED,
     check::{CheckValues, Checked},
     finding::rounded,
     metrology::{ScrewError, ScrewMap},
@@ -252,6 +253,13 @@ impl Calibration {
     /// Whether it was made with these drives.
     pub(crate) fn has_drives_of(&self, basis: &Basis) -> bool {
         self.drives == *basis.drives()
+    }
+
+    /// Whether what it says of the bench holds here: a port or an instrument file that is exchanged, and put back, changes
+    /// nothing of that. Each simulated bench is one of its own.
+    pub(crate) fn is_of_bench(&self, basis: &Basis) -> bool {
+        let is_simulated = |drives: &[String; 2]| drives.iter().any(|one| one.contains(SIMULATED));
+        self.has_drives_of(basis) || !is_simulated(&self.drives) && !is_simulated(basis.drives())
     }
 
     /// SHA-256 of the protocols of a daily check.

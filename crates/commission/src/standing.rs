@@ -92,9 +92,10 @@ pub fn holding<'a>(
     unix_s: i64,
 ) -> Result<&'a Calibration, Why> {
     let of_kind = || records.iter().filter(|record| record.kind == kind);
-    // A change of the bench holds with any values of the keys: they may be put back.
+    // A change of the bench holds with any values of the keys, and with any ports: they may be put back.
     let fitting = of_kind().filter(|record| {
-        record.has_drives_of(basis) && (record.has_keys_of(basis) || record.is_void())
+        let is_change = record.is_void() && record.is_of_bench(basis);
+        is_change || record.has_drives_of(basis) && record.has_keys_of(basis)
     });
     // Of two within one second, the later one in the order of the names.
     let last = fitting.max_by_key(|record| record.made_unix_s()).ok_or_else(|| {
@@ -135,9 +136,27 @@ pub fn last_change<'a>(
     basis: &Basis,
 ) -> Option<&'a Calibration> {
     let is_change = |record: &&Calibration| {
-        record.kind == kind && record.has_drives_of(basis) && record.is_void()
+        record.kind == kind && record.is_of_bench(basis) && record.is_void()
     };
     records.iter().filter(is_change).max_by_key(|record| record.made_unix_s())
+}
+
+/// The last accepted record of a kind with these keys and drives, since the bench was changed; whether it has expired, or
+/// was followed by one that failed, does not matter.
+pub fn last_accepted<'a>(
+    kind: Kind,
+    records: &'a [Calibration],
+    basis: &Basis,
+) -> Option<&'a Calibration> {
+    let is_after = |record: &&Calibration, since: Option<&Calibration>| {
+        since.is_none_or(|since| since.made_unix_s() < record.made_unix_s())
+    };
+    let since = last_change(kind, records, basis);
+    let of_kind = records.iter().filter(|record| record.kind == kind);
+    of_kind
+        .filter(|record| record.has_drives_of(basis) && record.has_keys_of(basis))
+        .filter(|record| record.is_accepted() && is_after(record, since))
+        .max_by_key(|record| record.made_unix_s())
 }
 
 /// The daily checks since the bench was changed, the oldest first: those with the present keys and drives, and with
@@ -147,9 +166,11 @@ pub fn checks<'a>(
     basis: &Basis,
     protocols: Option<&str>,
 ) -> Vec<&'a Calibration> {
-    let is_of_drives =
-        |record: &&Calibration| record.kind == Kind::Check && record.has_drives_of(basis);
-    let mut found: Vec<_> = records.iter().filter(is_of_drives).collect();
+    let is_of_bench = |record: &&Calibration| {
+        let is_change = record.is_void() && record.is_of_bench(basis);
+        record.kind == Kind::Check && (is_change || record.has_drives_of(basis))
+    };
+    let mut found: Vec<_> = records.iter().filter(is_of_bench).collect();
     // The names of the files are in the order of time within a second.
     found.sort_by_key(|record| record.made_unix_s());
     let begin = found.iter().rposition(|record| record.is_void()).map_or(0, |void| void + 1);
@@ -223,6 +244,41 @@ mod tests {
         records.push(accepted(Kind::Scale, &one, 40));
         assert_eq!(holding(Kind::Scale, &records, &one, 41).map(drop), Ok(()));
         assert_eq!(holding(Kind::Scale, &records, &other, 41).map(drop), Err(Why::Changed));
+    }
+
+    #[test]
+    fn a_change_of_the_bench_holds_also_when_a_port_is_put_back_and_is_not_of_a_simulated_bench() {
+        let of = |bus: &str| {
+            let text = include_str!("../../../config/rigs/bench.toml");
+            let old = "usb-FTDI_USB-RS485_Cable-if00-port0";
+            assert!(text.contains(old));
+            let rig = RigFile::read("rig.toml", &text.replace(old, bus)).unwrap();
+            Basis::of(&rig, [None, None])
+        };
+        let (one, other) = (of("one"), of("other"));
+        let kind = Kind::Geometry;
+        let records = vec![
+            accepted(kind, &one, 10),
+            Calibration::void(kind, BenchChange::Probe, &other, around(20)),
+            accepted(kind, &other, 30),
+        ];
+        let why = |basis: &Basis| holding(kind, &records, basis, 31).map(drop);
+        assert_eq!((why(&one), why(&other)), (Err(Why::Changed), Ok(())));
+        let simulated = basis("0.001");
+        let mut records = vec![accepted(kind, &simulated, 10)];
+        records.push(Calibration::void(kind, BenchChange::Probe, &one, around(20)));
+        assert_eq!(holding(kind, &records, &simulated, 31).map(drop), Ok(()));
+    }
+
+    #[test]
+    fn the_last_accepted_record_stays_one_beside_a_failure_until_the_bench_is_changed() {
+        let basis = basis("0.001");
+        let mut records = vec![accepted(Kind::Sensor, &basis, 10)];
+        let failed = Finding::failed("it is another one".to_owned());
+        records.push(Calibration::new(Kind::Sensor, failed, &basis, around(20)));
+        assert_eq!(last_accepted(Kind::Sensor, &records, &basis), Some(&records[0]));
+        records.push(Calibration::void(Kind::Sensor, BenchChange::Sensor, &basis, around(30)));
+        assert_eq!(last_accepted(Kind::Sensor, &records, &basis), None);
     }
 
     #[test]

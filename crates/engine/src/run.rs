@@ -67,6 +67,10 @@ pub(crate) struct Run {
     /// Repeats of the touch under way, and the window of its sweep if it was widened.
     repeats: u32,
     window: Option<Window>,
+    /// The no-load step that was measured last.
+    referenced: Option<usize>,
+    /// What a person has answered about a refused touch, if a pause comes first.
+    answered: Option<(RefusalAnswer, String)>,
     pub(crate) is_pause_asked: bool,
 }
 
@@ -107,6 +111,8 @@ impl Run {
             skipped: BTreeSet::new(),
             repeats: 0,
             window: None,
+            referenced: None,
+            answered: None,
             is_pause_asked: false,
         }
     }
@@ -171,6 +177,18 @@ impl Run {
         self.plan.no_load == NoLoadPolicy::ByDrift && !self.plan.is_by_drift(index)
     }
 
+    /// Whether the next step is a touch behind a step of its reference.
+    fn is_after_reference(&self) -> bool {
+        let action = |index: usize| self.plan.steps.get(index).map(|step| &step.action);
+        let before = self.index.checked_sub(1).and_then(action);
+        matches!((before, action(self.index)), (Some(Action::NoLoad(_)), Some(Action::Touch(_))))
+    }
+
+    /// Whether the next step is a touch whose reference has just been measured: no pause comes in between.
+    fn is_referenced(&self) -> bool {
+        self.is_after_reference() && self.referenced == self.index.checked_sub(1)
+    }
+
     /// Whether the next step is a reference for which the drift does not ask.
     fn is_not_due(&self, now: RigTime) -> bool {
         let limit_hz = self.plan.drift_limit_hz();
@@ -231,14 +249,22 @@ impl Run {
                 }
                 step
             }
-            Machine::Deciding(result) => match event {
-                MachineEvent::Decided { answer, by } => {
-                    let result = (**result).clone();
-                    let mut around = Surroundings { now, limits, probe, notes };
-                    return self.decided(result, answer, by, &mut around);
-                }
-                event => MachineStep::Fault(event.out_of_order("a refused touch")),
-            },
+            Machine::Deciding(result) => {
+                let answered = match event {
+                    MachineEvent::Decided { answer, by } => Ok((answer, by)),
+                    event => self.answered.take().ok_or(event),
+                };
+                let result = (**result).clone();
+                let mut around = Surroundings { now, limits, probe, notes };
+                return match answered {
+                    Ok(answered) if self.is_pause_asked && is_again(answered.0) => {
+                        self.answered = Some(answered);
+                        MachineStep::Pause
+                    }
+                    Ok((answer, by)) => self.decided(result, answer, by, &mut around),
+                    Err(event) => MachineStep::Fault(event.out_of_order("a refused touch")),
+                };
+            }
         };
         if let MachineStep::Fault(fault) = &step {
             self.doubt(fault, notes);
@@ -267,6 +293,7 @@ impl Run {
             jump = jump.or(found);
             self.no_load = Some(*resonance);
         }
+        self.referenced = Some(self.index);
         let touches = std::mem::take(&mut self.unreferenced);
         if let Some(Jump { off_hz, sigma_hz }) = jump.filter(|_| !touches.is_empty()) {
             notes.push(Event::ReferenceJumped { off_hz, sigma_hz, touches });
@@ -397,6 +424,10 @@ impl Run {
         match answer {
             RefusalAnswer::Widen | RefusalAnswer::Repeat => {
                 self.repeats += 1;
+                if by != PROTOCOL {
+                    // Who was asked was at the bench.
+                    self.changed(Change::Placed);
+                }
                 let (step, touch, no_load) = (result.step, result.touch, &result.no_load);
                 let outlook = self.outlook(&touch, around.limits);
                 let machine = TouchMachine::new(step, touch, no_load, outlook, self.window);
@@ -478,8 +509,8 @@ impl Run {
             self.index += 1;
         }
         let step = self.plan.steps.get(self.index);
-        let clear =
-            probe.clear_before(step.filter(|_| !self.is_pause_asked).and_then(pose), limits);
+        let is_pause_asked = self.is_pause_asked && !self.is_referenced();
+        let clear = probe.clear_before(step.filter(|_| !is_pause_asked).and_then(pose), limits);
         if !probe.is_above(clear, limits) {
             self.machine = Machine::Rising;
             return MachineStep::Retract(limits.linear.rest_target());
@@ -491,13 +522,20 @@ impl Run {
                 let listening = Listening { now, no_load: &no_load, plan, driven };
                 return MachineStep::Do(listening.both());
             }
+            if self.is_pause_asked {
+                return MachineStep::Pause;
+            }
             return MachineStep::Done(if self.has_refusals {
                 RunStatus::CompletedWithRefusals
             } else {
                 RunStatus::Completed
             });
         };
-        if self.is_pause_asked {
+        if is_pause_asked {
+            if self.is_after_reference() {
+                // It may be due afterwards.
+                self.index -= 1;
+            }
             return MachineStep::Pause;
         }
         if self.is_not_due(now) {
@@ -522,6 +560,11 @@ impl Run {
         notes.push(Event::StepStarted { index: self.index });
         self.advance(now, MachineEvent::Begin, limits, probe, notes)
     }
+}
+
+/// Whether a refused touch is measured again.
+const fn is_again(answer: RefusalAnswer) -> bool {
+    matches!(answer, RefusalAnswer::Repeat | RefusalAnswer::Widen)
 }
 
 /// The pose of a step; a prompt has none.

@@ -100,6 +100,9 @@ pub(crate) enum CommissioningRefusal {
 enum Ended {
     #[error("aborted")]
     Aborted,
+    /// A motion that was not made shows nothing of the bench.
+    #[error("not let go on, so that nothing was shown and nothing is recorded")]
+    NotLet,
     #[error(transparent)]
     Refused(#[from] RequestRefusal),
     #[error(transparent)]

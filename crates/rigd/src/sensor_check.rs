@@ -8,9 +8,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use jiff::Timestamp;
 use rig_commission::{
-    Basis, Finding, Kind, holding,
+    Basis, Finding, Kind, last_accepted,
     sensor::{FreeSweep, NoSensor, SensorSweeps, judge},
 };
 use rig_model::{AnalyzerRange, DriveLevel, RigTime, SweepMethod, SweepRequest, Window};
@@ -166,9 +165,7 @@ pub(crate) fn keep(
     witness: Witness,
 ) -> Result<(Finding, PathBuf), NoRecord> {
     let records = calibrations::read(data)?;
-    let now_s = Timestamp::now().as_second();
-    let before = holding(Kind::Sensor, &records, basis, now_s).ok();
-    let finding = judge(watched, before)?;
+    let finding = judge(watched, last_accepted(Kind::Sensor, &records, basis))?;
     let path = calibrations::write(basis, data, (Kind::Sensor, finding.clone()), witness)?;
     Ok((finding, path))
 }

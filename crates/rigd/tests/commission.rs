@@ -448,6 +448,18 @@ fn a_sensor_that_drifts_or_softens_is_refused_and_one_that_has_changed_too() {
     let said = bench.rigd(&["commission", "sensor"]);
     assert_eq!(said.status.code(), Some(1));
     assert!(stderr(&said).contains("sensor.resonance was 140."), "{}", stderr(&said));
+    // Nor is it when it is asked for again.
+    let said = bench.rigd(&["commission", "sensor"]);
+    assert_eq!(said.status.code(), Some(1));
+    assert!(stderr(&said).contains("sensor.resonance was 140."), "{}", stderr(&said));
+}
+
+#[test]
+fn play_of_the_screw_is_not_taken_for_its_scale() {
+    let bench = described(5, &[("linear_backlash_mm = 0.002", "linear_backlash_mm = 0.1")]);
+    bench.rigd(&["commission"]);
+    let (scale, sigma) = bench.last_values("scale-")[0];
+    assert!((scale - 1.0).abs() < 3.5 * sigma, "{scale} ± {sigma}");
 }
 
 #[test]

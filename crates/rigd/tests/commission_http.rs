@@ -555,3 +555,22 @@ fn a_client_answers_by_number_and_an_abort_leaves_no_record() {
     asked(3);
     daemon.end();
 }
+
+#[test]
+fn a_motion_that_is_not_let_happen_shows_nothing_of_the_bench() {
+    let daemon = Daemon::start("waits");
+    assert_eq!(daemon.post("commission", "{}").0, 202);
+    for (number, answer) in [(1, "yes"), (2, "yes"), (3, "no")] {
+        let view =
+            daemon.wait("a question", |view| view["question"]["number"].as_u64() == Some(number));
+        let is_motion = view["question"]["text"].as_str().unwrap().ends_with("May it?");
+        assert_eq!(is_motion, answer == "no", "{view}");
+        let body = format!(r#"{{"question": {number}, "answer": "{answer}"}}"#);
+        assert_eq!(daemon.post("commission/answer", &body).0, 202);
+    }
+    let view = daemon.wait("the end", |view| view["under_way"].is_null());
+    let told = "step stop: not let go on, so that nothing was shown and nothing is recorded";
+    assert_eq!(view["said"].as_array().unwrap().last().unwrap(), told);
+    assert!(!daemon.folder.path().join("data/calibrations").exists());
+    daemon.end();
+}

@@ -197,20 +197,27 @@ async fn stopped_at<B: Bench>(
 async fn lower<B: Bench>(bench: &mut B, at: f64) -> Result<Mean, Early<B::Trouble>> {
     let axis = JogAxis::Linear;
     if bench.ask(Asked::HoldSwitch).await? == Answer::Choice(Choice::Yes) {
-        let mut agreement = Agreement::new(2, 0.0);
+        let (mut agreement, mut has_moved) = (Agreement::new(2, 0.0), false);
+        let failed = |what: &str| {
+            Err(Early::Failed(format!("{what} while the lower limit switch was pressed")))
+        };
         loop {
             let made = bench.drive(Order::Step(Jog { axis, by: -SEEN_MM })).await?;
             let seen = reading(bench, axis.seen()).await?;
             if made.is_err() {
                 order(bench, Order::ClearAlarm(axis)).await?;
             }
+            has_moved |= made.is_ok();
             match agreement.add(seen) {
-                Progress::Settled(mean) if mean.value == 0.0 => break,
-                Progress::Settled(_) | Progress::Failed => {
-                    return Err(Early::Failed(
-                        "the probe went down while the lower limit switch was pressed".to_owned(),
-                    ));
+                Progress::Settled(mean) if mean.value == 0.0 && has_moved => {
+                    return failed("the drive reported a step downwards, and none was seen,");
                 }
+                Progress::Settled(mean) if mean.value == 0.0 => break,
+                Progress::Settled(mean) if mean.value > 0.0 => {
+                    return failed("the probe was seen to go up");
+                }
+                Progress::Settled(_) => return failed("the probe was seen to go down"),
+                Progress::Failed => return failed("the probe was seen to move"),
                 Progress::More { contradicts } => doubt(bench, contradicts),
             }
         }

@@ -19,6 +19,8 @@ const COARSE_WAYS_MM: [f64; 2] = [0.2, 1.0];
 const WAY_MM: f64 = 10.0;
 const WINDOWS: usize = 4;
 const WINDOW_MM: f64 = 0.7;
+/// The part of the way before each window, in the same direction: it takes up the play of the screw, mm.
+const PLAY_MM: f64 = 0.5;
 /// Windows agree within this, mm: the errors of a rolled screw at both ends, and of two readings.
 const SCATTER_MM: f64 = 0.12;
 /// Standard deviation of the difference of a rolled screw at two places, mm.
@@ -109,10 +111,12 @@ async fn linear<B: Bench>(rig: &RigFile, bench: &mut B) -> Result<Found, Early<B
 /// places: an error of the screw at one end is not that at another.
 async fn excess<B: Bench>(bench: &mut B, inwards: f64) -> Result<Mean, Early<B::Trouble>> {
     let mut agreement = Agreement::new(WINDOWS, SCATTER_MM);
+    jog(bench, JogAxis::Linear, inwards * PLAY_MM).await?;
     loop {
         let there = jog(bench, JogAxis::Linear, inwards * WAY_MM).await?.way();
         let read = reading(bench, Asked::Dial).await?;
-        jog(bench, JogAxis::Linear, inwards * (WINDOW_MM - WAY_MM)).await?;
+        jog(bench, JogAxis::Linear, inwards * (WINDOW_MM - WAY_MM - PLAY_MM)).await?;
+        jog(bench, JogAxis::Linear, inwards * PLAY_MM).await?;
         match agreement.add(read - there) {
             Progress::Settled(mean) => return Ok(mean),
             Progress::More { contradicts } => doubt(bench, contradicts),

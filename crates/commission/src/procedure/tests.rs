@@ -90,6 +90,19 @@ fn an_axis_that_something_else_stopped_moves_again_only_when_the_way_is_free() {
     assert!(!said.iter().any(|one| one.contains("contradicts")), "{said:#?}");
 }
 
+/// The ends are where the rig file says, and the lower switch is pressed by a hand.
+#[test]
+fn a_drive_that_reports_a_step_beside_a_pressed_switch_is_not_believed_to_have_been_stopped() {
+    let ends = [Asked::AtLimit; 12].map(|asked| (asked, Choice::Yes));
+    let begin = [&[(Asked::NoSample, Choice::Yes)][..], &ends[..3]].concat();
+    let switch = [(Asked::HoldSwitch, Choice::Yes)];
+    let nothing = [(Asked::ProbeWent, Choice::Nowhere); 2];
+    let (found, said) = play(Step::Limits, &[&begin[..], &switch, &nothing].concat());
+    let Verdict::Failed(why) = &found.verdict else { panic!("{found:?} {said:#?}") };
+    let told = "the drive reported a step downwards, and none was seen, while the lower limit";
+    assert!(why.starts_with(told), "{why} {said:#?}");
+}
+
 #[test]
 fn a_stop_that_is_not_pressed_yet_is_asked_for_again_and_nothing_moves() {
     let begin = [(Asked::NoSample, Choice::Yes), (Asked::PressStop, Choice::No)];

@@ -11,6 +11,7 @@ mod drive;
 mod hold_up;
 mod level;
 mod out_of_contact;
+mod pauses;
 mod refusals;
 mod skips;
 mod streams;

@@ -21,7 +21,7 @@ impl World {
 }
 
 /// A plan with three touches, whose resonances in contact lie below the window.
-fn narrow(on_refusal: RefusalPolicy) -> Plan {
+pub(crate) fn narrow(on_refusal: RefusalPolicy) -> Plan {
     let mut narrow = plan();
     narrow.contact_sweep = SweepRequest {
         window: Window { min_hz: 165.0, max_hz: 190.0 },

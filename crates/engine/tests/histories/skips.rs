@@ -7,7 +7,7 @@ use rig_protocol::{Action, StepId};
 use crate::world::{World, plan};
 
 /// More operations than the run has.
-const OPERATIONS_MAX: usize = 1000;
+pub(crate) const OPERATIONS_MAX: usize = 1000;
 
 /// Plays a run to its end.
 pub(crate) fn finish(world: &mut World) {

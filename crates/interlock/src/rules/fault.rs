@@ -51,7 +51,7 @@ impl Latch {
     }
 
     pub(crate) const fn stop_begun(&mut self) {
-        self.is_stopping = true;
+        (self.is_stopping, self.is_acknowledged) = (true, false);
     }
 
     pub(crate) const fn cleared(&mut self) {

@@ -116,7 +116,7 @@ impl Bench for Remote {
         if order.may_move() && !self.is_simulated {
             let answer = self.answer(Question::Drive(order)).await?;
             if answer != Answer::Choice(Choice::Yes) {
-                return Ok(Err("the person did not let it move".to_owned()));
+                return Err(Ended::NotLet);
             }
         }
         if self.stop.is_cancelled() {

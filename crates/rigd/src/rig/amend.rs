@@ -1,7 +1,7 @@
 //! Amendments: one touch of a run is measured again or left out. The run itself is unchanged.
 
 use rig_store::{
-    Amended, Amendment, Ending, Journal, Record, RunFinished, RunId, RunKind, RunStatus, Store,
+    Amended, Amendment, Ending, Journal, Record, Run, RunFinished, RunId, RunKind, RunStatus, Store,
 };
 
 use super::{
@@ -40,6 +40,15 @@ pub(super) fn redo(
     let mut journal = store.begin(RunKind::Amendment, &order.run.to_string())?;
     journal.append(rig_us, &Record::Amended(amended))?;
     Ok(journal)
+}
+
+/// Refuses an order about a run of which a touch is being measured again.
+pub(super) fn is_not_of(under_way: &Run, order: &TouchOrder) -> Result<(), ResumeRefusal> {
+    let is_of_it = under_way.kind == RunKind::Amendment && under_way.name == order.run.to_string();
+    if is_of_it {
+        return Err(ResumeRefusal::UnderWay { run: under_way.to_string() });
+    }
+    Ok(())
 }
 
 /// Leaves a touch of a run out: its outcome is not used, and it is not measured when the run is

@@ -158,11 +158,12 @@ impl History {
 
 /// The kinds of records that say when steps begin and end. Those of a person, of an end and of a resumption lie between
 /// the two of a step that was interrupted.
-const KINDS: [&str; 9] = [
+const KINDS: [&str; 10] = [
     "run_started",
     "step_started",
     "prompt_asked",
     "prompt_answered",
+    "refusal_asked",
     "touch_result",
     "touch_refused",
     "operator",

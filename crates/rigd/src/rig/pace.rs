@@ -92,6 +92,11 @@ impl Pace {
         self.asked = Some(now);
     }
 
+    /// Whether a prompt is open.
+    pub(super) const fn is_asked(&self) -> bool {
+        self.asked.is_some()
+    }
+
     pub(super) fn answered(&mut self, now: RigTime) {
         if let Some(asked) = self.asked.take() {
             self.waited_s += now.since(asked).as_secs_f64();

@@ -364,8 +364,14 @@ impl Recorder {
     }
 
     fn touch_of_last_sweeps(&mut self, result: &TouchResult) -> Record {
-        self.touch_sweeps = [self.no_load_sweep, self.sweeps, self.accepted_sweeps[0]];
-        self.touch(result)
+        let sweeps = [self.no_load_sweep, self.sweeps, self.accepted_sweeps[0]];
+        let before = std::mem::replace(&mut self.touch_sweeps, sweeps);
+        let record = self.touch(result);
+        if matches!(&result.outcome, TouchOutcome::Refused { contact: None, .. }) {
+            // The touch before it may still be doubted.
+            self.touch_sweeps = before;
+        }
+        record
     }
 
     /// A touch, also one that is doubted after further sweeps.

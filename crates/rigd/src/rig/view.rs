@@ -82,12 +82,8 @@ impl View {
     pub(super) fn note(&mut self, event: &Event, now: RigTime) {
         match event {
             Event::StepStarted { .. } => self.run(|run| run.step_began = now),
-            Event::PromptAsked(_) | Event::RefusalAsked { .. } => {
-                self.run(|run| run.pace.asked(now));
-            }
-            Event::PromptAnswered { .. } | Event::RefusalAnswered { .. } => {
-                self.run(|run| run.pace.answered(now));
-            }
+            Event::PromptAsked(_) => self.run(|run| run.pace.asked(now)),
+            Event::PromptAnswered { .. } => self.run(|run| run.pace.answered(now)),
             &Event::SweepBegun { purpose, request } => {
                 let serial = self.status.live.as_ref().map_or(1, |last| last.serial + 1);
                 self.status.live = Some(Arc::new(LiveSweep::begin(serial, purpose, request)));
@@ -107,7 +103,11 @@ impl View {
                 self.status.sweep = None;
             }
             Event::StateChanged(word) => {
-                self.run(|run| run.pace.pauses(now, *word == RigState::Paused));
+                // A question about a refused touch comes unplanned, as a pause does.
+                self.run(|run| {
+                    let is_asked = *word == RigState::WaitingForPerson && !run.pace.is_asked();
+                    run.pace.pauses(now, is_asked || *word == RigState::Paused);
+                });
                 // A sweep that was aborted or failed is never finished.
                 if *word != RigState::Running {
                     self.status.sweep = None;

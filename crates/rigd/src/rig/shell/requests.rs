@@ -169,6 +169,9 @@ impl Shell {
     fn skip(&mut self, order: &TouchOrder, by: &str) -> Result<(), RequestRefusal> {
         let rig_us = self.clock.now().as_micros();
         if self.under_way(order.run).is_err() {
+            if let Some((id, _)) = self.log.run() {
+                amend::is_not_of(&self.log.store().reader()?.run(id)?, order)?;
+            }
             return Ok(amend::skip(self.log.store(), order, by, rig_us)?);
         }
         let admitted = self.engine.admit(Command::Skip(StepId(order.step.clone())))?;
