@@ -225,16 +225,16 @@ async fn a_kill_in_the_middle_of_a_homing_voids_what_rests_on_the_zero() {
         let mut voided = 0;
         killed(Step::Homing, drive, seed, async |kill, mut bench| {
             let why = bench.held(Kind::Homing).map(drop).unwrap_err();
-            let before =
-                [Kind::Geometry, Kind::Limits, Kind::Scale].map(|kind| bench.accepted(kind));
+            let kinds = [Kind::Scale, Kind::Geometry, Kind::Limits, Kind::Signs];
+            let before = kinds.map(|kind| bench.accepted(kind));
             let again = bench.resume(&format!("{drive}, kill {kill}")).await;
-            // The power had gone: geometry and limits are shown by the zero that the drives have now.
+            // The power had gone: scale, geometry and limits are shown by the zero that the drives have now.
             let is_begun = why == Why::Begun;
             voided += usize::from(is_begun);
             let more = usize::from(is_begun) + again;
-            let expected = [before[0] + more, before[1] + more, before[2]];
-            let found =
-                [Kind::Geometry, Kind::Limits, Kind::Scale].map(|kind| bench.accepted(kind));
+            let [scale, geometry, limits, signs] = before;
+            let expected = [scale + more, geometry + more, limits + more, signs];
+            let found = kinds.map(|kind| bench.accepted(kind));
             assert_eq!(found, expected, "{drive}, kill {kill}");
         })
         .await;
