@@ -6,7 +6,7 @@ use rig_resonance::{Bench, FitOutcome, Prior, Reason, Refusal, Resonance};
 
 use crate::{
     Fault, FinishedSweep, SweepPurpose,
-    contact_sense::response::says_nothing,
+    contact_sense::{check_free, response::says_nothing},
     level::{LevelCheck, Levels},
     machine::{MachineContext, MachineEvent, MachineStep},
     sweep::{DRIFT, Sweep, SweepStep},
@@ -210,5 +210,17 @@ impl NoLoad {
             }
             levels => Err(levels),
         }
+    }
+}
+
+/// The impedance of the clear probe after the last touch.
+pub(crate) fn confirming(event: &MachineEvent, no_load: Option<&Resonance>) -> MachineStep<()> {
+    let (MachineEvent::Readings(readings), Some(no_load)) = (event, no_load) else {
+        return MachineStep::Fault(event.out_of_order("the end of a run"));
+    };
+    // A reading that the analyzer flags says nothing against the touch.
+    match check_free(no_load, readings) {
+        Ok(_) => MachineStep::Done(()),
+        Err(fault) => MachineStep::Fault(Fault::ContactSense(fault)),
     }
 }

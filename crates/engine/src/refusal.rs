@@ -20,6 +20,11 @@ impl RefusalAnswer {
     /// All answers.
     pub const ALL: [Self; 4] = [Self::Widen, Self::Repeat, Self::Skip, Self::Abort];
 
+    /// Whether the touch is measured again.
+    pub(crate) const fn is_again(self) -> bool {
+        matches!(self, Self::Repeat | Self::Widen)
+    }
+
     /// The word in requests and records.
     pub const fn name(self) -> &'static str {
         match self {

@@ -12,14 +12,14 @@ use rig_resonance::{Bench, Resonance};
 use crate::{
     Event, Fault, Operation, RefusalAnswer, RefusedTouch, RunPhase, RunStatus, TouchOutcome,
     TouchPlace, TouchResult,
-    contact_sense::{Neighbours, check_drift, check_free, check_reference},
+    contact_sense::{Neighbours, check_drift, check_reference},
     descent::{Streamed, Vigil},
     drift::{Drift, Jump},
     heights::{Change, Heights},
     interlock::Proven,
     listening::{Driven, Listening},
     machine::{MachineContext, MachineEvent, MachineStep},
-    no_load::{NoLoad, Reference},
+    no_load::{NoLoad, Reference, confirming},
     refusal::widened,
     touch::{Outlook, TouchMachine, is_value},
 };
@@ -257,7 +257,7 @@ impl Run {
                 let result = (**result).clone();
                 let mut around = Surroundings { now, limits, probe, notes };
                 return match answered {
-                    Ok(answered) if self.is_pause_asked && is_again(answered.0) => {
+                    Ok(answered) if self.is_pause_asked && answered.0.is_again() => {
                         self.answered = Some(answered);
                         MachineStep::Pause
                     }
@@ -562,29 +562,12 @@ impl Run {
     }
 }
 
-/// Whether a refused touch is measured again.
-const fn is_again(answer: RefusalAnswer) -> bool {
-    matches!(answer, RefusalAnswer::Repeat | RefusalAnswer::Widen)
-}
-
 /// The pose of a step; a prompt has none.
 const fn pose(step: &Step) -> Option<Pose> {
     match step.action {
         Action::Prompt(_) => None,
         Action::NoLoad(pose) => Some(pose),
         Action::Touch(touch) => Some(touch.pose),
-    }
-}
-
-/// The impedance of the clear probe after the last touch.
-fn confirming(event: &MachineEvent, no_load: Option<&Resonance>) -> MachineStep<()> {
-    let (MachineEvent::Readings(readings), Some(no_load)) = (event, no_load) else {
-        return MachineStep::Fault(event.out_of_order("the end of a run"));
-    };
-    // A reading that the analyzer flags says nothing against the touch.
-    match check_free(no_load, readings) {
-        Ok(_) => MachineStep::Done(()),
-        Err(fault) => MachineStep::Fault(Fault::ContactSense(fault)),
     }
 }
 
