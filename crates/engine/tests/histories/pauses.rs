@@ -5,7 +5,7 @@ use rig_protocol::{Action, RefusalPolicy};
 
 use crate::{
     refusals::narrow,
-    skips::{OPERATIONS_MAX, finish},
+    skips::{OPERATIONS_MAX, finish, running_after},
     world::{World, plan},
 };
 
@@ -19,13 +19,7 @@ fn a_pause_comes_before_the_end_and_not_between_a_reference_and_its_touch() {
     };
     let mut paused = 0;
     for at in 1..OPERATIONS_MAX {
-        let mut world = World::new(None);
-        world.play_until(|world| {
-            at <= world.operations && world.engine.snapshot().state == RigState::Running
-        });
-        if !world.endings().is_empty() {
-            break;
-        }
+        let Some(mut world) = running_after(at) else { break };
         world.command(Command::Pause);
         while world.engine.snapshot().state != RigState::Paused {
             match world.engine.snapshot().state {

@@ -9,6 +9,15 @@ use crate::world::{World, plan};
 /// More operations than the run has.
 pub(crate) const OPERATIONS_MAX: usize = 1000;
 
+/// A run that is under way after this many operations; `None` if it has ended by then.
+pub(crate) fn running_after(operations: usize) -> Option<World> {
+    let mut world = World::new(None);
+    world.play_until(|world| {
+        operations <= world.operations && world.engine.snapshot().state == RigState::Running
+    });
+    world.endings().is_empty().then_some(world)
+}
+
 /// Plays a run to its end.
 pub(crate) fn finish(world: &mut World) {
     for _ in 0..OPERATIONS_MAX {
@@ -30,13 +39,7 @@ fn a_touch_ahead_is_left_out_at_any_moment_and_the_others_are_made() {
     let last = touches.last().unwrap();
     let (mut left_out, mut refused, mut in_contact) = (0, 0, 0);
     for at in 1..OPERATIONS_MAX {
-        let mut world = World::new(None);
-        world.play_until(|world| {
-            at <= world.operations && world.engine.snapshot().state == RigState::Running
-        });
-        if !world.endings().is_empty() {
-            break;
-        }
+        let Some(mut world) = running_after(at) else { break };
         let admitted = world.engine.admit(Command::Skip(last.clone())).ok();
         let is_in_contact = world.engine.snapshot().clearance == Clearance::InContact;
         in_contact += usize::from(admitted.is_some() && is_in_contact);
