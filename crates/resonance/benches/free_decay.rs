@@ -1,14 +1,16 @@
 //! How long do planned sweeps take on an analyzer of which little is known, and are they right?
 //!
 //! `cargo bench -p rig-resonance --bench free_decay -- [RUNS [SEED [SECOND_MODE [TARGET_HZ [WRONG [PLACE
-//! [SURVEY_S [PHASE_DEG]]]]]]]]` plans this number of sweeps from nothing for each sensor: the drive has
+//! [SURVEY_S [PHASE_DEG [NOISE]]]]]]]]]` plans this number of sweeps from nothing for each sensor: the drive has
 //! any phase after each change of frequency, dead times and gaps are up to 3 ms long, and their lengths
 //! are known to a millisecond. A second mode of this part of the first capacitance lies `PLACE`
 //! linewidths above (1), this share of the readings is wrong, and the analyzer has this phase error. If
-//! `SURVEY_S` is not 0, a survey of that many seconds comes before each sweep. For each sensor it prints how
+//! `SURVEY_S` is not 0, a survey of that many seconds comes before each sweep. With `NOISE`, the standard
+//! deviation of each part of a reading of ten cycles, the planner guesses it, as in the first sweep of a
+//! bench; without, it is 0.005 and known. For each sensor it prints how
 //! many sweeps were accepted, their median, 95 % and longest time on the rig, bias, error and coverage,
 //! how many were off by more than five standard deviations, readings and stays of a sweep, the mean,
-//! 99.9 % and longest time of a planning step, and why the others were refused; of the surveys the error
+//! 99.9 % and longest time of a planning step or a verdict, and why the others were refused; of the surveys the error
 //! of the phase and its stated standard deviation, that of a second mode, the largest time of
 //! computing, and the mean time on the rig.
 
@@ -53,6 +55,7 @@ fn main() {
     let (second, target_hz) = (number(2, 0.0), number(3, 0.01));
     let (wrong, place) = (number(4, 0.0), number(5, 1.0));
     let (survey_s, phase_deg) = (number(6, 0.0) as u32, number(7, 0.0));
+    let noise = numbers.get(8).copied();
     println!(
         "Q   k²   accepted  median  95 %   max s  bias   rms mHz  |z|<1.96  worst  >5  readings stays  \
          ms a step  99.9 %  max  refused"
@@ -61,7 +64,7 @@ fn main() {
         let mut tally = Tally::default();
         let mut random = Random::new((1e6 * seed + 1e4 * q + 1e3 * coupling) as u64);
         let mode = (second, place);
-        let scene = Scene { q, coupling, mode, wrong, target_hz, survey_s, phase_deg };
+        let scene = Scene { q, coupling, mode, wrong, target_hz, survey_s, phase_deg, noise };
         for _ in 0..runs as u64 {
             tally.run(&scene, &mut random);
         }
@@ -79,6 +82,8 @@ struct Scene {
     target_hz: f64,
     survey_s: u32,
     phase_deg: f64,
+    /// Noise that the planner does not know.
+    noise: Option<f64>,
 }
 
 /// A sensor, perhaps with a second mode, on an analyzer.
@@ -88,6 +93,8 @@ struct Bench {
     now_s: f64,
     /// By how much the clock of the readings is off, s.
     clock_error_s: f64,
+    /// Standard deviation of each part of a reading of ten cycles.
+    noise: f64,
     /// Share of wrong readings.
     wrong: f64,
     /// The impedance of the last reading, ohm.
@@ -122,6 +129,7 @@ impl Bench {
             frequency_hz: 0.0,
             now_s: 0.0,
             clock_error_s: 0.0,
+            noise: NOISE.at_ten_cycles,
             wrong,
             before,
             phase: Complex64::ONE,
@@ -150,13 +158,13 @@ impl Bench {
             let less = if n == 0 { Complex64::new(0.0, 0.0) } else { static_s };
             admittance += 1.0 / mode.measure(point.cycles) - less;
         }
-        let sigma = NOISE.at_ten_cycles * (10.0 / f64::from(point.cycles)).sqrt();
+        let sigma = self.noise * (10.0 / f64::from(point.cycles)).sqrt();
         let integration_s = f64::from(point.cycles) / hz;
         self.now_s += gap_s + point.settle_s + integration_s;
         let mut ohm = (1.0 + sigma * random.normal()) / admittance * self.phase;
         if self.wrong > 0.0 && random.between(0.0, 1.0) < self.wrong {
             let way = random.below(support::WAYS);
-            ohm = support::wrong(way, ohm, self.before, NOISE.at_ten_cycles, random);
+            ohm = support::wrong(way, ohm, self.before, self.noise, random);
         }
         self.before = ohm;
         Reading {
@@ -192,10 +200,11 @@ struct Tally {
 
 impl Tally {
     fn run(&mut self, scene: &Scene, random: &mut Random) {
-        let &Scene { q, coupling, mode, wrong, target_hz, survey_s, phase_deg } = scene;
+        let &Scene { q, coupling, mode, wrong, target_hz, survey_s, phase_deg, noise } = scene;
         let resonance_hz = random.between(130.0, 150.0);
         let mut bench = Bench::new(resonance_hz, q, coupling, mode, wrong);
         bench.phase = Complex64::cis(phase_deg.to_radians());
+        bench.noise = noise.unwrap_or(NOISE.at_ten_cycles);
         let request = SweepRequest {
             window: WINDOW,
             method: SweepMethod::Adaptive,
@@ -205,7 +214,7 @@ impl Tally {
             settle_s: 0.5,
             level: DriveLevel { volt: 1.0 },
         };
-        let mut prior = Prior { circuit: None, within: WINDOW, noise: Some(NOISE), bench: None };
+        let mut prior = Prior { circuit: None, within: WINDOW, noise: noise.is_none().then_some(NOISE), bench: None };
         if survey_s > 0 {
             prior.bench = self.survey(&mut bench, &request, &prior, scene, random);
             if prior.bench.is_none() {
@@ -226,7 +235,10 @@ impl Tally {
             passed_s += processor_s() - began;
             let points = match next {
                 Next::Measure(points) => points,
-                Next::Finished(verdict) => break verdict,
+                Next::Finished(verdict) => {
+                    self.steps_ms.push(1000.0 * passed_s);
+                    break verdict;
+                }
             };
             self.stays += usize::from(points[0].frequency_hz.to_bits() != f64::to_bits(last_hz));
             last_hz = points[0].frequency_hz;
