@@ -31,7 +31,8 @@ pub struct RunCalibration {
     gradient: Vec<f64>,
     /// How the errors of the main touches enter the factor.
     in_factor: Entering,
-    /// The variance of the factor by the scatter between samples over the stated one, if that is beyond chance.
+    /// The variance of the factor by the scatter between samples, or between the touches of a sample, over the stated
+    /// one, if that is beyond chance.
     excess: f64,
     errors: TouchErrors,
     /// Variances of the terms of the model that are not learnt, at their places in a gradient.
@@ -147,7 +148,8 @@ impl RunCalibration {
         // What the samples share by their references does not scatter between them.
         let common = described.common_of_samples(&in_factor, main, freedom);
         let scattering = variance - common;
-        let beyond = excess(scale.scatter_rel.map_or(0.0, |rel| rel * rel / scattering), freedom);
+        let between = excess(scale.scatter_rel.map_or(0.0, |rel| rel * rel / scattering), freedom);
+        let beyond = between.max(described.excess_within(&comparisons, main));
         let excess = (beyond * scattering + common) / variance;
         Self {
             factor: scale.factor,
@@ -189,6 +191,21 @@ impl RunCalibration {
             less.iter().zip(&self.not_learnt).map(|(by, variance)| by * by * variance).sum();
         let of_model = shared.of(Part::Model).hypot(not_learnt.sqrt()).hypot(self.misfit_rel);
         shared.with(Part::Sensor, of_sensor).with(Part::Model, of_model)
+    }
+
+    /// The mean, over the compared samples, of the excess of their touches at all angles. With one sample it is all
+    /// that shows how the touches scatter.
+    fn excess_within(&self, comparisons: &[Comparison], main: &[Reading]) -> f64 {
+        let mut samples: Vec<usize> = comparisons.iter().map(|one| one.sample).collect();
+        samples.sort_unstable();
+        samples.dedup();
+        let excess = |&sample: &usize| {
+            let of_sample = main.iter().enumerate().filter(|(_, one)| one.sample == sample);
+            let found =
+                of_sample.filter_map(|(index, one)| Some((index, one.found.as_ref().ok()?)));
+            self.excess_of_touches(&found.collect::<Vec<_>>())
+        };
+        samples.iter().map(excess).sum::<f64>() / samples.len() as f64
     }
 
     /// The mean covariance, by their references, of the means of two different samples that give the factor.
@@ -427,8 +444,9 @@ mod tests {
     }
 
     /// Root mean squares of the errors of the samples and of their stated standard deviations, when only the
-    /// first of them are known. The touches err independently; the first three of each sample are compared.
-    fn found_and_stated(known: usize) -> (f64, f64) {
+    /// first of them are known. The touches err independently, by this many times what is stated of each; the first
+    /// three of each sample are compared.
+    fn found_and_stated(known: usize, beyond: f64) -> (f64, f64) {
         const TRIALS: u32 = 1000;
         let touches: [bool; 12] = std::array::from_fn(|touch| touch < 3);
         let described = Compensation::new(&SensorDescription::reference(), 0.002);
@@ -447,7 +465,7 @@ mod tests {
         };
         for _ in 0..TRIALS {
             let mut reading = |sample: usize| {
-                let mpa = 1.1 * KNOWN_MPA[sample] * (ERROR_REL * normal()).exp();
+                let mpa = 1.1 * KNOWN_MPA[sample] * (beyond * ERROR_REL * normal()).exp();
                 let young = Young { mpa, sigma_mpa: ERROR_REL * mpa };
                 let budget = Budget::default().with(Part::Sweep, ERROR_REL);
                 Reading { sample, found: Ok(ModelReading { young, budget, gradient: Vec::new() }) }
@@ -473,9 +491,19 @@ mod tests {
     #[test]
     fn a_sample_is_as_uncertain_as_its_touches_make_it_beside_the_factor() {
         for (known, least) in [(1, 0.91), (2, 0.8), (5, 0.91)] {
-            let (found, stated) = found_and_stated(known);
+            let (found, stated) = found_and_stated(known, 1.0);
             let ratio = found / stated;
             assert!((least..1.03).contains(&ratio), "{known} known: {found} of {stated}");
+        }
+    }
+
+    /// With one known sample nothing else shows by how much its touches, which give the factor, err more than stated.
+    #[test]
+    fn touches_that_scatter_beyond_the_stated_make_the_factor_as_uncertain() {
+        for (known, largest) in [(1, 1.1), (2, 1.1), (5, 1.1)] {
+            let (found, stated) = found_and_stated(known, 2.5);
+            let ratio = found / stated;
+            assert!((0.8..largest).contains(&ratio), "{known} known: {found} of {stated}");
         }
     }
 }
