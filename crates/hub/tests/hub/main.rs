@@ -10,6 +10,7 @@ mod ingest;
 mod live;
 mod migrations;
 mod page;
+mod partitions;
 mod prune;
 #[expect(dead_code, reason = "other tests use more of it")]
 mod support;

@@ -7,6 +7,7 @@ use std::{
         OnceLock,
         atomic::{AtomicU32, Ordering},
     },
+    time::Duration,
 };
 
 use rig_hub::{BenchName, Inlet, InletError, Trial, admin, connect};
@@ -15,7 +16,11 @@ use rig_store::{
     RunKind, StateChanged, Store,
 };
 use tempfile::TempDir;
+use tokio::time::timeout;
 use tokio_postgres::Client;
+
+/// Longest time in which something happens.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
 
 /// The server. It ends with this program.
 pub(crate) fn server() -> &'static Trial {
@@ -80,6 +85,24 @@ impl Hub {
     pub(crate) async fn count(&self, from: &str) -> i64 {
         let select = format!("SELECT count(*) FROM {from}");
         self.admin.query_one(&select, &[]).await.unwrap().get(0)
+    }
+
+    /// Waits until something is so of this database, within the time of a test.
+    pub(crate) async fn until(&self, what: &str, is_so: impl AsyncFn() -> bool) {
+        let all = async {
+            while !is_so().await {
+                tokio::task::yield_now().await;
+            }
+        };
+        timeout(PATIENCE, all).await.unwrap_or_else(|_| panic!("{what} within {PATIENCE:?}"));
+    }
+
+    /// How many connections to this database wait for a lock.
+    pub(crate) async fn waiting(&self) -> i64 {
+        self.count(
+            "pg_stat_activity WHERE datname = current_database() AND wait_event_type = 'Lock'",
+        )
+        .await
     }
 
     /// The kinds of the alarms that wait, in order.
