@@ -9,6 +9,7 @@ RETURN (
     FROM (SELECT date_trunc('month', to_timestamp(
         ('x' || left(replace(run::text, '-', ''), 12))::bit(48)::bigint / 1000) AT TIME ZONE 'UTC') AS month) AS began
 );
+REVOKE ALL ON FUNCTION hub.month_of(uuid) FROM PUBLIC;
 
 -- As in step 2; of ids of every version, and without a lock that waits until other benches commit.
 CREATE OR REPLACE FUNCTION hub.make_partition(run uuid) RETURNS void
@@ -78,4 +79,127 @@ BEGIN
     ALTER TABLE hub.record ENABLE TRIGGER live;
 END $$;
 
-REVOKE ALL ON FUNCTION hub.month_of(uuid) FROM PUBLIC;
+-- As in step 4; the row of a journal of another bench is not locked.
+CREATE OR REPLACE FUNCTION hub.greet(wanted uuid, of_software text) RETURNS hub.cursor
+LANGUAGE plpgsql SECURITY DEFINER SET search_path = pg_catalog, pg_temp AS $$
+DECLARE
+    own bigint := hub.own_bench();
+    j hub.journal;
+BEGIN
+    IF own IS NULL THEN
+        RAISE EXCEPTION 'role % is not that of a bench', session_user USING ERRCODE = 'insufficient_privilege';
+    END IF;
+    INSERT INTO hub.journal (id, bench, software) VALUES (wanted, own, of_software) ON CONFLICT DO NOTHING;
+    SELECT * INTO j FROM hub.journal WHERE id = wanted AND bench = own FOR UPDATE;
+    IF NOT FOUND THEN
+        PERFORM hub.alert(own, 'stranger', wanted::text, format(
+            'role %s ships a journal of %s', session_user,
+            (SELECT b.role FROM hub.journal AS t JOIN hub.bench AS b ON b.id = t.bench WHERE t.id = wanted)));
+        RETURN ROW(NULL, NULL, 'the journal is that of another bench')::hub.cursor;
+    END IF;
+    UPDATE hub.journal SET last_seen = now(), software = of_software WHERE id = wanted;
+    RETURN ROW(j.cursor_event, encode(j.cursor_digest, 'hex'), j.quarantined)::hub.cursor;
+END $$;
+
+-- As in step 4; the row of a run of another bench is not locked.
+CREATE OR REPLACE FUNCTION hub.take_entry(j hub.journal, e json) RETURNS void
+LANGUAGE plpgsql SET search_path = pg_catalog, pg_temp AS $$
+DECLARE
+    wanted uuid := (e ->> 'id')::uuid;
+    held hub.run;
+BEGIN
+    IF wanted::text <> e ->> 'id' THEN
+        RAISE EXCEPTION '% is not the id of a run as journals write it', e ->> 'id' USING ERRCODE = 'HB004';
+    END IF;
+    PERFORM hub.make_partition(wanted);
+    INSERT INTO hub.run (id, bench, journal, origin_bench, origin_journal, kind, name, format, epoch, started_at)
+    VALUES (wanted, j.bench, j.id, e ->> 'bench', e ->> 'journal', e ->> 'kind', e ->> 'name',
+            (e ->> 'format')::bigint, (e ->> 'epoch')::bigint, e ->> 'started_at')
+    ON CONFLICT DO NOTHING;
+    SELECT * INTO held FROM hub.run WHERE id = wanted AND bench = j.bench FOR UPDATE;
+    IF NOT FOUND THEN
+        PERFORM hub.alert(j.bench, 'stranger', wanted::text, 'a run of another bench was shipped');
+    ELSIF (held.origin_bench, held.origin_journal, held.kind, held.name, held.format, held.epoch, held.started_at)
+          <> (e ->> 'bench', e ->> 'journal', e ->> 'kind', e ->> 'name', (e ->> 'format')::bigint,
+              (e ->> 'epoch')::bigint, e ->> 'started_at') THEN
+        PERFORM hub.alert(j.bench, 'clash', wanted::text, 'the list of runs of the journal has another entry: ' || e);
+    END IF;
+END $$;
+
+-- The run of a record. It is locked if it is one of the bench that ships. Its partition is there also if the batch does not have
+-- its entry.
+CREATE OR REPLACE FUNCTION hub.run_of(j hub.journal, wanted uuid) RETURNS hub.run
+LANGUAGE plpgsql SET search_path = pg_catalog, pg_temp AS $$
+DECLARE
+    found_run hub.run;
+BEGIN
+    SELECT * INTO found_run FROM hub.run WHERE id = wanted AND bench = j.bench FOR UPDATE;
+    IF FOUND THEN
+        PERFORM hub.make_partition(wanted);
+        RETURN found_run;
+    END IF;
+    SELECT * INTO found_run FROM hub.run WHERE id = wanted;
+    IF NOT FOUND THEN
+        RAISE EXCEPTION 'run % has no entry', wanted USING ERRCODE = 'HB004';
+    END IF;
+    RETURN found_run;
+END $$;
+REVOKE ALL ON FUNCTION hub.run_of(hub.journal, uuid) FROM PUBLIC;
+
+-- As in step 4; the row of a run of another bench is neither locked nor written.
+CREATE OR REPLACE FUNCTION hub.ingest(journal uuid, after_event bigint, batch json) RETURNS hub.cursor
+LANGUAGE plpgsql SECURITY DEFINER SET search_path = pg_catalog, pg_temp AS $$
+DECLARE
+    j hub.journal := hub.own_journal(journal);
+    of_run hub.run;
+    r json;
+    event bigint;
+    last bigint := after_event;
+    last_digest bytea := decode(batch ->> 'after_digest', 'hex');
+BEGIN
+    IF j.quarantined IS NOT NULL THEN
+        RAISE EXCEPTION 'journal % is quarantined: %', journal, j.quarantined USING ERRCODE = 'HB001';
+    END IF;
+    IF after_event > j.cursor_event THEN
+        RAISE EXCEPTION 'the batch follows event %, and the hub has events up to %', after_event, j.cursor_event
+            USING ERRCODE = 'HB002';
+    END IF;
+    IF after_event = j.cursor_event AND last_digest IS DISTINCT FROM j.cursor_digest THEN
+        RAISE EXCEPTION 'the journal has another record at event %', after_event USING ERRCODE = 'HB003';
+    END IF;
+    PERFORM hub.take_entry(j, e) FROM json_array_elements(batch -> 'runs') AS e;
+    PERFORM hub.take_stretch(j, s) FROM json_array_elements(batch -> 'stretches') AS s;
+    FOR r IN SELECT * FROM json_array_elements(batch -> 'records') LOOP
+        event := (r ->> 'event')::bigint;
+        IF event <= last THEN
+            RAISE EXCEPTION 'event % comes behind event %', event, last USING ERRCODE = 'HB004';
+        END IF;
+        last := event;
+        last_digest := decode(r ->> 'digest', 'hex');
+        IF event = j.cursor_event AND last_digest <> j.cursor_digest THEN
+            RAISE EXCEPTION 'the journal has another record at event %', event USING ERRCODE = 'HB003';
+        END IF;
+        IF of_run.id IS DISTINCT FROM (r ->> 'run')::uuid THEN
+            UPDATE hub.run SET records = of_run.records, head = of_run.head WHERE id = of_run.id AND bench = j.bench;
+            of_run := hub.run_of(j, (r ->> 'run')::uuid);
+        END IF;
+        of_run := hub.take_record(j, of_run, r);
+    END LOOP;
+    UPDATE hub.run SET records = of_run.records, head = of_run.head WHERE id = of_run.id AND bench = j.bench;
+    PERFORM hub.take_end(j, e) FROM json_array_elements(batch -> 'ends') AS e;
+    IF EXISTS (
+        SELECT FROM json_array_elements(batch -> 'records') AS s, hub.left_line AS l
+        WHERE l.journal = j.id AND l.event = (s ->> 'event')::bigint AND l.digest = decode(s ->> 'digest', 'hex')
+    ) THEN
+        j.quarantined := 'two copies of the journal go on';
+        PERFORM hub.alert(j.bench, 'quarantine', j.id::text, j.quarantined);
+    END IF;
+    IF last > j.cursor_event THEN
+        j.cursor_event := last;
+        j.cursor_digest := last_digest;
+    END IF;
+    UPDATE hub.journal
+    SET cursor_event = j.cursor_event, cursor_digest = j.cursor_digest, quarantined = j.quarantined, last_seen = now()
+    WHERE id = j.id;
+    RETURN ROW(j.cursor_event, encode(j.cursor_digest, 'hex'), j.quarantined)::hub.cursor;
+END $$;

@@ -4,8 +4,11 @@ use std::{fs, os::unix::fs::PermissionsExt};
 
 use rig_hub::{Batch, Identity, Inlet, InletError, TlsError, admin, connect, doctor};
 use rig_store::Reader;
+use tokio::time::timeout;
 
-use crate::support::{Hub, assert_same, contents_of, journal, server};
+use crate::support::{
+    Hub, PATIENCE, append, assert_same, command, contents_of, journal, sealed_run, server,
+};
 
 #[tokio::test]
 async fn a_stranger_sees_and_changes_nothing_of_another_bench() {
@@ -81,6 +84,34 @@ async fn a_stranger_sees_and_changes_nothing_of_another_bench() {
 
     let admin = hub.admin.batch_execute(forged).await.unwrap_err();
     assert_eq!(admin.code().unwrap().code(), "42501", "the superuser is no bench");
+}
+
+#[tokio::test]
+async fn a_stranger_that_has_not_committed_holds_up_no_other_bench() {
+    let hub = Hub::new().await;
+    let (left, stranger) = (hub.bench("left").await, hub.bench("stranger").await);
+    let (data, store, mut session) = journal();
+    hub.ship(&left, data.path()).await.unwrap();
+    append(&mut session, &[command("go on")]);
+    sealed_run(&store, "later", 3);
+    let reader = Reader::open(data.path()).unwrap();
+    let (theirs, _) = reader.identity().unwrap();
+    let batch = Batch::new(0, "", &reader.shipment(0, 10, usize::MAX).unwrap()).unwrap();
+
+    let client = hub.as_role(&stranger).await;
+    let own = "00000000-0000-7000-8000-000000000000";
+    let greet = async |journal: &str| {
+        let greet = format!("SELECT (hub.greet('{journal}', 'rigd 0')).refusal");
+        client.query_one(&greet, &[]).await.unwrap().get::<_, Option<String>>(0)
+    };
+    assert_eq!(greet(own).await, None);
+    client.batch_execute("BEGIN").await.unwrap();
+    assert_eq!(greet(&theirs).await.unwrap(), "the journal is that of another bench");
+    let ingest = format!("SELECT hub.ingest('{own}', 0, $1::text::json)::text");
+    client.query_one(&ingest, &[&batch.json()]).await.unwrap();
+    timeout(PATIENCE, hub.ship(&left, data.path())).await.unwrap().unwrap();
+    client.batch_execute("COMMIT").await.unwrap();
+    assert_same(&hub.contents().await, &contents_of(data.path()));
 }
 
 #[tokio::test]
