@@ -203,3 +203,22 @@ BEGIN
     WHERE id = j.id;
     RETURN ROW(j.cursor_event, encode(j.cursor_digest, 'hex'), j.quarantined)::hub.cursor;
 END $$;
+
+-- As in step 3; runs are locked too, so that none is pruned between the removal of its rows and the reading of its records.
+CREATE OR REPLACE FUNCTION hub.rebuild() RETURNS bigint
+LANGUAGE plpgsql SET search_path = pg_catalog, pg_temp AS $$
+DECLARE
+    typed text;
+    made bigint;
+BEGIN
+    LOCK TABLE hub.journal, hub.run IN EXCLUSIVE MODE;
+    FOREACH typed IN ARRAY ARRAY['run_fact', 'sample', 'command', 'touch', 'fault', 'amendment', 'unread'] LOOP
+        EXECUTE format('DELETE FROM hub.%I AS t
+                        WHERE EXISTS (SELECT FROM hub.record AS r WHERE r.run = t.run AND r.seq = 1)', typed);
+    END LOOP;
+    PERFORM hub.make_typed(r.run, r.seq, r.kind, r.payload, hub.time_of(r.run, r.epoch, r.rig_us))
+    FROM hub.record AS r
+    WHERE hub.is_typed(r.kind);
+    GET DIAGNOSTICS made = ROW_COUNT;
+    RETURN made;
+END $$;

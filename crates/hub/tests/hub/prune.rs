@@ -2,13 +2,14 @@
 
 use std::{fs, path::Path};
 
-use rig_hub::{BenchState, Inlet, Pruned, judge, prune, state};
+use rig_hub::{BenchState, Inlet, Pruned, admin, judge, prune, state};
 use rig_ship::{Address, ObjectStore, Outcome, Shipper};
 use rig_store::{Ending, Reader, RunId, RunKind, Store};
 use tempfile::TempDir;
+use tokio::time::timeout;
 
 use crate::{
-    support::{Hub, append, command, contents_of, finished, sealed_run},
+    support::{Hub, PATIENCE, append, command, contents_of, finished, sealed_run},
     typed::{rows, skipped, started, touched},
 };
 
@@ -109,11 +110,36 @@ async fn a_run_leaves_when_it_is_sealed_judged_and_in_an_object() {
         [0, 0, 2]
     );
     assert_eq!(rows(&old.hub).await, before, "typed rows stay");
-    rig_hub::admin::rebuild(&old.hub.admin).await.unwrap();
+    admin::rebuild(&old.hub.admin).await.unwrap();
     assert_eq!(rows(&old.hub).await, before, "and are not made again of nothing");
     let bench = old.bench().await;
     assert_eq!((bench.runs, bench.sealed, bench.pruned, bench.records), (3, 2, 2, 28));
     assert_eq!(state(&old.hub.admin).await.unwrap().pruning.unwrap().runs, 2);
+}
+
+#[tokio::test]
+async fn typed_rows_that_are_made_again_while_their_run_is_pruned_stay() {
+    let old = old(KEEP_DAYS + 1).await;
+    let hub = &old.hub;
+    put(old.data.path(), old.folder.path(), |_| true);
+    old.judge().await;
+    let before = rows(hub).await;
+    // The rows have been removed, and the records were not read yet.
+    let blocker = hub.another().await;
+    blocker.batch_execute("BEGIN; LOCK TABLE hub.unread IN SHARE MODE").await.unwrap();
+    let (admin, other) = (hub.another().await, hub.another().await);
+    let rebuilding = tokio::spawn(async move { admin::rebuild(&admin).await });
+    hub.until("rows are being made again", async || hub.waiting().await == 1).await;
+    let objects = store(old.folder.path());
+    let pruning = tokio::spawn(async move { prune(&other, objects, KEEP_DAYS).await });
+    hub.until("runs are pruned, or waited for", async || {
+        pruning.is_finished() || hub.waiting().await == 2
+    })
+    .await;
+    blocker.batch_execute("COMMIT").await.unwrap();
+    timeout(PATIENCE, rebuilding).await.unwrap().unwrap().unwrap();
+    assert_eq!(timeout(PATIENCE, pruning).await.unwrap().unwrap().unwrap().runs, 2);
+    assert_eq!(rows(hub).await, before);
 }
 
 #[tokio::test]
