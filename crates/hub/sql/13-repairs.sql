@@ -222,3 +222,89 @@ BEGIN
     GET DIAGNOSTICS made = ROW_COUNT;
     RETURN made;
 END $$;
+
+-- Whether a record of this stretch was taken. A stretch comes with its first record; that of a copy of the journal stays without
+-- one if its records were put aside.
+CREATE OR REPLACE FUNCTION hub.has_records(of_run uuid, of_epoch bigint) RETURNS boolean
+LANGUAGE sql STABLE STRICT
+RETURN EXISTS (SELECT FROM hub.record AS r WHERE r.run = of_run AND r.epoch = of_epoch);
+REVOKE ALL ON FUNCTION hub.has_records(uuid, bigint) FROM PUBLIC;
+
+-- As in step 2; of the stretches with a record.
+CREATE OR REPLACE FUNCTION hub.run_seal(run uuid, finished_at text, status text) RETURNS bytea
+LANGUAGE sql STABLE STRICT
+RETURN (
+    SELECT sha256(
+        hub.text_part(r.origin_bench) || hub.text_part(r.origin_journal) || hub.text_part(r.id::text)
+        || hub.text_part(r.kind) || hub.text_part(r.name) || int8send(r.format) || int8send(r.epoch)
+        || hub.text_part(r.started_at)
+        || coalesce((
+            SELECT string_agg(int8send(s.epoch) || hub.text_part(s.started_at) || int8send(s.rig_us), ''::bytea
+                              ORDER BY s.epoch)
+            FROM hub.stretch AS s WHERE s.run = r.id AND hub.has_records(s.run, s.epoch)), ''::bytea)
+        || hub.text_part(run_seal.finished_at) || hub.text_part(run_seal.status) || int8send(r.records) || r.head)
+    FROM hub.run AS r WHERE r.id = run_seal.run
+);
+
+-- As in step 4; one without a record is replaced.
+CREATE OR REPLACE FUNCTION hub.take_stretch(j hub.journal, s json) RETURNS void
+LANGUAGE plpgsql SET search_path = pg_catalog, pg_temp AS $$
+DECLARE
+    r hub.run;
+    held hub.stretch;
+BEGIN
+    SELECT * INTO r FROM hub.run WHERE id = (s ->> 'run')::uuid AND bench = j.bench;
+    IF NOT FOUND THEN
+        RETURN;
+    END IF;
+    IF r.seal IS NULL THEN
+        INSERT INTO hub.stretch AS h
+        VALUES (r.id, (s ->> 'epoch')::bigint, s ->> 'started_at', (s ->> 'rig_us')::bigint)
+        ON CONFLICT (run, epoch) DO UPDATE SET started_at = excluded.started_at, rig_us = excluded.rig_us
+        WHERE (h.started_at, h.rig_us) <> (excluded.started_at, excluded.rig_us)
+          AND NOT hub.has_records(h.run, h.epoch);
+    END IF;
+    SELECT * INTO held FROM hub.stretch WHERE run = r.id AND epoch = (s ->> 'epoch')::bigint;
+    IF (held.started_at, held.rig_us) <> (s ->> 'started_at', (s ->> 'rig_us')::bigint) THEN
+        PERFORM hub.alert(j.bench, 'clash', r.id::text, 'the journal has another stretch: ' || s);
+    END IF;
+END $$;
+
+-- As in step 11; with its seal, a run loses the stretches without a record.
+CREATE OR REPLACE FUNCTION hub.take_end(j hub.journal, e json) RETURNS void
+LANGUAGE plpgsql SET search_path = pg_catalog, pg_temp AS $$
+DECLARE
+    r hub.run;
+    shipped_seal bytea := decode(e ->> 'seal', 'hex');
+BEGIN
+    SELECT * INTO r FROM hub.run WHERE id = (e ->> 'run')::uuid AND bench = j.bench FOR UPDATE;
+    IF NOT FOUND OR r.records > (e ->> 'records')::bigint THEN
+        RETURN;
+    END IF;
+    IF r.records < (e ->> 'records')::bigint OR r.head <> decode(e ->> 'head', 'hex') THEN
+        IF EXISTS (SELECT FROM hub.clash AS c WHERE c.run = r.id) THEN
+            PERFORM hub.alert(j.bench, 'clash', r.id::text, 'the journal has another end: ' || e);
+            RETURN;
+        END IF;
+        RAISE EXCEPTION 'run % ended with % records, and the hub has %', r.id, e ->> 'records', r.records
+            USING ERRCODE = 'HB002';
+    END IF;
+    IF r.seal IS NOT NULL THEN
+        IF r.seal IS DISTINCT FROM shipped_seal THEN
+            PERFORM hub.alert(j.bench, 'clash', r.id::text, 'the journal has another seal: ' || e);
+        END IF;
+        RETURN;
+    END IF;
+    IF shipped_seal IS NOT NULL
+       AND shipped_seal IS DISTINCT FROM hub.run_seal(r.id, e ->> 'finished_at', e ->> 'status') THEN
+        PERFORM hub.alert(j.bench, 'clash', r.id::text, 'the seal does not fit the records: ' || e);
+        RETURN;
+    END IF;
+    UPDATE hub.run
+    SET finished_at = e ->> 'finished_at', status = e ->> 'status', seal = shipped_seal,
+        signature = decode(e ->> 'signature', 'hex')
+    WHERE id = r.id;
+    IF shipped_seal IS NOT NULL THEN
+        DELETE FROM hub.stretch AS s WHERE s.run = r.id AND NOT hub.has_records(s.run, s.epoch);
+    END IF;
+END $$;

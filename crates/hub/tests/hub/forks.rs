@@ -157,3 +157,42 @@ async fn a_run_that_went_on_in_two_ways_keeps_the_first_and_puts_the_other_aside
     hub.ship(&role, copied.path()).await.unwrap();
     assert_eq!(hub.count("hub.clash").await, 2);
 }
+
+/// A copy has gone on with the run and was refused; then the run goes on where it is, in the same stretch or in the next one.
+async fn check_seal_behind_a_refused_fork(is_resumed: bool) {
+    let hub = Hub::new().await;
+    let role = hub.bench("left").await;
+    let data = TempDir::new().unwrap();
+    let mut store = Store::open(data.path()).unwrap();
+    let mut run = store.begin(RunKind::Run, "long").unwrap();
+    append(&mut run, &[command("begin")]);
+    let copied = copy(data.path());
+    append(&mut run, &[command("one")]);
+    hub.ship(&role, data.path()).await.unwrap();
+    let mut fork = Store::open(copied.path()).unwrap().reopen(run.id()).unwrap();
+    append(&mut fork, &[command("other")]);
+    hub.ship(&role, copied.path()).await.unwrap();
+    assert_eq!(hub.alarms().await, ["rewound", "clash"]);
+
+    if is_resumed {
+        let id = run.id();
+        drop((run, store));
+        store = Store::open(data.path()).unwrap();
+        run = store.reopen(id).unwrap();
+    }
+    append(&mut run, &[finished(Ending::Completed)]);
+    // It is taken, and then there are two copies.
+    let refused = hub.ship(&role, data.path()).await;
+    assert!(matches!(refused, Err(InletError::Refused { .. })), "{refused:?}");
+    assert_same(&hub.contents().await, &contents_of(data.path()));
+    assert_eq!(hub.count("hub.run WHERE seal IS NOT NULL").await, 1, "resumed: {is_resumed}");
+    assert_eq!(hub.count("hub.alarm WHERE detail LIKE '%another stretch%'").await, 0);
+    drop(store);
+}
+
+#[tokio::test]
+async fn a_run_is_sealed_whose_copy_has_gone_on_and_was_refused() {
+    for is_resumed in [false, true] {
+        check_seal_behind_a_refused_fork(is_resumed).await;
+    }
+}
