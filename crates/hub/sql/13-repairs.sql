@@ -308,3 +308,78 @@ BEGIN
         DELETE FROM hub.stretch AS s WHERE s.run = r.id AND NOT hub.has_records(s.run, s.epoch);
     END IF;
 END $$;
+
+-- As in step 3; what a malformed record can cause is noted: values and texts, missing and doubled parts, and what is too large for an
+-- index or too deep. A failure of the server is not, as without space: the batch is not taken, and comes again.
+CREATE OR REPLACE FUNCTION hub.make_typed(of_run uuid, of_seq bigint, of_kind text, payload text, at timestamptz) RETURNS void
+LANGUAGE plpgsql SET search_path = pg_catalog, pg_temp AS $$
+DECLARE
+    r json;
+    t json;
+BEGIN
+    -- PostgreSQL has no character 0.
+    r := regexp_replace(payload, '(?<!\\)((?:\\\\)*)\\u0000', '\1\\ufffd', 'g')::json;
+    CASE of_kind
+    WHEN 'run_started' THEN
+        INSERT INTO hub.run_fact VALUES (
+            of_run, r ->> 'software', r #>> '{protocol,name}', r #>> '{rig,name}', (r ->> 'is_simulated')::boolean,
+            (r #>> '{plan,touches}')::integer);
+        INSERT INTO hub.sample
+            SELECT of_run, s ->> 'name', (s ->> 'stiffness_mpa')::double precision
+            FROM json_array_elements(r -> 'samples') AS s
+            ON CONFLICT DO NOTHING;
+    WHEN 'operator' THEN
+        INSERT INTO hub.command VALUES (of_run, of_seq, at, r ->> 'who', r ->> 'action');
+    WHEN 'touch_result', 'touch_refused' THEN
+        t := r -> 'touch';
+        INSERT INTO hub.touch VALUES (
+            of_run, of_seq, at, t ->> 'step', t ->> 'phase', t ->> 'sample', t #>> '{pose,direction}',
+            (t #>> '{pose,angle_deg}')::double precision, (t ->> 'repeat')::integer, r ->> 'reason',
+            (r ->> 'no_load_hz')::double precision, (r ->> 'no_load_sigma_hz')::double precision,
+            (r ->> 'resonance_hz')::double precision, (r ->> 'sigma_hz')::double precision,
+            (r ->> 'shift_hz')::double precision, (r ->> 'shift_sigma_hz')::double precision,
+            coalesce(r ->> 'surface_mm', r #>> '{indented,surface_mm}')::double precision,
+            coalesce(r ->> 'indentation_mm', r #>> '{indented,indentation_mm}')::double precision);
+    WHEN 'fault' THEN
+        INSERT INTO hub.fault VALUES (of_run, of_seq, at, r ->> 'step', r ->> 'cause', r ->> 'probe');
+    WHEN 'amended' THEN
+        INSERT INTO hub.amendment VALUES (
+            of_run, at, r ->> 'run', r ->> 'head', r ->> 'step', r ->> 'what', r ->> 'who', r ->> 'why');
+    END CASE;
+EXCEPTION WHEN data_exception OR not_null_violation OR unique_violation OR program_limit_exceeded THEN
+    INSERT INTO hub.unread VALUES (of_run, of_seq, SQLERRM) ON CONFLICT DO NOTHING;
+END $$;
+
+-- As in step 6; a failure of the server is no fault of the record.
+CREATE OR REPLACE FUNCTION hub.note_live() RETURNS trigger
+LANGUAGE plpgsql SET search_path = pg_catalog, pg_temp AS $$
+DECLARE
+    of_run hub.run;
+    r json;
+BEGIN
+    r := NEW.payload::json;
+    SELECT * INTO of_run FROM hub.run WHERE id = NEW.run;
+    INSERT INTO hub.live (bench) VALUES (of_run.bench) ON CONFLICT DO NOTHING;
+    UPDATE hub.live AS l SET
+        state = CASE
+            WHEN NEW.kind = 'state_changed' THEN r ->> 'state'
+            WHEN NEW.kind = 'run_finished' AND of_run.kind = 'session' THEN 'closed'
+            ELSE l.state END,
+        reason = CASE NEW.kind WHEN 'state_changed' THEN r ->> 'reason' ELSE l.reason END,
+        run = CASE NEW.kind
+            WHEN 'run_started' THEN NEW.run
+            WHEN 'resumed' THEN NEW.run
+            WHEN 'run_finished' THEN nullif(l.run, NEW.run)
+            ELSE l.run END,
+        waits = CASE NEW.kind
+            WHEN 'prompt_asked' THEN hub.prompt_text(r -> 'prompt')
+            WHEN 'refusal_asked' THEN 'decide about the touch ' || (r ->> 'step') || ': ' || (r ->> 'reason')
+            WHEN 'state_changed' THEN l.waits
+            ELSE NULL END,
+        changed_at = now()
+    WHERE l.bench = of_run.bench;
+    RETURN NULL;
+EXCEPTION WHEN data_exception OR program_limit_exceeded THEN
+    INSERT INTO hub.unread VALUES (NEW.run, NEW.seq, SQLERRM) ON CONFLICT DO NOTHING;
+    RETURN NULL;
+END $$;

@@ -221,13 +221,19 @@ fn silent(state: &State) -> Option<Finding> {
 }
 
 async fn unread(client: &Client) -> Result<Finding, tokio_postgres::Error> {
-    let count: i64 = client.query_one("SELECT count(*) FROM hub.unread", &[]).await?.get(0);
+    // The first one tells what PostgreSQL has said of it.
+    let select = "SELECT count(*), (SELECT left(reason, 200) FROM hub.unread ORDER BY run, seq LIMIT 1) FROM hub.unread";
+    let row = client.query_one(select, &[]).await?;
+    let (count, reason): (i64, Option<String>) = (row.get(0), row.get(1));
+    let text =
+        reason.map_or_else(|| count.to_string(), |reason| format!("{count}, the first: {reason}"));
     Ok(finding(
         "records without a typed row",
         count == 0,
         Level::Warning,
-        count.to_string(),
-        "a bench has a newer rigd: bring rigd-hub to its version, then `rigd-hub rebuild`",
+        text,
+        "hub.unread has them with their reasons; where a bench has a newer rigd, bring rigd-hub to its version; then \
+         `rigd-hub rebuild` reads them again",
     ))
 }
 

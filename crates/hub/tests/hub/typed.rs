@@ -1,13 +1,17 @@
 //! Typed tables are made of records.
 
-use rig_hub::{Batch, Inlet, admin};
+use rig_hub::{
+    Batch, Inlet, InletError, admin,
+    doctor::{self, Finding},
+};
 use rig_store::{
     Amended, Amendment, Digest, Direction, Ending, Phase, PlanSize, Pose, Reader, Record,
     RefusedTouch, RunId, RunKind, RunStarted, Sample, Source, Store, Touch, TouchSettings,
 };
 use tempfile::TempDir;
+use tokio_postgres::error::SqlState;
 
-use crate::support::{Hub, append, command, fault, finished};
+use crate::support::{Hub, append, assert_same, command, contents_of, fault, finished};
 
 fn settings(sample: &str) -> TouchSettings {
     TouchSettings {
@@ -196,4 +200,67 @@ async fn records_of_a_newer_format_are_carried_as_they_are() {
     assert_eq!(payloads.len(), 2);
     assert_eq!((hub.count("hub.unread").await, hub.count("hub.fault").await), (1, 0));
     assert_eq!(hub.alarms().await, [""; 0]);
+    let findings = doctor::findings(&hub.admin).await.unwrap();
+    let unread = findings.iter().find(|finding| finding.check == "records without a typed row");
+    let Finding { level, text, .. } = unread.unwrap();
+    assert_eq!(*level, doctor::Level::Warning);
+    assert!(text.starts_with("1, the first: null value in column \"cause\""), "{text}");
+}
+
+#[tokio::test]
+async fn a_record_that_cannot_be_read_stops_nothing() {
+    let hub = Hub::new().await;
+    let role = hub.bench("left").await;
+    let data = TempDir::new().unwrap();
+    let store = Store::open(data.path()).unwrap();
+    let mut run = store.begin(RunKind::Run, "smoke").unwrap();
+    append(&mut run, &[started(), command("start"), command("go on"), touched(), command("stop")]);
+    let reader = Reader::open(data.path()).unwrap();
+    let mut shipment = reader.shipment(0, 10, usize::MAX).unwrap();
+    let again = shipment.records[0].clone();
+    let huge = shipment.records[3].payload.replace("17.9", "1e400");
+    for (record, payload) in
+        shipment.records[1..].iter_mut().zip([&again.payload, &"[".repeat(100_000), &huge])
+    {
+        payload.clone_into(&mut record.payload);
+    }
+    again.kind.clone_into(&mut shipment.records[1].kind);
+    let mut before = Digest::START;
+    for record in &mut shipment.records {
+        record.digest = before.next(record.seq, record.rig_us, &record.kind, &record.payload);
+        before = record.digest;
+    }
+    let mut inlet = Inlet::open(hub.as_role(&role).await, &reader, "rigd 0").await.unwrap();
+    inlet.send(&Batch::new(0, "", &shipment).unwrap()).await.unwrap();
+    assert_eq!((hub.count("hub.record").await, hub.count("hub.unread").await), (5, 3));
+    assert_eq!((hub.count("hub.run_fact").await, hub.count("hub.command").await), (1, 1));
+}
+
+#[tokio::test]
+async fn a_failure_of_the_server_is_none_of_a_record_and_the_batch_comes_again() {
+    for table in ["command", "live"] {
+        let hub = Hub::new().await;
+        let role = hub.bench("left").await;
+        let data = TempDir::new().unwrap();
+        let store = Store::open(data.path()).unwrap();
+        let mut run = store.begin(RunKind::Run, "smoke").unwrap();
+        append(&mut run, &[started(), command("start"), finished(Ending::Completed)]);
+        let fail = format!(
+            "CREATE FUNCTION hub.fail() RETURNS trigger LANGUAGE plpgsql AS $$
+             BEGIN RAISE EXCEPTION 'no space left on device' USING ERRCODE = 'disk_full'; END $$;
+             CREATE TRIGGER fail BEFORE INSERT ON hub.{table} FOR EACH ROW EXECUTE FUNCTION hub.fail()"
+        );
+        hub.admin.batch_execute(&fail).await.unwrap();
+        match hub.ship(&role, data.path()).await {
+            Err(InletError::Hub(error)) => assert_eq!(error.code(), Some(&SqlState::DISK_FULL)),
+            other => panic!("{table}: {other:?}"),
+        }
+        let left = (hub.count("hub.record").await, hub.count("hub.unread").await);
+        assert_eq!(left, (0, 0), "{table}");
+        hub.admin.batch_execute(&format!("DROP TRIGGER fail ON hub.{table}")).await.unwrap();
+        hub.ship(&role, data.path()).await.unwrap();
+        assert_same(&hub.contents().await, &contents_of(data.path()));
+        let made = (hub.count("hub.command").await, hub.count("hub.live").await);
+        assert_eq!((made, hub.count("hub.unread").await), ((1, 1), 0), "{table}");
+    }
 }
