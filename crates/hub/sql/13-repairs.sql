@@ -270,7 +270,7 @@ BEGIN
     END IF;
 END $$;
 
--- As in step 11; with its seal, a run loses the stretches without a record.
+-- As in step 11; with its seal, a run loses the stretches without a record. What another bench has shipped of it does not count.
 CREATE OR REPLACE FUNCTION hub.take_end(j hub.journal, e json) RETURNS void
 LANGUAGE plpgsql SET search_path = pg_catalog, pg_temp AS $$
 DECLARE
@@ -282,7 +282,7 @@ BEGIN
         RETURN;
     END IF;
     IF r.records < (e ->> 'records')::bigint OR r.head <> decode(e ->> 'head', 'hex') THEN
-        IF EXISTS (SELECT FROM hub.clash AS c WHERE c.run = r.id) THEN
+        IF EXISTS (SELECT FROM hub.clash AS c WHERE c.run = r.id AND c.bench = j.bench) THEN
             PERFORM hub.alert(j.bench, 'clash', r.id::text, 'the journal has another end: ' || e);
             RETURN;
         END IF;
@@ -383,3 +383,86 @@ EXCEPTION WHEN data_exception OR program_limit_exceeded THEN
     INSERT INTO hub.unread VALUES (NEW.run, NEW.seq, SQLERRM) ON CONFLICT DO NOTHING;
     RETURN NULL;
 END $$;
+
+-- As in step 11; a record that another bench has shipped of the run is no gap of it.
+CREATE OR REPLACE FUNCTION hub.take_record(j hub.journal, INOUT of_run hub.run, r json)
+LANGUAGE plpgsql SET search_path = pg_catalog, pg_temp AS $$
+DECLARE
+    new_seq bigint := (r ->> 'seq')::bigint;
+    new_epoch bigint := (r ->> 'epoch')::bigint;
+    new_us bigint := (r ->> 'rig_us')::bigint;
+    new_kind text := r ->> 'kind';
+    new_payload text := r ->> 'payload';
+    new_digest bytea := decode(r ->> 'digest', 'hex');
+    is_taken_out boolean := hub.is_taken_out(new_kind, new_payload);
+    held hub.record;
+BEGIN
+    IF of_run.bench <> j.bench THEN
+        PERFORM hub.put_aside(j, 'the run is that of another bench', r);
+        RETURN;
+    END IF;
+    IF new_seq <= of_run.records THEN
+        IF of_run.pruned_at IS NOT NULL THEN
+            IF new_seq = of_run.records AND new_digest <> of_run.head THEN
+                PERFORM hub.put_aside(j, 'the records of the run were removed, and its last one was another', r);
+            END IF;
+            RETURN;
+        END IF;
+        SELECT * INTO held FROM hub.record AS h WHERE h.run = of_run.id AND h.seq = new_seq;
+        IF FOUND AND held.digest <> new_digest THEN
+            PERFORM hub.put_aside(j, 'the hub has another record at this place', r);
+        ELSIF hub.is_taken_out(held.kind, held.payload) AND NOT is_taken_out THEN
+            UPDATE hub.record AS h SET payload = new_payload
+            WHERE h.run = of_run.id AND h.seq = new_seq
+              AND h.kind = new_kind AND h.rig_us = new_us
+              AND h.digest = hub.record_digest(hub.digest_before(of_run.id, h.seq), h.seq, h.rig_us, h.kind,
+                                               new_payload);
+        END IF;
+        RETURN;
+    END IF;
+    IF new_seq > of_run.records + 1 THEN
+        IF EXISTS (SELECT FROM hub.clash AS c WHERE c.run = of_run.id AND c.bench = j.bench AND c.seq = new_seq - 1) THEN
+            PERFORM hub.put_aside(j, 'the record before it was put aside', r);
+            RETURN;
+        END IF;
+        RAISE EXCEPTION 'run %: record % came, and the hub has %', of_run.id, new_seq, of_run.records
+            USING ERRCODE = 'HB002';
+    END IF;
+    IF of_run.seal IS NOT NULL THEN
+        PERFORM hub.put_aside(j, 'the run is sealed', r);
+        RETURN;
+    END IF;
+    IF NOT is_taken_out AND new_digest <> hub.record_digest(of_run.head, new_seq, new_us, new_kind, new_payload) THEN
+        PERFORM hub.put_aside(j, 'its digest does not follow from the record before it', r);
+        RETURN;
+    END IF;
+    INSERT INTO hub.record VALUES (of_run.id, new_seq, new_epoch, new_us, new_kind, new_payload, new_digest,
+                                   (r ->> 'event')::bigint);
+    IF hub.is_typed(new_kind) THEN
+        PERFORM hub.make_typed(of_run.id, new_seq, new_kind, new_payload,
+                               hub.time_of(of_run.id, new_epoch, new_us));
+    END IF;
+    IF new_kind IN ('resumed', 'given_up') THEN
+        UPDATE hub.run SET status = 'running', finished_at = NULL WHERE id = of_run.id
+        RETURNING status, finished_at INTO of_run.status, of_run.finished_at;
+    END IF;
+    of_run.records := new_seq;
+    of_run.head := new_digest;
+END $$;
+
+-- As in step 12; a record that another bench has shipped of a run does not keep it here.
+CREATE OR REPLACE FUNCTION hub.must_stay(of_run hub.run) RETURNS text
+LANGUAGE sql STABLE STRICT
+RETURN CASE
+    WHEN of_run.seal IS NULL THEN 'it has no seal'
+    WHEN EXISTS (SELECT FROM hub.unread AS u WHERE u.run = of_run.id) THEN 'it has records without a typed row'
+    WHEN EXISTS (SELECT FROM hub.clash AS c WHERE c.run = of_run.id AND c.bench = of_run.bench)
+        THEN 'records of it were put aside'
+    WHEN of_run.kind = 'run' AND NOT EXISTS (SELECT FROM hub.result AS r WHERE r.run = of_run.id)
+        THEN 'it is not judged yet'
+    WHEN of_run.kind = 'run'
+         AND (SELECT r.amendments FROM hub.result AS r WHERE r.run = of_run.id) <> hub.amendments(of_run)
+        THEN 'it was amended, and is not judged again yet'
+    WHEN EXISTS (SELECT FROM hub.run AS r WHERE r.id = hub.amended_run(of_run) AND r.pruned_at IS NULL)
+        THEN 'the run that it amends stays'
+END;

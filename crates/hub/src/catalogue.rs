@@ -198,7 +198,7 @@ impl Catalogue {
         // Parts of names are compared without regard to case; position() knows no wildcards.
         let select = "
             SELECT b.role::text, r.id::text, r.name, r.started_at, r.finished_at, r.status, r.seal IS NOT NULL,
-                   EXISTS (SELECT FROM hub.clash AS c WHERE c.run = r.id), f.is_simulated,
+                   EXISTS (SELECT FROM hub.clash AS c WHERE c.run = r.id AND c.bench = r.bench), f.is_simulated,
                    ARRAY(SELECT s.name FROM hub.sample AS s WHERE s.run = r.id ORDER BY s.name),
                    ARRAY(SELECT DISTINCT c.who FROM hub.command AS c WHERE c.run = r.id ORDER BY c.who),
                    (SELECT count(*) FROM hub.touch AS t WHERE t.run = r.id AND t.reason IS NULL),

@@ -2,8 +2,11 @@
 
 use std::{fs, os::unix::fs::PermissionsExt};
 
-use rig_hub::{Batch, Identity, Inlet, InletError, TlsError, admin, connect, doctor};
-use rig_store::Reader;
+use rig_hub::{
+    Batch, Catalogue, Identity, Inlet, InletError, TlsError, Wanted, admin, connect, doctor,
+};
+use rig_store::{Reader, Shipment, Store};
+use tempfile::TempDir;
 use tokio::time::timeout;
 
 use crate::support::{
@@ -112,6 +115,44 @@ async fn a_stranger_that_has_not_committed_holds_up_no_other_bench() {
     timeout(PATIENCE, hub.ship(&left, data.path())).await.unwrap().unwrap();
     client.batch_execute("COMMIT").await.unwrap();
     assert_same(&hub.contents().await, &contents_of(data.path()));
+}
+
+#[tokio::test]
+async fn records_that_a_stranger_ships_of_a_run_are_no_clash_of_the_run() {
+    let hub = Hub::new().await;
+    let (left, stranger) = (hub.bench("left").await, hub.bench("stranger").await);
+    let data = TempDir::new().unwrap();
+    sealed_run(&Store::open(data.path()).unwrap(), "smoke", 2);
+    let reader = Reader::open(data.path()).unwrap();
+    let mut inlet = Inlet::open(hub.as_role(&left).await, &reader, "rigd 0").await.unwrap();
+    let first = reader.shipment(0, 2, usize::MAX).unwrap();
+    inlet.send(&Batch::new(0, "", &first).unwrap()).await.unwrap();
+
+    let client = hub.as_role(&stranger).await;
+    let own = "00000000-0000-7000-8000-000000000000";
+    client.batch_execute(&format!("SELECT hub.greet('{own}', 'rigd 0')")).await.unwrap();
+    let all = Batch::new(0, "", &reader.shipment(0, 4, usize::MAX).unwrap()).unwrap();
+    let ingest = format!("SELECT hub.ingest('{own}', 0, $1::text::json)::text");
+    client.query_one(&ingest, &[&all.json()]).await.unwrap();
+    assert_eq!(hub.count("hub.clash").await, 4);
+
+    // A gap is one, also behind a record that the stranger has shipped.
+    let last = reader.shipment(3, 1, usize::MAX).unwrap();
+    let end = Shipment { records: Vec::new(), ..last.clone() };
+    for gap in [last, end] {
+        let gap = Batch::new(2, &inlet.cursor().digest, &gap).unwrap();
+        match inlet.send(&gap).await {
+            Err(InletError::Hub(error)) => assert_eq!(error.code().unwrap().code(), "HB002"),
+            other => panic!("{other:?}"),
+        }
+    }
+    hub.ship(&left, data.path()).await.unwrap();
+    assert_same(&hub.contents().await, &contents_of(data.path()));
+    let catalogue = Catalogue::new(server().admin(&hub.database));
+    let found = catalogue.runs(&Wanted::default()).await.unwrap().remove(0);
+    assert!(found.is_sealed && !found.has_clash, "{found:?}");
+    let stays = hub.admin.query_one("SELECT hub.must_stay(r) FROM hub.run AS r", &[]).await;
+    assert_eq!(stays.unwrap().get::<_, &str>(0), "it is not judged yet");
 }
 
 #[tokio::test]
