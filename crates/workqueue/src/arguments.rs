@@ -34,12 +34,12 @@ pub struct QueueArguments {
     /// `worker.pem` and `worker.key`.
     #[arg(long, value_name = "DIR", requires = "queue")]
     queue_files: Option<PathBuf>,
-    /// A chunk goes to another worker if its own has said nothing for this time.
-    #[arg(long, value_name = "S", requires = "fill", conflicts_with_all = ["worker", "gather"], default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..))]
-    silent_s: u64,
-    /// Workers that get a chunk, one after the other, before it is given up.
-    #[arg(long, value_name = "N", requires = "fill", conflicts_with_all = ["worker", "gather"], default_value_t = 3, value_parser = clap::value_parser!(i64).range(1..))]
-    deliveries: i64,
+    /// A chunk goes to another worker if its own has said nothing for this time [default: that of the queue, or 60 in a new one]
+    #[arg(long, value_name = "S", requires = "fill", conflicts_with_all = ["worker", "gather"], value_parser = clap::value_parser!(u64).range(1..))]
+    silent_s: Option<u64>,
+    /// Workers that get a chunk, one after the other, before it is given up [default: that of the queue, or 3 in a new one]
+    #[arg(long, value_name = "N", requires = "fill", conflicts_with_all = ["worker", "gather"], value_parser = clap::value_parser!(i64).range(1..))]
+    deliveries: Option<i64>,
     /// Longest time that a worker waits while others have the last chunks, and that pieces are waited for.
     #[arg(
         long,
@@ -77,8 +77,8 @@ impl QueueArguments {
         let (server, files) = (self.queue.as_ref()?, self.queue_files.as_deref());
         let within = Duration::from_secs(self.within_s);
         let action = if self.fill {
-            let (after, deliveries) = (Duration::from_secs(self.silent_s), self.deliveries);
-            Action::Fill(Redelivery { after, deliveries })
+            let after = self.silent_s.map(Duration::from_secs);
+            Action::Fill(Redelivery { after, deliveries: self.deliveries })
         } else if self.worker {
             Action::Work(within)
         } else {

@@ -65,6 +65,20 @@ pub enum QueueError {
         /// The chunk that is there.
         known: Numbers,
     },
+    /// The queue has other limits, and chunks.
+    #[error(
+        "the queue at {address} has chunks that go to another worker after {} s, at most {} times, and workers rely on it; asked for \
+         were {} s and {} times: --fill without --silent-s and --deliveries, or when all chunks are computed or given up",
+        known.0.as_secs_f64(), known.1, wanted.0.as_secs_f64(), wanted.1
+    )]
+    Lease {
+        /// Host and port.
+        address: String,
+        /// Time and number of workers of the queue.
+        known: (Duration, i64),
+        /// Those that were asked for.
+        wanted: (Duration, i64),
+    },
     /// Others fill the queue all the time.
     #[error(
         "the queue at {address} was filled by another program at the same time, {attempts} times: --fill again when that one has ended"

@@ -12,7 +12,7 @@ use async_nats::{
     jetstream::{
         self, Context, ErrorCode,
         consumer::{AckPolicy, Info, PullConsumer, pull},
-        context::{GetStreamErrorKind, PublishErrorKind, RequestErrorKind},
+        context::{ConsumerInfoErrorKind, GetStreamErrorKind, PublishErrorKind, RequestErrorKind},
         message::{PublishMessage, StreamMessage},
         stream::{Config, RawMessageErrorKind, RetentionPolicy, Stream},
     },
@@ -39,6 +39,9 @@ const PATIENCE: Duration = Duration::from_secs(60);
 const WAITS: [Duration; 2] = [Duration::from_millis(100), Duration::from_secs(4)];
 /// Time that the server keeps what nobody has asked for, so that work that was forgotten leaves nothing.
 const KEPT: Duration = Duration::from_secs(30 * 24 * 3600);
+/// Of a new queue: time after which the chunk of a silent worker goes to another one, and number of workers that get it.
+const SILENT: Duration = Duration::from_secs(60);
+const DELIVERIES: i64 = 3;
 /// Largest number of attempts to fill a queue that others fill too.
 const FILLS_MAX: usize = 20;
 
@@ -54,13 +57,13 @@ pub struct Queue {
     pub(super) runtime: Runtime,
 }
 
-/// When a chunk goes to another worker.
-#[derive(Debug, Clone, Copy)]
+/// When a chunk goes to another worker. What is left out is as in the queue, or 60 s and 3 workers in a new one.
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Redelivery {
     /// Time since the worker has said something.
-    pub after: Duration,
+    pub after: Option<Duration>,
     /// Number of workers that get it, one after the other.
-    pub deliveries: i64,
+    pub deliveries: Option<i64>,
 }
 
 /// What became of the chunks of a call of `--fill`.
@@ -189,8 +192,7 @@ impl Queue {
     /// What is in the queue, which is made if it is not there.
     pub(super) async fn look(&self, redelivery: Redelivery) -> Result<Known, QueueError> {
         let [mut queued, pieces] = [self.make(Kind::Chunk).await?, self.make(Kind::Piece).await?];
-        let consumer = queued.create_consumer(self.consumer(redelivery)).await;
-        let consumer = consumer.map_err(self.at("the workers cannot be provided for"))?;
+        let consumer = self.provide(&queued, redelivery).await?;
         // Before the messages: who adds one after that is noticed.
         let info = queued.info().await.map_err(self.at("the queue"))?;
         let last = info.state.last_sequence;
@@ -307,16 +309,42 @@ impl Queue {
         found.await
     }
 
-    fn consumer(&self, redelivery: Redelivery) -> pull::Config {
-        pull::Config {
+    /// What the workers of this work share, which is made if it is not there. It is changed only while it has no chunks: a worker
+    /// says that it is at work as often as the queue had it when the chunk was taken.
+    async fn provide(
+        &self,
+        queued: &Stream,
+        redelivery: Redelivery,
+    ) -> Result<PullConsumer, QueueError> {
+        let what = "the workers cannot be provided for";
+        let held = match queued.consumer_info(self.work.consumer()).await {
+            Ok(info) => Some(info),
+            Err(error) if error.kind() == ConsumerInfoErrorKind::NotFound => None,
+            Err(error) => return Err(self.at(what)(error)),
+        };
+        let known = held.as_ref().map_or((SILENT, DELIVERIES), lease);
+        let wanted =
+            (redelivery.after.unwrap_or(known.0), redelivery.deliveries.unwrap_or(known.1));
+        match held {
+            Some(info) if wanted != known && !is_empty(&info) => {
+                let address = self.address.clone();
+                return Err(QueueError::Lease { address, known, wanted });
+            }
+            Some(_) if wanted == known => {
+                return queued.get_consumer(&self.work.consumer()).await.map_err(self.at(what));
+            }
+            _ => {}
+        }
+        let config = pull::Config {
             durable_name: Some(self.work.consumer()),
             description: Some(self.work.to_string()),
             ack_policy: AckPolicy::Explicit,
-            ack_wait: redelivery.after,
-            max_deliver: redelivery.deliveries,
+            ack_wait: wanted.0,
+            max_deliver: wanted.1,
             filter_subject: self.work.subjects(Kind::Chunk),
             ..pull::Config::default()
-        }
+        };
+        queued.create_consumer(config).await.map_err(self.at(what))
     }
 
     /// The messages of this work in a stream behind the one with a number, which is changed to that of the last.
@@ -392,6 +420,11 @@ impl Queue {
         }
         Ok(())
     }
+}
+
+/// After which time the chunk of a silent worker goes to another one, and how many workers get it.
+const fn lease(info: &Info) -> (Duration, i64) {
+    (info.config.ack_wait, info.config.max_deliver)
 }
 
 /// Whether no chunk waits and none is with a worker. Those that are in the stream then were given up.

@@ -16,7 +16,7 @@ use crate::{
 const SILENT: Duration = Duration::from_millis(300);
 /// Longer than all that is waited for.
 const WITHIN: Duration = Duration::from_secs(30);
-const REDELIVERY: Redelivery = Redelivery { after: SILENT, deliveries: 2 };
+const REDELIVERY: Redelivery = Redelivery { after: Some(SILENT), deliveries: Some(2) };
 
 /// The work of a program.
 fn work(program: &str) -> Work {
@@ -191,6 +191,51 @@ fn a_chunk_that_takes_long_stays_with_its_worker() {
     assert!(matches!(two.take(WITHIN).unwrap(), Next::Empty));
 }
 
+/// Its worker says that it is at work as often as the queue had it when the chunk was taken.
+#[test]
+#[ignore = "starts a nats-server"]
+fn a_queue_that_is_filled_again_leaves_the_chunks_of_workers_with_them() {
+    let site = Site::new();
+    let (one, two) = (site.queue(), site.queue());
+    let long = Redelivery { after: Some(3 * WITHIN), deliveries: Some(5) };
+    one.fill(&chunks(1), long).unwrap();
+    let taken = take(&one);
+    let lease = || {
+        let workers = two.runtime.block_on(two.workers()).unwrap();
+        let config = &workers.cached_info().config;
+        (config.ack_wait, config.max_deliver)
+    };
+    two.fill(&chunks(2), Redelivery::default()).unwrap();
+    assert_eq!(lease(), (3 * WITHIN, 5));
+    two.fill(&chunks(3), long).unwrap();
+    for other in [REDELIVERY, Redelivery { deliveries: Some(6), ..Redelivery::default() }] {
+        let refused = two.fill(&chunks(4), other).unwrap_err();
+        assert!(matches!(refused, QueueError::Lease { .. }), "{refused}");
+    }
+    let refused = two.fill(&chunks(4), REDELIVERY).unwrap_err().to_string();
+    assert!(refused.contains("after 90 s, at most 5 times") && refused.contains("0.3 s and 2"));
+    assert_eq!(lease(), (3 * WITHIN, 5));
+    one.finish(&taken, &piece(taken.chunk, 0.0)).unwrap();
+    assert_eq!(compute_all(&one), 2);
+    // Nobody relies on it any more.
+    assert_eq!(two.fill(&chunks(4), REDELIVERY).unwrap().added, 1);
+    assert_eq!(lease(), (SILENT, 2));
+    two.fill(&chunks(4), Redelivery::default()).unwrap();
+    assert_eq!((lease(), compute_all(&one)), ((SILENT, 2), 1));
+}
+
+#[test]
+#[ignore = "starts a nats-server"]
+fn a_new_queue_has_the_limits_of_the_manual() {
+    let site = Site::new();
+    let queue = site.queue();
+    queue.fill(&chunks(1), Redelivery::default()).unwrap();
+    let taken = take(&queue);
+    assert_eq!(taken.deliveries, 3);
+    let workers = queue.runtime.block_on(queue.workers()).unwrap();
+    assert_eq!(workers.cached_info().config.ack_wait, Duration::from_secs(60));
+}
+
 #[test]
 #[ignore = "starts a nats-server"]
 fn who_fills_what_another_one_fills_looks_again() {
@@ -266,7 +311,7 @@ fn a_worker_with_another_program_takes_nothing() {
 fn a_server_that_is_killed_while_a_chunk_is_computed_is_waited_for() {
     let mut site = Site::new();
     let queue = site.queue();
-    queue.fill(&chunks(2), Redelivery { after: WITHIN, deliveries: 2 }).unwrap();
+    queue.fill(&chunks(2), Redelivery { after: Some(WITHIN), deliveries: Some(2) }).unwrap();
     let taken = take(&queue);
     site.kill();
     site.start("");
