@@ -1,12 +1,13 @@
 //! The options of a program that uses a queue.
 
 use std::{
+    ffi::OsStr,
     path::{Path, PathBuf},
     time::Duration,
 };
 
 use async_nats::ServerAddr;
-use clap::Args;
+use clap::{Arg, Args, Command, builder::TypedValueParser, error::ErrorKind};
 
 use crate::{
     chunk::Work,
@@ -19,7 +20,7 @@ use crate::{
 #[command(next_help_heading = "From a queue of NATS JetStream")]
 pub struct QueueArguments {
     /// The server: `nats://HOST[:PORT]`, or `tls://HOST[:PORT]`.
-    #[arg(long, value_name = "URL", requires = "action")]
+    #[arg(long, value_name = "URL", requires = "action", value_parser = ServerParser)]
     queue: Option<ServerAddr>,
     /// Put the work into the queue, in chunks. What is there already or was computed is not added twice.
     #[arg(long, group = "action", requires = "queue")]
@@ -49,6 +50,35 @@ pub struct QueueArguments {
         default_value_t = 3600
     )]
     within_s: u64,
+}
+
+/// Reads the address of a server. It may have a password, so that a text that is none is not repeated.
+#[derive(Debug, Clone, Copy)]
+struct ServerParser;
+
+impl TypedValueParser for ServerParser {
+    type Value = ServerAddr;
+
+    fn parse_ref(
+        &self,
+        command: &Command,
+        _argument: Option<&Arg>,
+        value: &OsStr,
+    ) -> Result<ServerAddr, clap::Error> {
+        value.to_str().and_then(server).ok_or_else(|| {
+            let told = "the URL of --queue is not nats://[USER:PASSWORD@]HOST[:PORT] or tls://[USER:PASSWORD@]HOST[:PORT], with a \
+                        password of letters and digits; it is not repeated here\n";
+            clap::Error::raw(ErrorKind::ValueValidation, told).with_cmd(command)
+        })
+    }
+}
+
+/// The address in a text. With a path or a query, it is none: a password with such a character is not taken for host and port.
+fn server(text: &str) -> Option<ServerAddr> {
+    let server: ServerAddr = text.parse().ok()?;
+    let rest = text.split_once("://").map_or(text, |(_, rest)| rest);
+    let rest = rest.strip_suffix('/').unwrap_or(rest);
+    (!server.host().is_empty() && !rest.contains(['/', '?', '#', '\\'])).then_some(server)
 }
 
 /// A queue that is asked for.
@@ -95,5 +125,51 @@ impl Asked<'_> {
     /// [`QueueError`].
     pub fn connect(&self, work: Work) -> Result<Queue, QueueError> {
         Queue::connect(self.server, self.files, work)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Debug, Parser)]
+    struct Program {
+        #[command(flatten)]
+        queue: QueueArguments,
+    }
+
+    fn read(url: &str) -> Result<Program, clap::Error> {
+        Program::try_parse_from(["program", "--fill", "--queue", url])
+    }
+
+    #[test]
+    fn an_address_that_cannot_be_read_is_not_repeated() {
+        for url in [
+            "nats://lab:secret@host:high",
+            "nats://lab:secret@",
+            "http://lab:secret@host",
+            "lab:secret@host:99999",
+            "nats://lab:12/secret@host",
+            "nats://lab:12?secret@host",
+            "nats://lab:12#secret@host",
+        ] {
+            let refused = read(url).unwrap_err();
+            assert_eq!(refused.exit_code(), 2, "{url}");
+            let said = refused.to_string();
+            assert!(said.contains("--queue") && !said.contains("secret"), "{said}");
+            assert!(!said.contains("12"), "{said}");
+        }
+    }
+
+    #[test]
+    fn an_address_may_have_a_user_and_a_port() {
+        for url in
+            ["nats://lab:secret@host:4222", "tls://host/", "host", "host:4", "nats://[::1]:5"]
+        {
+            let program = read(url).unwrap();
+            assert!(program.queue.asked().is_some(), "{url}");
+        }
     }
 }
