@@ -1,10 +1,10 @@
 //! Rigs and runs of the laboratory, as the page shows them.
 
-use std::sync::Arc;
+use std::{sync::Arc, time::Duration};
 
 use serde::{Deserialize, Serialize};
-use tokio::sync::Mutex;
-use tokio_postgres::{Client, Config};
+use tokio::{sync::Mutex, time::timeout};
+use tokio_postgres::{Client, Config, types::ToSql};
 
 use crate::{
     ConnectError, VersionError,
@@ -16,10 +16,29 @@ use crate::{
 const RUNS_MAX: i64 = 500;
 const RUNS: i64 = 100;
 
-/// Reads the hub, and connects again where the connection has ended.
+/// Time limits towards PostgreSQL.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    /// Of a connection, until it can be used.
+    pub connect: Duration,
+    /// Of a statement, which the server ends then.
+    pub statement: Duration,
+    /// Of the answer to a statement. It is longer, so that a server that answers says itself what happened.
+    pub answer: Duration,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        let [connect, statement, answer] = [10, 30, 35].map(Duration::from_secs);
+        Self { connect, statement, answer }
+    }
+}
+
+/// Reads the hub, and connects again where the connection has ended or does not answer.
 #[derive(Debug)]
 pub struct Catalogue {
     config: Config,
+    limits: Limits,
     client: Mutex<Option<Arc<Client>>>,
 }
 
@@ -35,6 +54,18 @@ pub enum CatalogueError {
     /// PostgreSQL refuses.
     #[error("PostgreSQL refuses")]
     Refused(#[from] tokio_postgres::Error),
+    /// No connection in time.
+    #[error("PostgreSQL has given no connection within {} s", within.as_secs_f64())]
+    NoConnection {
+        /// The time limit.
+        within: Duration,
+    },
+    /// No answer in time.
+    #[error("PostgreSQL has not answered within {} s", within.as_secs_f64())]
+    Silent {
+        /// The time limit.
+        within: Duration,
+    },
 }
 
 /// A bench and what its rig does.
@@ -133,23 +164,54 @@ pub struct Wanted {
 impl Catalogue {
     /// Reads the hub with this connection. Nothing is connected yet.
     pub fn new(config: Config) -> Self {
-        Self { config, client: Mutex::new(None) }
+        Self::within(Limits::default(), config)
     }
 
+    /// Reads the hub with this connection, within other limits.
+    pub fn within(limits: Limits, config: Config) -> Self {
+        Self { config, limits, client: Mutex::new(None) }
+    }
+
+    /// The connection. Requests that wait for another one, which connects, have the same limit.
     async fn client(&self) -> Result<Arc<Client>, CatalogueError> {
+        let within = self.limits.connect;
+        let client = timeout(within, self.connected()).await;
+        client.unwrap_or(Err(CatalogueError::NoConnection { within }))
+    }
+
+    async fn connected(&self) -> Result<Arc<Client>, CatalogueError> {
         let mut held = self.client.lock().await;
         if let Some(client) = held.as_ref().filter(|client| !client.is_closed()) {
             return Ok(Arc::clone(client));
         }
         let (client, _task) = connect(&self.config, None).await?;
         // From here on the connection can only read, as any role.
-        let restrict = "SET ROLE rigd_hub_reader; SET default_transaction_read_only = on;
-                        SET statement_timeout = '30s'";
-        client.batch_execute(restrict).await?;
+        let restrict = format!(
+            "SET ROLE rigd_hub_reader; SET default_transaction_read_only = on; SET statement_timeout = {}",
+            self.limits.statement.as_millis()
+        );
+        client.batch_execute(&restrict).await?;
         migrations::check(&client).await?;
         let client = Arc::new(client);
         *held = Some(Arc::clone(&client));
         Ok(client)
+    }
+
+    /// What is read by a statement. A connection that does not answer is left.
+    async fn read<T>(
+        &self,
+        statement: impl AsyncFnOnce(&Client) -> Result<T, tokio_postgres::Error>,
+    ) -> Result<T, CatalogueError> {
+        let client = self.client().await?;
+        let within = self.limits.answer;
+        if let Ok(read) = timeout(within, statement(&client)).await {
+            return Ok(read?);
+        }
+        let mut held = self.client.lock().await;
+        if held.as_ref().is_some_and(|held| Arc::ptr_eq(held, &client)) {
+            *held = None;
+        }
+        Err(CatalogueError::Silent { within })
     }
 
     /// The rigs, by laboratory and name.
@@ -169,7 +231,7 @@ impl Catalogue {
             LEFT JOIN hub.run_fact AS f ON f.run = r.id
             LEFT JOIN (SELECT bench, max(last_seen) AS seen FROM hub.journal GROUP BY bench) AS j ON j.bench = b.id
             ORDER BY b.lab, b.name";
-        let rows = self.client().await?.query(select, &[]).await?;
+        let rows = self.read(async |client| client.query(select, &[]).await).await?;
         let rigs = rows.iter().map(|row| {
             let run_id: Option<String> = row.get(3);
             Rig {
@@ -221,13 +283,9 @@ impl Catalogue {
             ORDER BY r.started_at DESC, r.id DESC LIMIT $9";
         let limit = wanted.limit.map_or(RUNS, i64::from).clamp(1, RUNS_MAX);
         let Wanted { bench, sample, protocol, operator, status, verdict, from, until, .. } = wanted;
-        let client = self.client().await?;
-        let rows = client
-            .query(
-                select,
-                &[bench, sample, protocol, operator, status, from, until, verdict, &limit],
-            )
-            .await?;
+        let values: [&(dyn ToSql + Sync); 9] =
+            [bench, sample, protocol, operator, status, from, until, verdict, &limit];
+        let rows = self.read(async |client| client.query(select, &values).await).await?;
         let runs = rows.iter().map(|row| FoundRun {
             bench: row.get(0),
             run_id: row.get(1),
@@ -255,6 +313,6 @@ impl Catalogue {
     /// # Errors
     /// [`CatalogueError`].
     pub async fn references(&self) -> Result<Vec<Reference>, CatalogueError> {
-        Ok(compare::references(&*self.client().await?).await?)
+        self.read(compare::references).await
     }
 }

@@ -43,7 +43,7 @@ mod trial;
 
 pub use admin::AdminError;
 pub use batch::Batch;
-pub use catalogue::{Catalogue, CatalogueError, FoundRun, Rig, Wanted};
+pub use catalogue::{Catalogue, CatalogueError, FoundRun, Limits, Rig, Wanted};
 pub use certificates::{Authority, CertificateError};
 pub use compare::{BenchChart, ChartPoint, Reference};
 pub use connect::{ConnectError, connect};

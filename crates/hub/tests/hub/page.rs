@@ -6,12 +6,14 @@ use std::{
     time::Duration,
 };
 
-use rig_hub::{Catalogue, FoundRun, Rig, Wanted, admin, serve};
+use rig_hub::{Catalogue, CatalogueError, FoundRun, Limits, Rig, Wanted, admin, serve};
 use rig_store::{Ending, Journal, Prompt, PromptAnswered, PromptAsked, Record, RunKind, Store};
+use rustix::process::{Pid, Signal, kill_process};
 use tempfile::TempDir;
-use tokio::{net::TcpListener, task::spawn_blocking, time::timeout};
+use tokio::{join, net::TcpListener, task::spawn_blocking, time::timeout};
+use tokio_postgres::{Config, error::SqlState};
 
-use crate::support::{Hub, append, command, finished, server, state};
+use crate::support::{Hub, PATIENCE, append, command, finished, server, state};
 use crate::typed::{refused, started, touched};
 
 fn asked() -> Record {
@@ -216,4 +218,72 @@ async fn the_catalogue_can_change_nothing_and_comes_back_after_its_connection_ha
     _ = catalogue.rigs().await;
     hub.bench("left").await;
     assert_eq!(catalogue.rigs().await.unwrap().len(), 1);
+}
+
+#[tokio::test]
+async fn a_postgresql_that_says_nothing_is_an_error_within_the_time_limit() {
+    let silent = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let mut config = Config::new();
+    config.host("127.0.0.1").port(silent.local_addr().unwrap().port()).user("postgres");
+    let within = Duration::from_millis(100);
+    let catalogue = Catalogue::within(Limits { connect: within, ..Limits::default() }, config);
+    // One that waits for the attempt of the other has the same limit.
+    let [rigs, references] = timeout(PATIENCE, async {
+        let (rigs, references) = join!(catalogue.rigs(), catalogue.references());
+        [rigs.unwrap_err(), references.unwrap_err()]
+    })
+    .await
+    .unwrap();
+    for error in [rigs, references] {
+        assert_eq!(error.to_string(), "PostgreSQL has given no connection within 0.1 s");
+    }
+}
+
+/// A process that stands still until this ends.
+struct Frozen(Pid);
+
+impl Frozen {
+    fn new(process: i32) -> Self {
+        let process = Pid::from_raw(process).unwrap();
+        kill_process(process, Signal::STOP).unwrap();
+        Self(process)
+    }
+}
+
+impl Drop for Frozen {
+    fn drop(&mut self) {
+        kill_process(self.0, Signal::CONT).unwrap();
+    }
+}
+
+#[tokio::test]
+async fn a_postgresql_that_does_not_answer_is_left_and_connected_to_again() {
+    let hub = Hub::new().await;
+    let limits = Limits { answer: Duration::from_secs(1), ..Limits::default() };
+    let catalogue = Catalogue::within(limits, server().admin(&hub.database));
+    let reads = async || catalogue.rigs().await.is_ok();
+    hub.until("the catalogue reads", reads).await;
+    let process = "SELECT pid FROM pg_stat_activity
+                   WHERE datname = current_database() AND pid <> pg_backend_pid() ORDER BY backend_start DESC LIMIT 1";
+    let process = hub.admin.query_one(process, &[]).await.unwrap().get(0);
+    let frozen = Frozen::new(process);
+    let error = timeout(PATIENCE, catalogue.rigs()).await.unwrap().unwrap_err();
+    assert_eq!(error.to_string(), "PostgreSQL has not answered within 1 s");
+    hub.until("the catalogue reads by another connection", reads).await;
+    drop(frozen);
+}
+
+#[tokio::test]
+async fn a_statement_that_takes_too_long_is_ended_by_the_server() {
+    let hub = Hub::new().await;
+    let limits = Limits { statement: Duration::from_millis(300), ..Limits::default() };
+    let catalogue = Catalogue::within(limits, server().admin(&hub.database));
+    let reads = async || catalogue.rigs().await.is_ok();
+    hub.until("the catalogue reads", reads).await;
+    hub.admin.batch_execute("BEGIN; LOCK TABLE hub.live").await.unwrap();
+    let error = timeout(PATIENCE, catalogue.rigs()).await.unwrap().unwrap_err();
+    let CatalogueError::Refused(error) = error else { panic!("{error:?}") };
+    assert_eq!(error.code(), Some(&SqlState::QUERY_CANCELED), "{error:?}");
+    hub.admin.batch_execute("COMMIT").await.unwrap();
+    hub.until("the catalogue reads again", reads).await;
 }
