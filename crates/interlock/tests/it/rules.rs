@@ -271,6 +271,22 @@ fn after_a_stop_nothing_goes_on_before_the_probe_is_clear() {
     admitted(&mut interlock, PortCommand::Measure, Outcome::Done);
 }
 
+/// The acknowledgement would have counted once the retract had ended.
+#[test]
+fn a_stop_takes_back_an_acknowledgement_that_came_before_it() {
+    let mut interlock = prepared(NOW);
+    interlock.intent_is_durable(Position::new(9.5));
+    admitted(&mut interlock, lower(20.0), linear_at(20.0));
+    interlock.stop_asked(NOW);
+    interlock.admit(NOW, &lift()).unwrap();
+    interlock.operator(NOW, "somebody", Word::Acknowledgement).unwrap();
+    interlock.stop_asked(NOW);
+    interlock.ended(NOW, &lift(), &linear_at(21.0));
+    assert!(matches!(refused(&mut interlock, lower(19.0)), Refusal::Stopping { .. }));
+    admitted(&mut interlock, lift(), linear_at(REST_MM));
+    admitted(&mut interlock, PortCommand::Measure, Outcome::Done);
+}
+
 #[test]
 fn a_stop_that_is_sent_late_is_told() {
     let mut interlock = prepared(NOW);
