@@ -142,13 +142,13 @@ impl ModelCheck {
     }
 
     /// The chance of the best test of any kind to notice what is behind these residuals when they are free of
-    /// noise, if it calls one true model in a hundred false.
+    /// noise, if it calls as many true models false as the verdict may: one in fifty.
     ///
     /// # Source
     /// Neyman and Pearson, Phil. Trans. R. Soc. A 231 (1933) 289: the ratio of the likelihoods is the most
     /// powerful test, and for normal errors it is normal with the root of this χ² as its mean.
     pub fn noticed_at_most(&self) -> f64 {
-        above(NORMAL_OF_ONE_PERCENT - self.independent_chi2.max(0.0).sqrt())
+        above(NORMAL_OF_STRAINED - self.independent_chi2.max(0.0).sqrt())
     }
 }
 
@@ -164,8 +164,8 @@ const SHARE_OF_FRICTION: f64 = 0.5;
 /// deviation beyond. Below, it would widen one true run in two.
 pub(crate) const BY_CHANCE: f64 = 0.16;
 
-/// A normal variable exceeds this once in a hundred times.
-const NORMAL_OF_ONE_PERCENT: f64 = 2.326_348;
+/// A normal variable exceeds this with the probability `STRAINED_BELOW`.
+const NORMAL_OF_STRAINED: f64 = 2.053_749;
 
 /// The judgement on a fit; `None` when nothing is free.
 pub(super) fn judge(touches: &Usable<'_>, fit: &Fit) -> Option<ModelCheck> {

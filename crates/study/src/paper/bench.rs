@@ -242,7 +242,7 @@ fn summary(page: &mut Page, run: &PaperRun) {
     page.text(
         "The 137.6 Hz of the experiment are 2 % below the 140.4 Hz of the simulation. A free \
          length that is 0.4 mm longer at the clamp would explain it. The no-load resonance must \
-         therefore be measured in every session; here it is measured for every touch.",
+         therefore be measured in every session, as each run does here.",
     );
 }
 
