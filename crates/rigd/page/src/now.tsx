@@ -232,6 +232,8 @@ function LatestTouches({ model }: { model: Model }) {
 
 /** An Enter that was meant for something else must not answer a prompt, ms. */
 const STOOD_MS = 1000;
+/** Nor the second press of a double click on the prompt before it, ms. */
+const POINTER_MS = 500;
 
 export function PromptCard({ view, asked }: { view: View; asked: Asked }) {
   const { model } = view;
@@ -250,12 +252,19 @@ export function PromptCard({ view, asked }: { view: View; asked: Asked }) {
     title.current?.focus({ preventScroll: true });
     beep();
   }, [asked.step]);
-  const hasStood = () => performance.now() - since.current >= STOOD_MS;
+  // A press counts from when it was made: it may have waited while the page was drawn.
+  const hasStood = (event: Event, ms: number) => event.timeStamp - since.current >= ms;
+  const [isReady, setReady] = useState(false);
+  useEffect(() => {
+    setReady(false);
+    const timer = setTimeout(() => setReady(true), POINTER_MS);
+    return () => clearTimeout(timer);
+  }, [asked.step]);
   useEffect(() => {
     const onKey = (event: KeyboardEvent) => {
       const target = event.target as Element | null;
       const isElsewhere = target?.closest("input, textarea, select, button, a, dialog, summary");
-      if (event.key !== "Enter" || event.repeat || isElsewhere || isLost || !hasStood()) return;
+      if (event.key !== "Enter" || event.repeat || isElsewhere || isLost || !hasStood(event, STOOD_MS)) return;
       event.preventDefault();
       answer();
     };
@@ -279,7 +288,7 @@ export function PromptCard({ view, asked }: { view: View; asked: Asked }) {
             : <><li>{rig.prompt}</li><li>Leave the sample as it lies.</li><li>Take your hands away, then press Done.</li></>}
         </ol>
         <div class="buttons answer-bar">
-          <button type="button" class="primary done" disabled={isLost} onClick={(event) => { if (event.detail !== 0 || hasStood()) answer(); }}><Icon name="tick" size={26} />Done</button>
+          <button type="button" class="primary done" disabled={isLost} aria-disabled={!isReady} onClick={(event) => { if (hasStood(event, event.detail === 0 ? STOOD_MS : POINTER_MS)) answer(); }}><Icon name="tick" size={26} />Done</button>
           <button type="button" class="cannot" disabled={isLost} onClick={() => setCannot(!isCannot)} aria-expanded={isCannot}>Cannot be done…</button>
         </div>
         <Said asking={asking} />

@@ -1,0 +1,35 @@
+// Presses that must do nothing: those meant for an earlier card, and those of a key that only pauses.
+import assert from "node:assert/strict";
+import { button, serve, state, visit } from "./support.mjs";
+
+const rigOf = async (base) => (await fetch(`${base}/api/v1/rig`)).json();
+
+/** The second press of a double click on Done comes when the next prompt has the button at the same place. */
+export async function doneTwice() {
+  const { base } = await serve("twice", (text) => text.replace('person = "answers"', 'person = "waits"'));
+  const page = await visit(base);
+  const answers = [];
+  page.on("request", (request) => { if (request.url().includes("/answer?")) answers.push(decodeURIComponent(request.url().split("step=")[1])); });
+  await state(page, "Ready");
+  await button(page, "Start smoke").click();
+  await page.getByRole("heading", { name: "Put sample 1 under the probe" }).waitFor();
+  await page.evaluate(() => {
+    window.pressed = new Promise((done) => {
+      new MutationObserver((_, observer) => {
+        if (!document.getElementById("prompt-title")?.textContent.startsWith("Turn the sensor")) return;
+        observer.disconnect();
+        document.querySelector("button.done").dispatchEvent(new MouseEvent("click", { bubbles: true, detail: 2 }));
+        done();
+      }).observe(document.body, { subtree: true, childList: true, characterData: true });
+    });
+  });
+  await button(page, /^Done$/).click();
+  await page.evaluate(() => window.pressed);
+  assert.equal(answers.length, 1, `answered: ${answers}`);
+  assert.equal((await rigOf(base)).asked.what, "turn_sensor");
+  // A press that is meant for it answers it.
+  await button(page, /^Done$/).click();
+  await state(page, "Running");
+  assert.equal(answers.length, 2, `answered: ${answers}`);
+  await page.context().close();
+}
