@@ -6,7 +6,7 @@ import { join } from "node:path";
 import { commissionedOnThePage } from "./commission.mjs";
 import { sensorOnThePage } from "./sensor.mjs";
 import { homedAfterALook } from "./home.mjs";
-import { doneTwice } from "./presses.mjs";
+import { doneTwice, onlyPauses } from "./presses.mjs";
 import { button, config, keeper, look, passed, run, serve, shots, state, visit } from "./support.mjs";
 
 const rigOf = async (base) => (await fetch(`${base}/api/v1/rig`)).json();
@@ -217,6 +217,7 @@ await run(async () => {
   await inVirtualTime();
   await afterARefusal();
   await doneTwice();
+  await onlyPauses();
   await homedAfterALook();
   await commissionedOnThePage();
   await sensorOnThePage();

@@ -33,3 +33,32 @@ export async function doneTwice() {
   assert.equal(answers.length, 2, `answered: ${answers}`);
   await page.context().close();
 }
+
+/** A second P does not go on, a lost link sends no P, and what rigd refuses is said. */
+export async function onlyPauses() {
+  const { base, child } = await serve("pauses", (text) => text.replace('person = "answers"', 'person = "waits"'));
+  const page = await visit(base);
+  const sent = [];
+  page.on("request", (request) => { if (/\/(pause|resume)$/.test(request.url())) sent.push(request.url().split("/").at(-1)); });
+  await state(page, "Ready");
+  await button(page, "Start smoke").click();
+  await page.getByRole("heading", { name: "Put sample 1 under the probe" }).waitFor();
+  page.isExpecting = (text) => /409|Failed to load resource|net::ERR/.test(text);
+  await page.route("**/pause", (route) => route.fulfill({ status: 409, json: { title: "busy", status: 409, detail: "the rig is busy", hint: "press again" } }));
+  await page.keyboard.press("p");
+  await page.getByRole("alert").getByText("the rig is busy; press again").waitFor();
+  await page.unroute("**/pause");
+  child.kill("SIGSTOP");
+  await state(page, "Link lost");
+  await page.keyboard.press("p");
+  assert.deepEqual(sent, ["pause"]);
+  child.kill("SIGCONT");
+  await page.getByText("live", { exact: true }).waitFor();
+  await page.keyboard.press("p");
+  await page.waitForFunction(async () => (await (await fetch("/api/v1/rig")).json()).run.is_pausing);
+  await button(page, "Go on").waitFor();
+  await page.keyboard.press("p");
+  assert.ok((await rigOf(base)).run.is_pausing);
+  assert.deepEqual(sent, ["pause", "pause"]);
+  await page.context().close();
+}

@@ -7,8 +7,8 @@ import { FaultCard, Progress, PromptCard, Running, SweepCard } from "./now.tsx";
 import { Protocols } from "./protocols.tsx";
 import { RigPage } from "./rig.tsx";
 import { RunPage, Runs } from "./runs.tsx";
-import { Band, hasSingleKeys, KeysDialog, LeaseLine, pauseOrResume, StateRow, TABS, Tabs, TokenDialog, type Tab } from "./shell.tsx";
-import { follow, present, useView, type View } from "./store.ts";
+import { Band, isSingleKey, KeysDialog, LeaseLine, PauseKey, StateRow, TABS, Tabs, TokenDialog, type Tab } from "./shell.tsx";
+import { follow, useView, type View } from "./store.ts";
 
 interface Place { tab: Tab; id: string | undefined }
 
@@ -25,11 +25,9 @@ function Page() {
   useEffect(() => {
     const onHash = () => setPlace(placeOf(location.hash));
     const onKey = (event: KeyboardEvent) => {
-      const target = event.target as Element | null;
-      if (target?.closest("input, textarea, select, dialog") || event.ctrlKey || event.metaKey || event.altKey || event.repeat || !hasSingleKeys()) return;
+      if (!isSingleKey(event)) return;
       const tab = TABS[Number(event.key) - 1];
       if (tab) location.hash = `#/${tab.tab}`;
-      else if (event.key === "p" || event.key === "P") pauseOrResume(present().model);
       else if (event.key === "?") setKeys(true);
     };
     addEventListener("hashchange", onHash);
@@ -49,6 +47,7 @@ function Page() {
       <a class="skip" href="#main">To the content</a>
       <Band view={view} tab={place.tab} />
       <StateRow view={view} />
+      {rig?.run && <PauseKey key={rig.run.id} view={view} />}
       {rig?.lease && <LeaseLine name={rig.lease.name} />}
       {rig?.journal_error !== undefined && <p class="alarm" role="alert">The journal cannot be written: {rig.journal_error}. Nothing can begin. Check the disk of the data directory, and start rigd again when the probe is clear.</p>}
       {rig?.silence && <p class="alarm" role="alert">{rig.silence.message}. What to do: {rig.silence.hint}.</p>}

@@ -198,10 +198,29 @@ export function Confirm({ title, text, yes, send, onClose, isDone }: { title: st
 
 const KEYS: [string, string][] = [
   ["Esc Esc", "Stop all, anywhere"], ["Enter", "Done, when something is asked of you"],
-  ["1 2 3 4", "Now, Protocols, Runs, Rig"], ["P", "pause or go on"], ["?", "this list"],
+  ["1 2 3 4", "Now, Protocols, Runs, Rig"], ["P", "pause; going on needs the button"], ["?", "this list"],
 ];
 
-export const hasSingleKeys = () => localStorage.getItem("single-keys") !== "off";
+const hasSingleKeys = () => localStorage.getItem("single-keys") !== "off";
+
+/** Whether a key is pressed for the page itself, and not for a field, a dialog or the browser. */
+export const isSingleKey = (event: KeyboardEvent) =>
+  !(event.target as Element | null)?.closest("input, textarea, select, dialog") && !event.ctrlKey && !event.metaKey && !event.altKey && !event.repeat && hasSingleKeys();
+
+/** The key P pauses a run. It never goes on: a second press by mistake would start motion. */
+export function PauseKey({ view }: { view: View }) {
+  const { rig } = view.model;
+  const isPaused = rig?.state === "paused" || rig?.run?.is_pausing === true;
+  const [asking, pause] = useAsking(() => post(`runs/${rig?.run?.id ?? ""}/pause`), isPaused);
+  useEffect(() => {
+    const onKey = (event: KeyboardEvent) => {
+      if (event.key.toLowerCase() === "p" && rig?.run && !isPaused && view.link !== "lost" && isSingleKey(event)) pause();
+    };
+    addEventListener("keydown", onKey);
+    return () => removeEventListener("keydown", onKey);
+  });
+  return asking.at === "rest" ? null : <p class="lease">Pause: <Said asking={asking} /></p>;
+}
 
 export function KeysDialog({ onClose }: { onClose: () => void }) {
   const ref = useRef<HTMLDialogElement>(null);
@@ -243,10 +262,3 @@ export function TokenDialog() {
     </dialog>
   );
 }
-
-export const pauseOrResume = (model: Model) => {
-  const run = model.rig?.run;
-  if (!run) return;
-  const command = run.is_pausing || model.rig?.state === "paused" ? "resume" : "pause";
-  post(`runs/${run.id}/${command}`).catch((error: unknown) => console.warn(reasonOf(error)));
-};

@@ -52,8 +52,6 @@ export function useView(): View {
   return now;
 }
 
-/** The present view, for what is not drawn. */
-export const present = view;
 
 // ---- The token and the operator, where there are any ------------------------------------------------
 
