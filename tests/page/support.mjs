@@ -15,13 +15,13 @@ export const work = mkdtempSync(join(tmpdir(), "rigd-page-"));
 const children = [];
 
 /** A daemon on the simulated rig. */
-export async function serve(name, change) {
+export async function serve(name, change, { protocol = "smoke", listen = "127.0.0.1:0" } = {}) {
   const directory = join(work, name);
   mkdirSync(directory);
   const rig = join(directory, "rig.toml");
   const text = readFileSync(join(config, "rigs/simulated.toml"), "utf8");
   writeFileSync(rig, change(text.replace("../scenes/paper.toml", join(config, "scenes/paper.toml"))));
-  const args = ["serve", join(config, "protocols/smoke.toml"), "--rig", rig, "--data", join(directory, "data"), "--listen", "127.0.0.1:0"];
+  const args = ["serve", join(config, `protocols/${protocol}.toml`), "--rig", rig, "--data", join(directory, "data"), "--listen", listen];
   const child = spawn(rigd, args, { stdio: ["ignore", "ignore", "pipe"] });
   children.push(child);
   let said = "";

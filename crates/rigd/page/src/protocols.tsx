@@ -25,7 +25,9 @@ export function Protocols({ view, again }: { view: View; again: string | undefin
   const [chosen, choose] = useState<string>();
   const [files, setFiles] = useState<Choice[]>([]);
   const status = view.model.run?.status;
-  useEffect(() => { load().then(setChoices, () => setChoices([])); }, [status]);
+  // Another session is a daemon that was started again, perhaps with another protocol.
+  const session = view.model.rig?.session;
+  useEffect(() => { load().then(setChoices, () => setChoices([])); }, [status, session]);
   useEffect(() => { if (again !== undefined) choose(`run ${again}`); }, [again]);
   const all = [...files, ...(choices ?? [])];
   const choice = all.find((c) => c.key === chosen || (c.last !== undefined && chosen === `run ${c.last.id}`)) ?? all[0];
@@ -52,7 +54,7 @@ export function Protocols({ view, again }: { view: View; again: string | undefin
         <label class="file">Open a file…<input type="file" accept=".toml,application/toml,text/plain" onChange={(event) => void openFile(event.currentTarget.files?.[0])} /></label>
         <QueuePanel view={view} />
       </section>
-      {choice && <Check key={`${choice.key} ${choice.toml?.length ?? 0}`} choice={choice} view={view} />}
+      {choice && <Check key={`${session} ${choice.key} ${choice.toml}`} choice={choice} view={view} />}
     </main>
   );
 }
@@ -105,7 +107,7 @@ function Check({ choice, view }: { choice: Choice; view: View }) {
   return (
     <>
       <CheckedPlan plan={checked.plan} rig={rig} good={choice.good} changes={changes} since={since} />
-      <Start choice={choice} plan={checked.plan} view={view} freeBytes={since?.free_bytes} />
+      <Start plan={checked.plan} view={view} freeBytes={since?.free_bytes} />
     </>
   );
 }
@@ -180,7 +182,7 @@ interface Check1 { text: string; isFine: boolean; isAdvice?: boolean }
 /** Below this a person should look for room, bytes; rigd itself refuses a run that does not fit. */
 const LOW_BYTES = 1e9;
 
-function Start({ choice, plan, view, freeBytes }: { choice: Choice; plan: Plan; view: View; freeBytes: number | undefined }) {
+function Start({ plan, view, freeBytes }: { plan: Plan; view: View; freeBytes: number | undefined }) {
   const [note, setNote] = useState("");
   const rig = view.model.rig as Rig;
   const [name, setName] = useState(operator());
@@ -195,7 +197,8 @@ function Start({ choice, plan, view, freeBytes }: { choice: Choice; plan: Plan; 
   ];
   const bad = checks.find((check) => !check.isFine && !check.isAdvice);
   const first = plan.steps[0];
-  const start = () => post<{ id: string }>("runs", bodyOf(choice), key).then((begun) => {
+  // What was checked and is shown, whatever the daemon has loaded since.
+  const start = () => post<{ id: string }>("runs", { type: "application/toml", text: plan.protocol_toml }, key).then((begun) => {
     if (begun && note.trim()) void noted(begun.id, { note: note.trim(), is_starred: false }).catch(() => undefined); setKey(crypto.randomUUID?.() ?? `${Date.now()}-${Math.random()}`); location.hash = "#/now"; });
   const queue = () => post("queue", { type: "application/json", text: JSON.stringify({ protocol_toml: plan.protocol_toml, note: note.trim() }) });
   return (

@@ -52,7 +52,6 @@ export function useView(): View {
   return now;
 }
 
-
 // ---- The token and the operator, where there are any ------------------------------------------------
 
 const stored = (store: Storage, key: string) => {
