@@ -20,3 +20,31 @@ export async function startedAgain() {
   assert.equal(begun.postData(), readFileSync(join(config, "protocols/latency.toml"), "utf8"));
   await page.context().close();
 }
+
+/** An older run is offered again with its own protocol, though a later run of the same name had another. */
+export async function againAsRun() {
+  const { base } = await serve("again", (text) => text);
+  const page = await visit(base);
+  await state(page, "Ready");
+  const smoke = readFileSync(join(config, "protocols/smoke.toml"), "utf8");
+  const older = smoke.replace("indentation_mm = 0.5", "indentation_mm = 0.4").replace('samples = ["1", "5"]', 'samples = ["5"]').split("[blind]")[0];
+  for (const [number, body] of [older, smoke].entries()) {
+    const answer = await fetch(`${base}/api/v1/runs`, { method: "POST", headers: { "Content-Type": "application/toml" }, body });
+    assert.equal(answer.status, 202, await answer.text());
+    await page.getByText(`smoke-${number + 1} ended: completed`, { exact: false }).waitFor({ timeout: 120_000 });
+  }
+  await page.keyboard.press("3");
+  await page.getByRole("link", { name: "smoke-1" }).click();
+  await page.route("**/runs/*/protocol", (route) => route.fulfill({ status: 404, json: { title: "not found", status: 404, detail: "the archive is not here" } }));
+  page.isExpecting = (text) => text.includes("404");
+  await page.getByRole("link", { name: "Run again…" }).click();
+  await page.getByRole("alert").getByText("The protocol of this run cannot be offered: the archive is not here").waitFor();
+  assert.equal(await button(page, /^Start/).count(), 0);
+  await page.unroute("**/runs/*/protocol");
+  await page.goBack();
+  await page.getByRole("link", { name: "Run again…" }).click();
+  await page.locator('button[aria-pressed="true"]', { hasText: "as run in smoke-1" }).waitFor();
+  const [begun] = await Promise.all([page.waitForRequest((request) => request.method() === "POST" && request.url().endsWith("/runs")), button(page, "Start smoke").click()]);
+  assert.equal(begun.postData(), older);
+  await page.context().close();
+}

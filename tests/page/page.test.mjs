@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
-import { startedAgain } from "./choices.mjs";
+import { againAsRun, startedAgain } from "./choices.mjs";
 import { commissionedOnThePage } from "./commission.mjs";
 import { sensorOnThePage } from "./sensor.mjs";
 import { homedAfterALook } from "./home.mjs";
@@ -220,6 +220,7 @@ await run(async () => {
   await doneTwice();
   await onlyPauses();
   await startedAgain();
+  await againAsRun();
   await homedAfterALook();
   await commissionedOnThePage();
   await sensorOnThePage();

@@ -6,11 +6,11 @@ import { BenchDrawing, Timeline } from "./drawings.tsx";
 import { Icon } from "./icons.tsx";
 import { QueuePanel } from "./queue.tsx";
 import { AskButton } from "./shell.tsx";
-import { get, noted, operator, post, Refused, setOperator, text, type Body, type View } from "./store.ts";
+import { get, noted, operator, post, reasonOf, Refused, setOperator, text, type Body, type View } from "./store.ts";
 import type { Plan, Problem, Rig, RunEntry, Since } from "./wire.ts";
 
 /** A protocol that can be chosen: the one rigd was started with, one of an earlier run, or a file. */
-interface Choice { key: string; title: string; from: string; toml: string | undefined; last: RunEntry | undefined; good?: RunEntry | undefined }
+interface Choice { key: string; title: string; from: string; toml: string | undefined; last: RunEntry | undefined; good?: RunEntry | undefined; /** When the run began that is asked for again. */ began?: string }
 
 type Checked = { plan: Plan } | { problem: Problem };
 
@@ -22,15 +22,25 @@ const bodyOf = (choice: Choice): Body | undefined =>
 
 export function Protocols({ view, again }: { view: View; again: string | undefined }) {
   const [choices, setChoices] = useState<Choice[]>();
-  const [chosen, choose] = useState<string>();
+  const [chosen, choose] = useState(again === undefined ? undefined : `again ${again}`);
+  const [asked, setAsked] = useState<Choice>();
+  const [why, setWhy] = useState<string>();
   const [files, setFiles] = useState<Choice[]>([]);
   const status = view.model.run?.status;
   // Another session is a daemon that was started again, perhaps with another protocol.
   const session = view.model.rig?.session;
   useEffect(() => { load().then(setChoices, () => setChoices([])); }, [status, session]);
-  useEffect(() => { if (again !== undefined) choose(`run ${again}`); }, [again]);
-  const all = [...files, ...(choices ?? [])];
-  const choice = all.find((c) => c.key === chosen || (c.last !== undefined && chosen === `run ${c.last.id}`)) ?? all[0];
+  useEffect(() => {
+    if (again === undefined) return;
+    let isOver = false;
+    choose(`again ${again}`);
+    setWhy(undefined);
+    asRun(again).then((found) => { if (!isOver) setAsked(found); }, (error: unknown) => { if (!isOver) setWhy(reasonOf(error)); });
+    return () => { isOver = true; };
+  }, [again, session]);
+  const all = [...(asked ? [asked] : []), ...files, ...(choices ?? [])];
+  // What is not there is not replaced by another protocol.
+  const choice = chosen === undefined ? all[0] : all.find((c) => c.key === chosen);
   const openFile = async (file: File | undefined) => {
     if (!file) return;
     const toml = await file.text();
@@ -46,7 +56,7 @@ export function Protocols({ view, again }: { view: View; again: string | undefin
           {all.map((c) => (
             <li key={c.key}><button type="button" aria-pressed={c === choice} onClick={() => choose(c.key)}>
               <strong>{c.title}</strong><span class="soft">{c.from}</span>
-              <span class="soft">{c.last ? `last run: ${c.last.name}, ${day(c.last.started_at)}` : "never run here"}</span>
+              <span class="soft">{c.began !== undefined ? day(c.began) : c.last ? `last run: ${c.last.name}, ${day(c.last.started_at)}` : "never run here"}</span>
             </button></li>
           ))}
         </ul>
@@ -54,9 +64,20 @@ export function Protocols({ view, again }: { view: View; again: string | undefin
         <label class="file">Open a file…<input type="file" accept=".toml,application/toml,text/plain" onChange={(event) => void openFile(event.currentTarget.files?.[0])} /></label>
         <QueuePanel view={view} />
       </section>
+      {!choice && chosen === `again ${again}` && (
+        <section class="card" aria-label="Check">{why === undefined ? <p class="soft">The protocol of the run is being read…</p> : <p class="refusal" role="alert">The protocol of this run cannot be offered: {why}</p>}</section>
+      )}
       {choice && <Check key={`${session} ${choice.key} ${choice.toml}`} choice={choice} view={view} />}
     </main>
   );
+}
+
+/** The protocol of a run, as it was run. */
+async function asRun(id: string): Promise<Choice> {
+  const [runs, toml] = await Promise.all([get<RunEntry[]>("runs"), text(`runs/${id}/protocol`)]);
+  const run = runs.find((one) => one.id === id);
+  const good = runs.filter((one) => one.protocol === run?.protocol && one.status === "completed").sort((a, b) => a.started_at.localeCompare(b.started_at)).at(-1);
+  return { key: `again ${id}`, title: run?.protocol ?? id, from: `as run in ${run?.name ?? id}`, toml, last: undefined, good, began: run?.started_at ?? "" };
 }
 
 /** The loaded protocol, and the last version of every other that was run. */
@@ -80,7 +101,7 @@ async function load(): Promise<Choice[]> {
   const tomls = await Promise.all(others.map((run) => text(`runs/${run.id}/protocol`).catch(() => undefined)));
   others.forEach((run, i) => {
     const toml = tomls[i];
-    if (toml !== undefined) choices.push({ key: `run ${run.id}`, title: run.protocol, from: "as it was run last", toml, last: run, good: good.get(run.protocol) });
+    if (toml !== undefined) choices.push({ key: `protocol ${run.protocol}`, title: run.protocol, from: "as it was run last", toml, last: run, good: good.get(run.protocol) });
   });
   return choices;
 }
