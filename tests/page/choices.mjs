@@ -34,6 +34,7 @@ export async function againAsRun() {
     await page.getByText(`smoke-${number + 1} ended: completed`, { exact: false }).waitFor({ timeout: 120_000 });
   }
   await page.keyboard.press("3");
+  await starred(page, base);
   await page.getByRole("link", { name: "smoke-1" }).click();
   await page.route("**/runs/*/protocol", (route) => route.fulfill({ status: 404, json: { title: "not found", status: 404, detail: "the archive is not here" } }));
   page.isExpecting = (text) => text.includes("404");
@@ -47,4 +48,23 @@ export async function againAsRun() {
   const [begun] = await Promise.all([page.waitForRequest((request) => request.method() === "POST" && request.url().endsWith("/runs")), button(page, "Start smoke").click()]);
   assert.equal(begun.postData(), older);
   await page.context().close();
+}
+
+/** A star leaves the note that another person has written since the page was opened, and a refused one says why. */
+async function starred(page, base) {
+  const star = button(page, "Star smoke-1");
+  await star.waitFor();
+  const [{ id }] = (await (await fetch(`${base}/api/v1/runs`)).json()).filter((run) => run.name === "smoke-1");
+  const body = JSON.stringify({ note: "gel is 3 days old", is_starred: false });
+  const answer = await fetch(`${base}/api/v1/runs/${id}/note`, { method: "PUT", headers: { "Content-Type": "application/json" }, body });
+  assert.ok(answer.ok, await answer.text());
+  await star.click();
+  await page.locator('button[aria-label="Star smoke-1"][aria-pressed="true"]').waitFor();
+  assert.deepEqual((await (await fetch(`${base}/api/v1/notes`)).json())[id].note, "gel is 3 days old");
+  page.isExpecting = (text) => text.includes("503");
+  await page.route("**/note", (route) => route.fulfill({ status: 503, json: { title: "full", status: 503, detail: "the disk is full" } }));
+  await star.click();
+  await page.getByRole("alert").getByText("the disk is full").waitFor();
+  assert.equal(await star.getAttribute("aria-pressed"), "true");
+  await page.unroute("**/note");
 }

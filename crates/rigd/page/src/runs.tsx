@@ -39,7 +39,7 @@ export function Runs({ view }: { view: View }) {
   const status = view.model.run?.status;
   const id = view.model.run?.id;
   useEffect(() => { get<RunEntry[]>("runs").then((all) => setRuns([...all].sort((a, b) => b.started_at.localeCompare(a.started_at))), () => undefined); }, [status, id]);
-  const shown = (runs ?? []).filter((run) => `${run.name} ${run.protocol} ${ending(run.status)} ${run.archived_to === undefined ? "" : "archived"} ${day(run.started_at)} ${notes[run.id]?.note ?? ""} ${notes[run.id]?.is_starred ? "starred" : ""}`.toLowerCase().includes(wanted.toLowerCase()));
+  const shown = (runs ?? []).filter((run) => `${run.name} ${run.protocol} ${ending(run.status)} ${run.archived_to === undefined ? "" : "archived"} ${day(run.started_at)} ${notes?.[run.id]?.note ?? ""} ${notes?.[run.id]?.is_starred ? "starred" : ""}`.toLowerCase().includes(wanted.toLowerCase()));
   const page = shown.slice(0, count);
   useEffect(() => {
     let isOver = false;
@@ -64,7 +64,7 @@ export function Runs({ view }: { view: View }) {
         {page.length > 0 && (
           <div class="scroll"><table class="run-list">
             <thead><tr><th scope="col">run</th><th scope="col">shift by angle</th><th scope="col">end</th><th scope="col">measured</th><th scope="col">took</th><th scope="col">compare</th></tr></thead>
-            <tbody>{page.map((run) => <RunRow key={run.id} run={run} detail={details.get(run.id)} note={notes[run.id]} onNote={(note) => setNotes(run.id, note)} isPicked={picked.includes(run.id)} onPick={() => pick(run.id)} />)}</tbody>
+            <tbody>{page.map((run) => <RunRow key={run.id} run={run} detail={details.get(run.id)} note={noteIn(notes, run.id)} onNote={(note) => setNotes(run.id, note)} isPicked={picked.includes(run.id)} onPick={() => pick(run.id)} />)}</tbody>
           </table></div>
         )}
         {shown.length > count && <button type="button" onClick={() => setCount(count + PAGE)}>Show {Math.min(PAGE, shown.length - count)} more</button>}
@@ -76,42 +76,63 @@ export function Runs({ view }: { view: View }) {
 
 const NO_NOTE: Note = { note: "", is_starred: false };
 
-/** The notes about runs, and how one is written. The page shows what rigd has. */
-function useNotes(): [Notes, (id: string, note: Note) => Promise<void>] {
-  const [notes, set] = useState<Notes>({});
-  const load = () => get<Notes>("notes").then(set, () => undefined);
-  useEffect(() => void load(), []);
-  return [notes, (id, note) => noted(id, note).then(load)];
+type ChangeNote = (id: string, change: Partial<Note>) => Promise<void>;
+
+/** After this time the notes are asked for again if they did not come, ms. */
+const AGAIN_MS = 2000;
+
+/** The notes about runs, unknown until they are read, and how one is changed. The page shows what rigd has. */
+function useNotes(): [Notes | undefined, ChangeNote] {
+  const [notes, set] = useState<Notes>();
+  useEffect(() => {
+    let timer = 0;
+    const load = () => void get<Notes>("notes").then(set, () => { timer = window.setTimeout(load, AGAIN_MS); });
+    load();
+    return () => clearTimeout(timer);
+  }, []);
+  // Another person may have written since: what is not changed is sent as it is now.
+  const change: ChangeNote = async (id, part) => {
+    const now = await get<Notes>("notes");
+    await noted(id, { ...NO_NOTE, ...now[id], ...part });
+    await get<Notes>("notes").then(set, () => undefined);
+  };
+  return [notes, change];
 }
 
-function Star({ name, note, onNote }: { name: string; note: Note; onNote: (note: Note) => Promise<void> }) {
-  const { is_starred } = note;
-  return <button type="button" class={`star${is_starred ? " on" : ""}`} aria-pressed={is_starred} aria-label={`Star ${name}`} onClick={() => void onNote({ ...note, is_starred: !is_starred })}>{is_starred ? "★" : "☆"}</button>;
+const noteIn = (notes: Notes | undefined, id: string) => notes && (notes[id] ?? NO_NOTE);
+
+interface NoteProps { note: Note | undefined; onNote: (change: Partial<Note>) => Promise<void> }
+
+function Star({ name, note, onNote }: NoteProps & { name: string }) {
+  const [why, setWhy] = useState("");
+  const isOn = note?.is_starred === true;
+  const press = () => { setWhy(""); onNote({ is_starred: !isOn }).catch((error: unknown) => setWhy(reasonOf(error))); };
+  return <><button type="button" class={`star${isOn ? " on" : ""}`} aria-pressed={isOn} aria-label={`Star ${name}`} disabled={!note} onClick={press}>{isOn ? "★" : "☆"}</button>{why && <span class="said bad" role="alert">{why}</span>}</>;
 }
 
 /** A note of a person, kept when the field is left. */
-function NoteField({ note, onNote }: { note: Note; onNote: (note: Note) => Promise<void> }) {
+function NoteField({ note, onNote }: NoteProps) {
   const [text, setText] = useState<string>();
   const [said, setSaid] = useState("");
   const keep = () => {
-    if (text === undefined || text === note.note) return;
+    if (!note || text === undefined || text === note.note) return;
     setSaid("asked…");
-    onNote({ ...note, note: text }).then(() => setSaid("kept"), (error: unknown) => setSaid(reasonOf(error)));
+    onNote({ note: text }).then(() => setSaid("kept"), (error: unknown) => setSaid(reasonOf(error)));
   };
   return (
     <p class="note-field"><label for="note">Note, kept beside the journal</label>
-      <textarea id="note" rows={1} maxLength={2000} value={text ?? note.note} onInput={(event) => setText(event.currentTarget.value)} onBlur={keep} />
-      <span class="said" role="status">{said}</span></p>
+      <textarea id="note" rows={1} maxLength={2000} disabled={!note} value={text ?? note?.note ?? ""} onInput={(event) => setText(event.currentTarget.value)} onBlur={keep} />
+      <span class="said" role="status">{note ? said : "being read…"}</span></p>
   );
 }
 
-interface RowProps { run: RunEntry; detail: RunDetail | undefined; note: Note | undefined; onNote: (note: Note) => Promise<void>; isPicked: boolean; onPick: () => void }
+interface RowProps extends NoteProps { run: RunEntry; detail: RunDetail | undefined; isPicked: boolean; onPick: () => void }
 
-function RunRow({ run, detail, note = NO_NOTE, onNote, isPicked, onPick }: RowProps) {
+function RunRow({ run, detail, note, onNote, isPicked, onPick }: RowProps) {
   const results = detail?.results;
   return (
     <tr>
-      <th scope="row"><a href={`#/runs/${run.id}`}>{run.name}</a><Star name={run.name} note={note} onNote={onNote} /><br /><span class="soft">{day(run.started_at)}</span>{note.note && <><br /><span class="note-text">{note.note}</span></>}</th>
+      <th scope="row"><a href={`#/runs/${run.id}`}>{run.name}</a><Star name={run.name} note={note} onNote={onNote} /><br /><span class="soft">{day(run.started_at)}</span>{note?.note && <><br /><span class="note-text">{note.note}</span></>}</th>
       <td>{results && <Thumbnail rows={results.touch_results} />}</td>
       <td><EndChip status={run.status} />{run.archived_to !== undefined && <><br /><span class="soft" title={run.archived_to}>archived</span></>}</td>
       <td>{results && <><Share measured={results.touches_measured} refused={results.touches_refused} planned={results.touches_planned} />
@@ -159,7 +180,7 @@ export function RunPage({ id, view }: { id: string; view: View }) {
   const [isGivenUp, setGivenUp] = useState(false);
   const [amended, setAmended] = useState(0);
   const [notes, setNotes] = useNotes();
-  const note = notes[id] ?? NO_NOTE;
+  const note = noteIn(notes, id);
   const made = model.run?.id === id ? [...model.run.touches.values()].filter((t) => t.status !== "not_reached").length : 0;
   useEffect(() => { get<RunDetail>(`runs/${id}`).then(set, (e: unknown) => setError(reasonOf(e))); }, [id, made, model.run?.status, isGivenUp, amended]);
   if (error !== undefined) return <main id="main"><section class="card"><p role="alert">{error}</p><p><a href="#/runs">All runs</a></p></section></main>;
