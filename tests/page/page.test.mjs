@@ -8,6 +8,7 @@ import { commissionedOnThePage } from "./commission.mjs";
 import { sensorOnThePage } from "./sensor.mjs";
 import { homedAfterALook } from "./home.mjs";
 import { doneTwice, onlyPauses } from "./presses.mjs";
+import { needsToken } from "./token.mjs";
 import { button, config, keeper, look, passed, run, serve, shots, state, visit } from "./support.mjs";
 
 const rigOf = async (base) => (await fetch(`${base}/api/v1/rig`)).json();
@@ -221,6 +222,7 @@ await run(async () => {
   await onlyPauses();
   await startedAgain();
   await againAsRun();
+  await needsToken();
   await homedAfterALook();
   await commissionedOnThePage();
   await sensorOnThePage();

@@ -8,7 +8,7 @@ import { Legend } from "./now.tsx";
 import { Amend } from "./refused.tsx";
 import { NarrowingPlot, SweepPlots } from "./plots.tsx";
 import { Compare } from "./compare.tsx";
-import { AskButton, Confirm } from "./shell.tsx";
+import { AskButton, Confirm, DialogStop } from "./shell.tsx";
 import { get, noted, open, post, reasonOf, Refused, type Body, type View } from "./store.ts";
 import type { Direction, Note, Notes, RunDetail, RunEntry, Sweep, TouchRow } from "./wire.ts";
 
@@ -345,6 +345,7 @@ function SweepDialog({ run, row, view, onClose, onAmended }: { run: RunDetail; r
       {sweep && sweep.estimates.length > 1 && <NarrowingPlot sweep={sweep} height={200} />}
       <Amend run={run} row={row} rig={view.model.rig} onDone={onAmended} />
       <div class="buttons"><button type="button" onClick={onClose}>Close</button></div>
+      <DialogStop />
     </dialog>
   );
 }

@@ -4,7 +4,7 @@ import type { ComponentChildren } from "preact";
 import { clock, fixed } from "./format.ts";
 import { Icon, ProbeIcon, type IconName } from "./icons.tsx";
 import { depthMm, stateOf, type Model } from "./model.ts";
-import { get, operator, post, reasonOf, setToken, stopAll, useAsking, type Asking, type Link, type View } from "./store.ts";
+import { get, operator, post, reasonOf, setToken, stopAll, useAsking, useView, type Asking, type Link, type View } from "./store.ts";
 
 export type Tab = "now" | "protocols" | "runs" | "rig";
 export const TABS: { tab: Tab; label: string; icon: IconName }[] = [
@@ -66,18 +66,20 @@ function Clock({ unixMs, sinceMs, link }: { unixMs: number | undefined; sinceMs:
 const STATE_ICON: Record<string, IconName> = { busy: "play", ask: "alert", good: "check", bad: "fault", plain: "alert" };
 
 export function StateRow({ view }: { view: View }) {
-  const { model, link, sinceMs } = view;
+  const { model, link, sinceMs, needsToken } = view;
   const isLost = link === "lost";
+  // While the stream goes on, the state is known whatever a request was answered.
+  const isOut = needsToken && (isLost || !model.rig);
   const state = stateOf(model);
   const lostAt = clock(Date.now() - sinceMs);
-  const word = isLost ? (model.rig ? "Link lost" : "No link") : state.word;
-  const reason = isLost
-    ? `No word from rigd since ${lostAt} (${fixed(sinceMs / 1000, 0)} s). ${model.rig ? "It does not need this page to go on. What is grey is old." : "Is it running?"}`
+  const word = isOut ? "Token needed" : isLost ? (model.rig ? "Link lost" : "No link") : state.word;
+  const reason = isOut ? `rigd last answered that it needs a token from this browser.${model.rig ? ` What is grey is as of ${lostAt}.` : ""}`
+    : isLost ? `No word from rigd since ${lostAt} (${fixed(sinceMs / 1000, 0)} s). ${model.rig ? "It does not need this page to go on. What is grey is old." : "Is it running?"}`
     : state.reason;
   return (
-    <section class={`state ${isLost ? "lost" : state.tone}`} aria-label="State of the rig">
+    <section class={`state ${isLost || isOut ? "lost" : state.tone}`} aria-label="State of the rig">
       <div class="state-word" role="status" aria-live="polite" aria-atomic="true">
-        <Icon name={isLost ? "alert" : model.rig?.state === "paused" || model.rig?.run?.is_pausing ? "pause" : STATE_ICON[state.tone] ?? "alert"} size={38} />
+        <Icon name={isLost || isOut ? "alert" : model.rig?.state === "paused" || model.rig?.run?.is_pausing ? "pause" : STATE_ICON[state.tone] ?? "alert"} size={38} />
         <div><h1>{word}</h1><p class="reason" title={reason}>{reason}</p></div>
       </div>
       {model.rig && <ProbeCard model={model} isLost={isLost} lostAt={lostAt} />}
@@ -144,6 +146,13 @@ function StopButton({ view }: { view: View }) {
 
 export const isStopping = () => isStopAsked;
 
+/** A stop inside a modal dialog, which makes the large button inert; and what came of it. */
+export function DialogStop() {
+  const { model } = useView();
+  const isStopped = model.rig?.state === "latched" || model.rig?.state === "retracting";
+  return <p class="dialog-stop"><AskButton icon="stop" send={stopping} isDone={isStopped}>Stop all</AskButton>{isStopped && <span role="status"> {stateOf(model).word}</span>}</p>;
+}
+
 // ---- Buttons that ask -------------------------------------------------------------------------------
 
 interface AskButtonProps {
@@ -190,6 +199,7 @@ export function Confirm({ title, text, yes, send, onClose, isDone }: { title: st
         <AskButton class="primary" send={send} isDone={isDone}>{yes}</AskButton>
         <button type="button" onClick={onClose}>Go on as before</button>
       </div>
+      <DialogStop />
     </dialog>
   );
 }
@@ -232,6 +242,7 @@ export function KeysDialog({ onClose }: { onClose: () => void }) {
       <dl class="keys">{KEYS.map(([key, what]) => <div key={key}><dt><kbd>{key}</kbd></dt><dd>{what}</dd></div>)}</dl>
       <label class="check"><input type="checkbox" checked={isOn} onChange={(event) => { const on = event.currentTarget.checked; localStorage.setItem("single-keys", on ? "on" : "off"); setOn(on); }} /> single keys (1 2 3 4, P, ?)</label>
       <div class="buttons"><button type="button" onClick={onClose}>Close</button></div>
+      <DialogStop />
     </dialog>
   );
 }
@@ -251,7 +262,8 @@ export function TokenDialog() {
   const [why, setWhy] = useState("");
   useEffect(() => { if (ref.current && !ref.current.open) ref.current.showModal(); }, []);
   return (
-    <dialog ref={ref} class="card" aria-labelledby="token-title">
+    // Escape does not take it away: without a token the page shows nothing. Chromium closes it at the second Escape.
+    <dialog ref={ref} class="card" aria-labelledby="token-title" onCancel={(event) => event.preventDefault()} onClose={(event) => event.currentTarget.showModal()}>
       <form onSubmit={(event) => { event.preventDefault(); setToken(String(new FormData(event.currentTarget).get("token") ?? "")).catch((error: unknown) => setWhy(reasonOf(error))); }}>
         <h2 id="token-title">This daemon asks for a token</h2>
         <p><code>rigd open</code> on the computer of the daemon lets a browser in without it; <code>rigd token new</code> makes one. This browser stays in for twelve hours.</p>
@@ -259,6 +271,7 @@ export function TokenDialog() {
         {why && <p class="said bad" role="alert">{why}</p>}
         <div class="buttons"><button class="primary">Use it</button></div>
       </form>
+      <DialogStop />
     </dialog>
   );
 }

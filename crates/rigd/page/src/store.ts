@@ -102,8 +102,10 @@ async function listen(): Promise<void> {
   const more: Record<string, string> = lastId === undefined ? {} : { "Last-Event-ID": lastId };
   const url = `/api/v1/events?live=true&back=${BACK}`;
   const response = await fetch(url, { headers: headers(more), signal: abort.signal, cache: "no-store" });
-  if (response.status === 401) needsToken = true;
+  if (response.status === 401) { needsToken = true; changed(); }
   if (!response.ok || !response.body) return;
+  // Another tab may have logged this browser in.
+  needsToken = false;
   const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
   const parser = new Parser();
   for (;;) {
