@@ -204,6 +204,7 @@ async function afterARefusal() {
     await page.getByRole("button", { name: "Done", exact: true }).click();
   }
   await page.getByRole("heading", { name: /^Touch main\/5\/front\/0\/1 was refused/ }).waitFor();
+  await page.getByRole("heading", { name: "Sweep in contact of touch main/5/front/0/1" }).waitFor();
   await page.getByRole("img", { name: /^Impedance/ }).waitFor();
   await look(page, "refused");
   assert.deepEqual((await rigOf(base)).refused.answers, ["widen", "repeat", "skip", "abort"]);

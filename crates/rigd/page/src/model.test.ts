@@ -4,7 +4,7 @@ import { differences } from "./changes.ts";
 import { rows, timeline } from "./timeline.ts";
 import { admittance, inverse } from "./circuit.ts";
 import { clock, decimalsOf, degrees, duration, fixed, measured, range } from "./format.ts";
-import { empty, stateOf, withEvent, withLive, withRig } from "./model.ts";
+import { empty, stateOf, sweepOf, withEvent, withLive, withRig } from "./model.ts";
 import { Parser } from "./sse.ts";
 import { extent, ticks } from "./scale.ts";
 import type { LiveNews, Plan, Reading, Rig } from "./wire.ts";
@@ -118,6 +118,23 @@ test("a refused touch is kept with its reason, and never as a value", () => {
   assert.match(model.happenings[0]?.text ?? "", /refused, no resonance/);
   // Events of another run change nothing.
   assert.equal(withEvent(model, { ...event(3, { kind: "run_finished", status: "completed" }), run: "q" }).run?.status, undefined);
+});
+
+test("the sweep of a refused touch is its own, and not the one before", () => {
+  const event = (seq: number, record: object) => ({ run: "r", seq, rig_us: seq, record }) as Parameters<typeof withEvent>[1];
+  const begin = (seq: number, step: string) => event(seq, { kind: "step_started", step, action: { action: "touch", sample: "5" } });
+  const swept = (purpose: string) => event(3, { kind: "sweep", number: 1, purpose, readings: [reading(1)], outcome: { status: "refused", reason: "no resonance" } });
+  const before = withEvent(withEvent(empty(), event(1, { kind: "run_started", protocol: { name: "smoke" } })), begin(2, "main/5/front/0/1"));
+  const live = withLive(before, news({ readings: [reading(1)] }));
+  const after = withEvent(live, swept("touch"));
+  assert.equal(sweepOf(after, "main/5/front/0/1")?.readings.length, 1);
+  // In whichever order the readings and the record come.
+  assert.equal(sweepOf(withLive(withEvent(before, swept("touch")), news({ readings: [reading(1)] })), "main/5/front/0/1")?.readings.length, 1);
+  // The next touch, the same one again, or a free resonance has none yet.
+  assert.equal(sweepOf(after, "main/5/front/45/1"), undefined);
+  assert.equal(sweepOf(withEvent(after, begin(4, "main/5/front/45/1")), "main/5/front/45/1"), undefined);
+  assert.equal(sweepOf(withEvent(after, event(4, { kind: "refusal_answered", step: "main/5/front/0/1", answer: "repeat", by: "x" })), "main/5/front/0/1"), undefined);
+  assert.equal(sweepOf(withEvent(withLive(before, news({ purpose: "no_load", readings: [reading(1)] })), swept("no_load")), "main/5/front/0/1"), undefined);
 });
 
 test("another session forgets the one before", () => {

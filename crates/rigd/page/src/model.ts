@@ -17,10 +17,12 @@ export interface LiveSweep {
   circuit: (Circuit & { resonance_hz: number }) | undefined;
   /** What became of it, once it is finished. */
   outcome: { resonance_hz: number; sigma_hz: number } | { reason: string } | undefined;
+  /** The touch whose sweep in contact it was, as long as no step has begun since. */
+  step?: string | undefined;
 }
 
 /** A sweep as the journal has it. */
-type Finished = Pick<LiveSweep, "readings" | "outcome" | "circuit">;
+type Finished = Pick<LiveSweep, "readings" | "outcome" | "circuit" | "step">;
 
 export interface Touch {
   step: string;
@@ -155,7 +157,7 @@ function apply(model: Model, { run: id, record }: Event, rig_s: number): Model {
       const run = ofRun(model, id);
       const action = record.action;
       const sample = action.action === "touch" ? action.sample ?? model.sample : model.sample;
-      return { ...model, run: run && { ...run, step: record.step }, sample, activity: undefined, surface_mm: undefined };
+      return { ...ofNoStep(model), run: run && { ...run, step: record.step }, sample, activity: undefined, surface_mm: undefined };
     }
     case "prompt_answered":
       return { ...model, answered: { step: record.step, by: record.by } };
@@ -178,9 +180,10 @@ function apply(model: Model, { run: id, record }: Event, rig_s: number): Model {
       const circuit = record.outcome.status === "accepted" && record.outcome.circuit
         ? { ...record.outcome.circuit, resonance_hz: record.outcome.resonance_hz }
         : undefined;
-      const finished = { readings: record.readings, outcome, circuit };
-      const sweep = model.sweep && ended(model.sweep, finished);
       const run = ofRun(model, id);
+      const step = record.purpose === "touch" ? run?.step : undefined;
+      const finished = { readings: record.readings, outcome, circuit, step };
+      const sweep = model.sweep && ended(model.sweep, finished);
       const freeHz = run && record.purpose === "no_load" && record.outcome.status === "accepted"
         ? [...run.freeHz, { rig_s, hz: record.outcome.resonance_hz, sigma: record.outcome.sigma_hz }].slice(-FREE_MAX)
         : run?.freeHz;
@@ -194,6 +197,8 @@ function apply(model: Model, { run: id, record }: Event, rig_s: number): Model {
       });
     case "touch_refused":
       return withTouch(model, id, { ...settingsOf(record.touch), status: "refused", reason: record.reason });
+    case "refusal_answered":
+      return ofNoStep(model);
     case "fault":
       return { ...model, fault: { rig_s, step: record.step, cause: record.cause, hint: record.hint, after: [], frames: [] } };
     case "black_box": {
@@ -219,6 +224,13 @@ const INTENTS: Record<string, string> = {
 const begun = (id: string): CurrentRun => ({
   id, plan: undefined, name: undefined, touches: new Map(), step: undefined, freeHz: [], status: undefined,
 });
+
+/** What begins now may be refused before its sweep: the one before is not its own. */
+const ofNoStep = ({ sweep, finished, ...rest }: Model): Model =>
+  ({ ...rest, sweep: sweep && { ...sweep, step: undefined }, finished: finished && { ...finished, step: undefined } });
+
+/** The finished sweep of the touch that was made last, if it is this one. */
+export const sweepOf = ({ sweep }: Model, step: string) => (sweep?.outcome && sweep.step === step ? sweep : undefined);
 
 const ofRun = (model: Model, id: string) => (model.run?.id === id ? model.run : undefined);
 

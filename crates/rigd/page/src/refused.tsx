@@ -2,6 +2,7 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import { clock } from "./format.ts";
 import { Icon } from "./icons.tsx";
+import { sweepOf } from "./model.ts";
 import { SweepPlots } from "./plots.tsx";
 import { AskButton } from "./shell.tsx";
 import { beep, wallMs } from "./now.tsx";
@@ -20,13 +21,13 @@ export function RefusedCard({ view, refused }: { view: View; refused: RefusedTou
   const title = useRef<HTMLHeadingElement>(null);
   useEffect(() => { title.current?.focus({ preventScroll: true }); beep(); }, [refused.step, rig.state_since_s]);
   const say = (answer: string) => () => post(`runs/${rig.run?.id ?? ""}/answer?step=${encodeURIComponent(refused.step)}&refused=${answer}`);
-  const sweep = model.sweep;
+  const sweep = sweepOf(model, refused.step);
   return (
     <section class="card refused-card" role="alertdialog" aria-labelledby="refused-title" aria-describedby="refused-why">
       <p class="ask-word"><Icon name="hand" size={18} /> For you, asked {clock(wallMs(rig, rig.state_since_s))}</p>
       <h2 id="refused-title" class="title" ref={title} tabIndex={-1}>Touch {refused.step} was refused</h2>
       <p id="refused-why" class="refusal">{refused.reason}</p>
-      {sweep ? <SweepPlots sweep={sweep} height={240} /> : <p class="soft">It ended before its sweep.</p>}
+      {sweep ? <><h3>Sweep in contact of touch {refused.step}</h3><SweepPlots sweep={sweep} height={240} /></> : <p class="soft">This page has no sweep of this touch.</p>}
       <div class="buttons">
         {ANSWERS.map(([answer, text, icon]) => (
           <AskButton key={answer} class={answer === "widen" ? "primary" : ""} icon={icon} send={say(answer)} disabled={view.link === "lost"} why="The link is lost.">{text}</AskButton>
