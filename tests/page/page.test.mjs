@@ -8,6 +8,7 @@ import { commissionedOnThePage } from "./commission.mjs";
 import { sensorOnThePage } from "./sensor.mjs";
 import { homedAfterALook } from "./home.mjs";
 import { doneTwice, onlyPauses } from "./presses.mjs";
+import { silentRequests } from "./silence.mjs";
 import { needsToken } from "./token.mjs";
 import { button, config, keeper, look, passed, run, serve, shots, state, visit } from "./support.mjs";
 
@@ -224,6 +225,7 @@ await run(async () => {
   await startedAgain();
   await againAsRun();
   await needsToken();
+  await silentRequests();
   await homedAfterALook();
   await commissionedOnThePage();
   await sensorOnThePage();

@@ -1,7 +1,7 @@
 // The commissioning of a new bench: the step with its picture and limit, one question at a time, and what was seen.
-import { useEffect, useState } from "preact/hooks";
+import { useState } from "preact/hooks";
 import { AskButton } from "./shell.tsx";
-import { get, post, type View } from "./store.ts";
+import { post, usePoll, type View } from "./store.ts";
 import type { Commission, CommissionQuestion, CommissionStep } from "./wire.ts";
 
 /** How often it is asked for while it is shown, ms. Other people answer too. */
@@ -9,13 +9,7 @@ const ASK_MS = 1000;
 
 /** Nothing where no step is missing, none is under way, and none was made since the daemon was started. */
 export function CommissionCard({ view }: { view: View }) {
-  const [commission, set] = useState<Commission>();
-  useEffect(() => {
-    const ask = () => { if (!document.hidden) get<Commission>("commission").then(set, () => undefined); };
-    ask();
-    const timer = setInterval(ask, ASK_MS);
-    return () => clearInterval(timer);
-  }, []);
+  const [commission, set] = usePoll<Commission>("commission", ASK_MS);
   if (!commission || view.model.rig?.fault?.kind !== "not_commissioned" && !commission.under_way && commission.said.length === 0) return null;
   const isLost = view.link === "lost";
   const send = (path: string, body: object) => () =>

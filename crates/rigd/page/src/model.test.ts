@@ -133,6 +133,7 @@ test("the sweep of a refused touch is its own, and not the one before", () => {
   // The next touch, the same one again, or a free resonance has none yet.
   assert.equal(sweepOf(after, "main/5/front/45/1"), undefined);
   assert.equal(sweepOf(withEvent(after, begin(4, "main/5/front/45/1")), "main/5/front/45/1"), undefined);
+  assert.equal(sweepOf(withEvent(after, begin(4, "main/5/front/0/1")), "main/5/front/0/1"), undefined);
   assert.equal(sweepOf(withEvent(after, event(4, { kind: "refusal_answered", step: "main/5/front/0/1", answer: "repeat", by: "x" })), "main/5/front/0/1"), undefined);
   assert.equal(sweepOf(withEvent(withLive(before, news({ purpose: "no_load", readings: [reading(1)] })), swept("no_load")), "main/5/front/0/1"), undefined);
 });

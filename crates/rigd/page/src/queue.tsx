@@ -1,27 +1,14 @@
 // The queue: what waits for the rig, in order, and what each entry asks of a person.
-import { useEffect, useState } from "preact/hooks";
 import { day, duration } from "./format.ts";
 import { AskButton } from "./shell.tsx";
-import { get, post, remove, type View } from "./store.ts";
+import { post, remove, usePoll, type View } from "./store.ts";
 import type { Queue, QueueEntry } from "./wire.ts";
 
 /** How often the queue is asked for while it is shown, ms. Other people change it too. */
 const ASK_MS = 2000;
 
-/** The queue as the daemon has it, asked for again and again. */
-function useQueue(): [Queue | undefined, (queue: Queue | undefined) => void] {
-  const [queue, set] = useState<Queue>();
-  useEffect(() => {
-    const ask = () => void get<Queue>("queue").then(set, () => undefined);
-    ask();
-    const timer = setInterval(ask, ASK_MS);
-    return () => clearInterval(timer);
-  }, []);
-  return [queue, set];
-}
-
 export function QueuePanel({ view }: { view: View }) {
-  const [queue, set] = useQueue();
+  const [queue, set] = usePoll<Queue>("queue", ASK_MS);
   if (!queue) return null;
   const change = (path: string, body?: object) => () =>
     post<Queue>(`queue${path}`, body && { type: "application/json", text: JSON.stringify(body) }).then(set);

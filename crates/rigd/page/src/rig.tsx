@@ -1,5 +1,5 @@
 // The rig: who its devices are, moves by hand, a single sweep, and what happened.
-import { useEffect, useState } from "preact/hooks";
+import { useState } from "preact/hooks";
 import { clock, fixed, setting } from "./format.ts";
 import { CalibrateCard } from "./calibrate.tsx";
 import { CommissionCard } from "./commission.tsx";
@@ -7,7 +7,7 @@ import { Bench } from "./drawings.tsx";
 import { SensorCard } from "./sensor.tsx";
 import { FrameList, SweepCard, wallMs } from "./now.tsx";
 import { AskButton, Said } from "./shell.tsx";
-import { get, post, useAsking, type View } from "./store.ts";
+import { post, useAsking, usePoll, type View } from "./store.ts";
 import type { AxisLimits, Frames, Health, Identified, Rig } from "./wire.ts";
 
 export function RigPage({ view }: { view: View }) {
@@ -94,20 +94,17 @@ const CONSOLE_MS = 1000;
 /** What goes over the ports, to be read only. */
 function Console({ rig }: { rig: Rig }) {
   const [isOpen, setOpen] = useState(false);
-  const [found, set] = useState<Frames>();
-  useEffect(() => {
-    if (!isOpen) return;
-    const read = () => { if (!document.hidden) get<Frames>("frames").then(set, () => undefined); };
-    read();
-    const timer = setInterval(read, CONSOLE_MS);
-    return () => clearInterval(timer);
-  }, [isOpen]);
   return (
     <section class="card console" aria-label="Console">
       <div class="row"><h2>Console: what goes over the ports, read only</h2><button type="button" aria-expanded={isOpen} onClick={() => setOpen(!isOpen)}>{isOpen ? "Close" : "Show"}</button></div>
-      {isOpen && (found ? found.ports.map((port) => <FrameList key={port.port} frames={[port]} rig={rig} title={port.port} isOpen />) : <p class="soft">Reading…</p>)}
+      {isOpen && <Ports rig={rig} />}
     </section>
   );
+}
+
+function Ports({ rig }: { rig: Rig }) {
+  const [found] = usePoll<Frames>("frames", CONSOLE_MS);
+  return found ? <>{found.ports.map((port) => <FrameList key={port.port} frames={[port]} rig={rig} title={port.port} isOpen />)}</> : <p class="soft">Reading…</p>;
 }
 
 const limitsOf = ({ min, max, rest }: AxisLimits, unit: string) => `soft limits ${setting(min)} to ${setting(max)} ${unit}, rests at ${setting(rest)} ${unit}`;

@@ -1,8 +1,8 @@
 // The check of the free sensor: its record, a button that begins it, and what it has found.
-import { useEffect, useState } from "preact/hooks";
+import { useState } from "preact/hooks";
 import { fixed, measured } from "./format.ts";
 import { AskButton } from "./shell.tsx";
-import { get, post } from "./store.ts";
+import { post, usePoll } from "./store.ts";
 import type { Calibrated, SensorCheck } from "./wire.ts";
 
 /** How often it is asked for while the page is shown, ms. Other people begin checks too. */
@@ -30,14 +30,8 @@ const NAMES: Record<string, string> = {
 };
 
 export function SensorCard({ off }: { off: string | undefined }) {
-  const [check, set] = useState<SensorCheck>();
+  const [check, set] = usePoll<SensorCheck>("commission/sensor", ASK_MS);
   const [minutes, setMinutes] = useState("10");
-  useEffect(() => {
-    const ask = () => { if (!document.hidden) get<SensorCheck>("commission/sensor").then(set, () => undefined); };
-    ask();
-    const timer = setInterval(ask, ASK_MS);
-    return () => clearInterval(timer);
-  }, []);
   if (!check) return null;
   const send = (path: string, body: object) => () =>
     post<SensorCheck>(`commission/sensor${path}`, { type: "application/json", text: JSON.stringify(body) }).then((now) => now && set(now));

@@ -11,6 +11,8 @@ const LOST_MS = 5000;
 /** A command that is not answered in this time is said to be unanswered, ms. */
 const ANSWER_MS = 2000;
 const RETRY_MS = 1000;
+/** What is read and has not come in this time is given up, ms. The journal of a long run takes seconds. */
+const READ_MS = 20_000;
 /** How many records of this session come at first, ms. */
 const BACK = 100;
 
@@ -96,9 +98,12 @@ export async function follow(): Promise<never> {
 }
 
 let abort: AbortController | undefined;
+/** When the last attempt to listen began, as `heard`. */
+let tried = performance.now();
 
 async function listen(): Promise<void> {
   abort = new AbortController();
+  tried = performance.now();
   const more: Record<string, string> = lastId === undefined ? {} : { "Last-Event-ID": lastId };
   const url = `/api/v1/events?live=true&back=${BACK}`;
   const response = await fetch(url, { headers: headers(more), signal: abort.signal, cache: "no-store" });
@@ -151,9 +156,11 @@ async function loadRun(id: string): Promise<void> {
 }
 
 function watch(): void {
-  const since = performance.now() - heard;
+  const now = performance.now();
+  const since = now - heard;
   const next = since > LOST_MS ? "lost" : since > LATE_MS ? (link === "connecting" ? link : "late") : link;
-  if (next === "lost" && link !== "lost") abort?.abort();
+  // Also an attempt to connect again may get no answer for ever.
+  if (now - Math.max(heard, tried) > LOST_MS) abort?.abort();
   if (next !== link || next !== "live") {
     link = next;
     changed();
@@ -179,12 +186,31 @@ async function ask(path: string, init: RequestInit): Promise<Response> {
   throw new Refused(problem);
 }
 
+const reading = () => ({ headers: headers(), signal: AbortSignal.timeout(READ_MS) });
+
 export async function get<T>(path: string): Promise<T> {
-  return (await ask(path, { headers: headers() })).json() as Promise<T>;
+  return (await ask(path, reading())).json() as Promise<T>;
 }
 
 export async function text(path: string): Promise<string> {
-  return (await ask(path, { headers: headers() })).text();
+  return (await ask(path, reading())).text();
+}
+
+/** What the daemon has, asked for again and again while it is shown: one request at a time, and none in a hidden tab. */
+export function usePoll<T>(path: string, every_ms: number): [T | undefined, (found: T | undefined) => void] {
+  const [found, set] = useState<T>();
+  useEffect(() => {
+    let isPending = false;
+    const ask = () => {
+      if (isPending || document.hidden) return;
+      isPending = true;
+      get<T>(path).then(set, () => undefined).finally(() => { isPending = false; });
+    };
+    ask();
+    const timer = setInterval(ask, every_ms);
+    return () => clearInterval(timer);
+  }, [path, every_ms]);
+  return [found, set];
 }
 
 /** A link to what the daemon has, opened as a file. */
