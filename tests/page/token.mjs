@@ -6,18 +6,17 @@ import { button, look, rigd, serve, state, visit, work } from "./support.mjs";
 
 export async function needsToken() {
   const { base } = await serve("token", (text) => text.replace('person = "answers"', 'person = "waits"'));
-  const before = await visit(base);
-  await state(before, "Ready");
+  const page = await visit(base);
+  await state(page, "Ready");
   // The list of keys leaves a stop within reach.
-  await before.keyboard.press("?");
-  await before.getByRole("dialog").getByRole("button", { name: "Stop all" }).click();
-  await before.getByRole("dialog").getByRole("status").getByText("Latched, nothing moves").waitFor();
-  await look(before, "stopped-in-dialog");
-  await before.context().close();
+  await page.keyboard.press("?");
+  await page.getByRole("dialog").getByRole("button", { name: "Stop all" }).click();
+  await page.getByRole("dialog").getByRole("status").getByText("Latched, nothing moves").waitFor();
+  await look(page, "stopped-in-dialog");
   const made = spawnSync(rigd, ["token", "new", "ada", "--data", join(work, "token", "data")], { encoding: "utf8" });
   const token = /^\s*(\S{30,})\s*$/m.exec(made.stdout)?.[1] ?? assert.fail(`${made.stdout}${made.stderr}`);
-  const page = await visit(base);
   page.isExpecting = (text) => text.includes("401");
+  await page.reload();
   const dialog = page.getByRole("dialog", { name: "This daemon asks for a token" });
   await dialog.waitFor();
   await state(page, "Token needed");
