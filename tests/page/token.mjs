@@ -34,5 +34,12 @@ export async function needsToken() {
   assert.ok(status < 300, `status ${status}`);
   await dialog.waitFor({ state: "detached" });
   await state(page, "Latched, nothing moves");
+  // The same while the stream goes on.
+  await page.route("**/api/v1/**", (route) => route.fulfill({ status: 401, json: { title: "token", status: 401, detail: "a token is needed" } }));
+  await page.evaluate(() => { location.hash = "#/runs"; });
+  await dialog.waitFor();
+  await state(page, "Latched, nothing moves");
+  await page.unroute("**/api/v1/**");
+  await dialog.waitFor({ state: "detached" });
   await page.context().close();
 }

@@ -189,7 +189,10 @@ async function ask(path: string, init: RequestInit): Promise<Response> {
 const reading = () => ({ headers: headers(), signal: AbortSignal.timeout(READ_MS) });
 
 export async function get<T>(path: string): Promise<T> {
-  return (await ask(path, reading())).json() as Promise<T>;
+  const response = await ask(path, reading());
+  // Another tab may have logged this browser in while the stream went on.
+  if (needsToken) { needsToken = false; changed(); }
+  return response.json() as Promise<T>;
 }
 
 export async function text(path: string): Promise<string> {
