@@ -88,7 +88,7 @@ fn introduction(page: &mut Page, args: &Args) {
          at any phase at each change of frequency, with gaps of up to 3 ms before each reading, known \
          to 1 ms. As in a run, a survey of {SURVEY_S} s comes first, on a bench that stands still but has \
          the other disturbances of the axis; a survey that is refused twice counts as a refused \
-         sweep, and its time is not counted. The sweep itself starts cold, with a limit of 30 s and a target of 10 mHz \
+         sweep of 0 s. The sweep itself starts cold, with a limit of 30 s and a target of 10 mHz \
          (quality 10, coupling 0.02: 30 mHz). Half of the surveys know the noise, as after an earlier \
          run, and the others nothing. On the axis `contact` the sweep starts from the survey, as every \
          touch starts from a sweep without a sample; the resonance then lies where a contact may put it, \
@@ -238,9 +238,9 @@ fn beyond(page: &mut Page, cells: &[Cell]) {
         "A spring that softens slightly at the peak changes the readings of one sweep in the same \
          way as another resonance does. No estimator can detect it in the readings, and all of \
          them, the production fit included, are silently wrong here. A second sweep at another \
-         level detects it (above, `with a step of the level`: the results at the full and at half \
-         the level give the result without drive, or a refusal if they differ). This map is not \
-         part of the count.",
+         level detects it (above, `with a step of the level`: the result is that at half the level, or a \
+         refusal if it differs from that at the full level; the daemon compares them too, and goes on at the full \
+         level). This map is not part of the count.",
     );
     let wrong = where_wrong(cells.iter().filter(|cell| cell.axis.is_beyond_one_sweep()));
     if !wrong.is_empty() {
