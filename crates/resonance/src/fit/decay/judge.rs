@@ -36,12 +36,8 @@ const MOVES_GAIN: f64 = 25.0;
 
 /// Largest number of wrong readings for which the circuit is searched again.
 const SEARCHES: usize = 8;
-/// The readings are compared within their stays at most this many times, and with this many rows.
+/// The readings are compared within their stays at most this many times.
 const FAR_ROUNDS: usize = 4;
-const FAR_ROWS_MAX: u64 = 20_000;
-
-/// The shapes of a drift are weighed again if the noise variance is not what it was taken for, within this factor.
-const SAME_NOISE: f64 = 1.2;
 
 /// Finds the resonance in readings of stays without settling.
 pub(crate) fn fit(readings: &[Reading], options: &FitOptions) -> FitOutcome {
@@ -82,8 +78,7 @@ fn window(readings: &[Reading], options: &FitOptions) -> Window {
 /// Effective time of the resonance, s after the start of the first reading.
 pub(crate) fn effective_time_s(readings: &[Reading], options: &FitOptions) -> Option<f64> {
     let noise = PooledVariance::known(&options.noise.unwrap_or(NOISE));
-    let known = Known::with(noise.variance());
-    let mut stays = Stays::of(known, options.bench, readings)?;
+    let mut stays = Stays::of(Known::with(noise.variance()), options.bench, readings)?;
     let (best, expected) = best(&mut stays, window(readings, options), noise, options)?;
     stays.effective_time_s(&best, &expected)
 }
@@ -112,12 +107,11 @@ pub(super) fn best(
         follow(stays, &mut best);
         if is_suspect(stays, &best) {
             let all = stays.clone();
-            let rows_max = all.work.get() + FAR_ROWS_MAX;
             for _ in 0..FAR_ROUNDS {
                 // A reading far from a rough circuit may agree with a better one.
-                all.work.set(stays.work.get());
-                let without = all.without_far(&at, rows_max);
+                let without = all.without_far(&at);
                 let is_same = without.has_same_readings(stays);
+                without.work.set(without.work.get() + stays.work.get() - all.work.get());
                 *stays = without;
                 if is_same {
                     break;
@@ -140,11 +134,7 @@ pub(super) fn best(
     if search.is_suspect(&best) {
         let criteria = Criteria { expected: &expected, noise, within: window };
         let is_misfit = search.is_misfit(&best);
-        let searches = match options.near {
-            Some(_) => outliers::searches_of_step(stays, window, SEARCHES),
-            None => SEARCHES,
-        };
-        match outliers::without(stays, std::slice::from_ref(&best), &criteria, searches) {
+        match outliers::without(stays, std::slice::from_ref(&best), &criteria, SEARCHES) {
             Some(rest) => {
                 *stays = rest.stays;
                 let mut found = rest.found;
@@ -158,12 +148,8 @@ pub(super) fn best(
     // If the noise is poorly known, it is estimated from the readings.
     let degrees = stays.degrees();
     let cost = best.normal.cost * stays.known.variance;
-    let assumed =
-        std::mem::replace(&mut stays.known.variance, noise.with(cost, degrees).variance());
-    let mut best = stays.minimum(best.at, &expected);
-    if (stays.known.variance / assumed).ln().abs() > SAME_NOISE.ln() {
-        follow(stays, &mut best);
-    }
+    stays.known.variance = noise.with(cost, degrees).variance();
+    let best = stays.minimum(best.at, &expected);
     Some((best, expected))
 }
 
