@@ -47,6 +47,11 @@ impl PooledVariance {
         Self { sum: self.sum + cost, degrees: self.degrees + degrees }
     }
 
+    /// Whether it is a guess: no more degrees of freedom than that of an unknown analyzer.
+    pub(crate) fn is_guess(self) -> bool {
+        self.degrees <= NOISE.degrees_of_freedom
+    }
+
     /// The variance of each part of a reading of ten cycles.
     pub(crate) fn variance(self) -> f64 {
         self.sum / self.degrees

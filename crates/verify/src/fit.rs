@@ -128,6 +128,19 @@ impl<'a> Stated<'a> {
     }
 }
 
+/// The capacitance that would have this impedance, F.
+fn capacitance_f(reading: &Reading) -> f64 {
+    1.0 / (TAU * reading.frequency_hz * measured(reading).norm())
+}
+
+/// The median of these capacitances: a free decay can make any impedance large, and with a small unit the expected loss
+/// would be small too.
+fn unit_f(readings: &[Reading]) -> f64 {
+    let mut all: Vec<f64> = readings.iter().map(capacitance_f).collect();
+    all.sort_by(f64::total_cmp);
+    all[all.len() / 2]
+}
+
 /// Fits usable readings from the neighbourhood of a statement; `None` if that does not converge.
 pub(crate) fn fit(
     readings: &[Reading],
@@ -142,7 +155,7 @@ pub(crate) fn fit(
     };
     let is_noise_unknown = noise.is_none() && !is_ringing;
     let noise = noise.unwrap_or(if is_ringing { NOISE } else { NOISE_OF_SETTLED });
-    let unit = 1.0 / (TAU * first.frequency_hz * measured(first).norm());
+    let unit = if is_ringing { unit_f(readings) } else { capacitance_f(first) };
     let stays = stays(readings, unit, first_gap_s);
     let mut trace = Trace { stays, is_ringing, first_gap_s, beside: None };
     let beside = stated.beside((first.begin_s(), trace.span_s()), is_ringing, unit);

@@ -153,6 +153,16 @@ impl Hypothesis {
     }
 }
 
+/// The unit of capacitance: the median of the impedances. During a free decay, or by an error, any of them may be far
+/// from the usual. `None` if there is none.
+pub(crate) fn unit_farad(readings: &[Reading]) -> Option<f64> {
+    let farad =
+        |reading: &Reading| Some(1.0 / (TAU * reading.frequency_hz * complex_ohm(reading)?.norm()));
+    let mut all: Vec<f64> = readings.iter().filter_map(farad).collect();
+    all.sort_unstable_by(f64::total_cmp);
+    all.get(all.len() / 2).copied()
+}
+
 /// Variance of the first unknown with `free` unknowns; infinite if it is not determined.
 pub(crate) fn variance(normal: &Normal<UNKNOWNS>, free: usize) -> f64 {
     let mut unit = [0.0; UNKNOWNS];
@@ -200,20 +210,16 @@ impl Sample {
 }
 
 impl Stays {
-    /// Starts with the first reading, whose impedance sets the unit of capacitance; `None` if it has
-    /// none.
-    pub(crate) fn new(known: Known, bench: Option<Bench>, first: &Reading) -> Option<Self> {
-        let ohm = complex_ohm(first)?.norm();
-        let unit_farad = 1.0 / (TAU * first.frequency_hz * ohm);
+    /// None yet, in this unit of capacitance.
+    pub(crate) fn new(known: Known, bench: Option<Bench>, unit_farad: f64) -> Self {
         let known = bench.map_or(known, |bench| known.with_first_gap(bench.first_gap_s));
         let (all, last, work) = (Vec::new(), None, Cell::new(0));
-        Some(Self { all, unit_farad, known, bench, drift: None, excluded: 0, last, work })
+        Self { all, unit_farad, known, bench, drift: None, excluded: 0, last, work }
     }
 
     /// Builds the stays of these readings; `None` if none has an impedance.
     pub(crate) fn of(known: Known, bench: Option<Bench>, readings: &[Reading]) -> Option<Self> {
-        let first = readings.iter().find(|reading| complex_ohm(reading).is_some())?;
-        let mut stays = Self::new(known, bench, first)?;
+        let mut stays = Self::new(known, bench, unit_farad(readings)?);
         for reading in readings {
             stays.push(reading);
         }

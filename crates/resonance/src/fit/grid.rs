@@ -37,11 +37,22 @@ const PAST_SPREAD: f64 = 3.0;
 pub(crate) const C1_TYPICAL: f64 = 0.07;
 
 /// Relative spacing of the trial frequencies: one linewidth at a quality factor of 150.
-pub(crate) const STEP: f64 = 0.007;
+const STEP: f64 = 0.007;
 /// Largest number of steps over a window: from 4 Hz to 8 MHz, more than the range of any impedance
 /// analyzer. For wider windows the steps get longer.
 const STEPS_MAX: u32 = 2100;
 pub(crate) const QUALITIES: [f64; 7] = [6.0, 10.0, 17.0, 30.0, 52.0, 90.0, 150.0];
+
+/// Number of steps of a grid over a window.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "it is from one to `STEPS_MAX`"
+)]
+pub(crate) fn steps(window: Window) -> u32 {
+    let Window { min_hz, max_hz } = window;
+    ((max_hz / min_hz).ln() / STEP).ceil().clamp(1.0, f64::from(STEPS_MAX)) as u32
+}
 
 /// All trials of a grid.
 #[derive(Debug, Clone)]
@@ -68,7 +79,7 @@ impl Grid {
     /// given.
     pub(crate) fn new(window: Window, timing: Timing, variance: Option<f64>) -> Self {
         let Window { min_hz, max_hz } = window;
-        let steps = ((max_hz / min_hz).ln() / STEP).ceil().clamp(1.0, f64::from(STEPS_MAX));
+        let steps = f64::from(steps(window));
         let mut cells = Vec::new();
         let mut step = 0.0;
         while step <= steps {
@@ -196,8 +207,8 @@ impl GridTrial {
 }
 
 impl CircuitPrior {
-    /// The prior of any sensor: any resonance, Q within a factor of e, C0 from the first reading, and
-    /// spreads of C1 and of the loss in units of C0.
+    /// The prior of any sensor: any resonance, Q within a factor of e, C0 from the unit of capacitance, and
+    /// spreads of C1 and of the loss in that unit.
     pub(crate) fn any(q: f64) -> Self {
         Self {
             mean: [0.0, q.ln(), 1.0, 0.0, 0.0],

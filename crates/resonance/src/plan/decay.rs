@@ -15,7 +15,7 @@ use crate::{
     circuit::trace::ModelEstimate,
     diagnose::doubts::{GAIN_MIN, POINTS_MIN},
     fit::decay::{
-        Hypothesis, Known, Stays,
+        self, Hypothesis, Known, Stays,
         judge::MODE_WIDENS,
         mode::{Modes, SecondMode},
         outliers::{self, CERTAIN, Criteria},
@@ -130,16 +130,12 @@ impl Decay {
     }
 
     pub(crate) fn add(&mut self, readings: &[Reading], window: Window) {
+        if self.stays.is_none() {
+            let unit_farad = decay::unit_farad(readings);
+            self.stays = unit_farad.map(|unit| Stays::new(self.known, self.bench, unit));
+        }
+        let Some(stays) = &mut self.stays else { return };
         for reading in readings {
-            let Some(stays) = self.stays.as_mut() else {
-                // The scale of the impedances is unknown before the first reading.
-                self.stays = Stays::new(self.known, self.bench, reading);
-                if let Some(stays) = &mut self.stays {
-                    stays.push(reading);
-                    self.trials.add_all(stays);
-                }
-                continue;
-            };
             let begins = stays.push(reading);
             if let Some(stay) = stays.all.last()
                 && let Some(sample) = stay.samples.last()
@@ -368,12 +364,13 @@ impl Decay {
             self.searches += 1;
             found = search.run(found, last, Effort::Beside);
         }
-        let is_suspect = found.iter().all(|one| search.is_misfit(one) || one.has_far());
+        let is_suspect = found.iter().all(|one| search.is_misfit(one) || one.has_far(self.noise));
         if is_suspect && self.searches_without < SEARCHES_WITHOUT_MAX {
             self.searches_without += 1;
             let Self { expected, noise, within, .. } = self;
             let criteria = Criteria { expected, noise: *noise, within: *within };
-            if let Some(rest) = outliers::without(stays, &found, &criteria, 1) {
+            let searches = outliers::searches_of_step(stays, *within, 1);
+            if let Some(rest) = outliers::without(stays, &found, &criteria, searches) {
                 found = rest.found;
                 self.trials = Trials::new(*within);
                 self.trials.add_all(&rest.stays);

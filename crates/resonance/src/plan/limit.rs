@@ -3,9 +3,10 @@
 //! Every sweep ends at its time limit or at one of these counts. Nearly every sweep that reaches its target needs
 //! less than these counts, so that a sweep that exhausts one has too strict a target.
 
-/// Largest number of readings of one sweep. Sweeps that reach their target take up to 180, and up to twice as many with
-/// a wrong reading, on the sensors with the weakest resonance.
-pub(crate) const READINGS_MAX: usize = 360;
+use crate::fit::decay::outliers::READINGS_OF_PLAN_MAX;
+
+/// Largest number of readings of one sweep.
+pub(crate) const READINGS_MAX: usize = READINGS_OF_PLAN_MAX;
 /// Largest number of judgements of one sweep. Sweeps that reach their target hardly ever need 30, and
 /// each judgement costs as much as a few readings.
 pub(crate) const VERDICTS_MAX: usize = 36;

@@ -353,7 +353,9 @@ fn a_resonance_that_moves_evenly_has_the_value_of_the_fit_at_the_effective_time(
         let time_s = found.effective_time_s.unwrap();
         let error_hz = (found.resonance_hz - at(time_s)).abs();
         let by_drift_hz = (drift_hz_per_s * 14.0).abs();
-        assert!(error_hz < 0.1 * by_drift_hz, "{drift_hz_per_s}: {time_s} {found:?}");
+        // What is expected of any sensor draws a little too.
+        let allowed_hz = 0.1 * by_drift_hz + 0.01 * found.sigma_hz;
+        assert!(error_hz < allowed_hz, "{drift_hz_per_s}: {time_s} {found:?}");
         assert!((time_s - 7.0).abs() > 2.0, "the middle would be as good: {time_s}");
     }
 }

@@ -19,8 +19,8 @@ const GAP_SIGMA_S: f64 = 0.58e-3;
 const GAP_S: f64 = 1e-3;
 /// The part of the square of a free decay that each part of its amplitude may have.
 const AMPLITUDE_SHARE: f64 = 0.75;
-/// Expected values and their standard deviations: ln Q, then C0, C1 and C0 tan δ in units of the
-/// capacitance of the first reading.
+/// Expected values and their standard deviations: ln Q, then C0, C1 and C0 tan δ in the unit of
+/// capacitance.
 const EXPECTED: [(f64, f64); 4] = [(3.401, 1.0), (1.0, 1.0), (0.0, 0.15), (0.0, 0.03)];
 /// Unknowns of the circuit.
 pub(super) const CIRCUIT: usize = 5;

@@ -141,21 +141,26 @@ impl Stays {
         if gain < GAIN {
             return constant();
         }
+        let trials = &Trials::none();
         let (mut stays, mut found, mut next) = (self.clone(), best.clone(), drift);
-        for _ in 0..ROUNDS {
+        for left in (0..ROUNDS).rev() {
             let (drift, ln_moved) = next;
             stays.drift = Some(drift);
             let resonance_hz = found.at.resonance_hz * ln_moved.exp();
             let start = ModelEstimate { resonance_hz, ..found.at };
             let before = found.normal.cost;
             found = stays.minimum_while(start, found.states, expected, |_, _, _| true)?;
-            if (before - found.normal.cost).abs() < SAME {
+            let saved = before - found.normal.cost;
+            // Each round saves less than the one before.
+            let at_most = saved.max(0.0) * left as f64;
+            let search = Search { stays: &stays, trials, expected, noise };
+            if saved.abs() < SAME || search.is_misfit_even_less(&found, at_most) {
                 break;
             }
             next = Self::likeliest(&stays.shapes(&found), expected)?.0;
         }
-        let trials = &Trials::none();
         let search = Search { stays: &stays, trials, expected, noise };
+        self.work.set(stays.work.get());
         if !stays.has_slow_drift(&found.at) || search.is_misfit(&found) {
             return self.drift.and_then(|_| constant());
         }

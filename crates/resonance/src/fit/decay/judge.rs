@@ -5,7 +5,7 @@ use rig_model::{Reading, Window};
 use super::{
     Hypothesis, Known, Stays,
     mode::{Modes, SecondMode},
-    outliers::{self, Criteria},
+    outliers::{self, Comparison, Criteria},
     search::{Effort, Search, allowed},
     start::Trials,
 };
@@ -38,6 +38,9 @@ const MOVES_GAIN: f64 = 25.0;
 const SEARCHES: usize = 8;
 /// The readings are compared within their stays at most this many times.
 const FAR_ROUNDS: usize = 4;
+
+/// The shapes of a drift are weighed again if the noise variance is not what it was taken for, within this factor.
+const SAME_NOISE: f64 = 1.2;
 
 /// Finds the resonance in readings of stays without settling.
 pub(crate) fn fit(readings: &[Reading], options: &FitOptions) -> FitOutcome {
@@ -78,7 +81,8 @@ fn window(readings: &[Reading], options: &FitOptions) -> Window {
 /// Effective time of the resonance, s after the start of the first reading.
 pub(crate) fn effective_time_s(readings: &[Reading], options: &FitOptions) -> Option<f64> {
     let noise = PooledVariance::known(&options.noise.unwrap_or(NOISE));
-    let mut stays = Stays::of(Known::with(noise.variance()), options.bench, readings)?;
+    let known = Known::with(noise.variance());
+    let mut stays = Stays::of(known, options.bench, readings)?;
     let (best, expected) = best(&mut stays, window(readings, options), noise, options)?;
     stays.effective_time_s(&best, &expected)
 }
@@ -91,6 +95,7 @@ pub(super) fn best(
     noise: PooledVariance,
     options: &FitOptions,
 ) -> Option<(Hypothesis, CircuitPrior)> {
+    let how = Comparison::of(stays.count());
     let expected = CircuitPrior::any(Q_TYPICAL).within(window);
     let follow = |stays: &mut Stays, best: &mut Hypothesis| {
         if let Some(following) = stays.following(best, &expected, (noise, window)) {
@@ -107,11 +112,12 @@ pub(super) fn best(
         follow(stays, &mut best);
         if is_suspect(stays, &best) {
             let all = stays.clone();
+            let rows_max = how.rows_max(all.work.get());
             for _ in 0..FAR_ROUNDS {
                 // A reading far from a rough circuit may agree with a better one.
-                let without = all.without_far(&at);
+                all.work.set(stays.work.get());
+                let without = all.without_far(&at, how, rows_max);
                 let is_same = without.has_same_readings(stays);
-                without.work.set(without.work.get() + stays.work.get() - all.work.get());
                 *stays = without;
                 if is_same {
                     break;
@@ -134,7 +140,11 @@ pub(super) fn best(
     if search.is_suspect(&best) {
         let criteria = Criteria { expected: &expected, noise, within: window };
         let is_misfit = search.is_misfit(&best);
-        match outliers::without(stays, std::slice::from_ref(&best), &criteria, SEARCHES) {
+        let searches = match (options.near, how) {
+            (Some(_), Comparison::Limited) => outliers::searches_of_step(stays, window, SEARCHES),
+            (None, _) | (_, Comparison::Full) => SEARCHES,
+        };
+        match outliers::without(stays, std::slice::from_ref(&best), &criteria, searches) {
             Some(rest) => {
                 *stays = rest.stays;
                 let mut found = rest.found;
@@ -148,8 +158,12 @@ pub(super) fn best(
     // If the noise is poorly known, it is estimated from the readings.
     let degrees = stays.degrees();
     let cost = best.normal.cost * stays.known.variance;
-    stays.known.variance = noise.with(cost, degrees).variance();
-    let best = stays.minimum(best.at, &expected);
+    let assumed =
+        std::mem::replace(&mut stays.known.variance, noise.with(cost, degrees).variance());
+    let mut best = stays.minimum(best.at, &expected);
+    if (stays.known.variance / assumed).ln().abs() > SAME_NOISE.ln() {
+        follow(stays, &mut best);
+    }
     Some((best, expected))
 }
 

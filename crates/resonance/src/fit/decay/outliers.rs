@@ -26,6 +26,10 @@ const READINGS_PER_OUTLIER: usize = 10;
 
 /// Number of readings that are left out by themselves in a round.
 const CANDIDATES: usize = 10;
+/// The same of a stay that is compared with itself within limits.
+const CANDIDATES_OF_STAY: usize = 4;
+/// Largest number of rows of such comparisons for a verdict.
+const ROWS_OF_STAYS_MAX: u64 = 20_000;
 /// Number of them without which the circuit is searched again.
 const SEARCHED: usize = 2;
 /// Twice the log-likelihood that an excluded reading must gain, which is also the largest weighted |r|²
@@ -33,8 +37,15 @@ const SEARCHED: usize = 2;
 const GAIN_MIN: f64 = 22.0;
 /// Median of the weighted |r|² of usual readings.
 const MEDIAN: f64 = 1.386;
+/// Largest ratio of the noise variance to a guessed one.
+const LOUDEST: f64 = 25.0;
 /// Number of rows after which no further reading is left out at once, a few milliseconds.
 pub(crate) const ROWS_MAX: u64 = 30_000;
+/// Largest number of readings, once for each trial of a grid, in the searches of a step: ten milliseconds.
+const TRIALS_MAX: usize = 200_000;
+/// Largest number of readings of a planned sweep. Sweeps that reach their target take up to 180, and up to twice as many with
+/// a wrong reading, on the sensors with the weakest resonance.
+pub(crate) const READINGS_OF_PLAN_MAX: usize = 360;
 /// Largest number of readings that are excluded at once.
 const ROUNDS: usize = 8;
 /// Standard deviation in linewidths. Above it other circuits are searched for, but no second mode.
@@ -65,11 +76,67 @@ pub(crate) const fn widening(stays: &Stays) -> f64 {
     if stays.excluded > 0 { WIDENING } else { 1.0 }
 }
 
+/// How far the comparison of the readings within their stays may go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Comparison {
+    /// As far as a step of a planned sweep has time for.
+    Limited,
+    /// Without a limit: a survey has more readings, many of them in one stay, and is judged once.
+    Full,
+}
+
+impl Comparison {
+    /// That of this many readings.
+    pub(super) const fn of(readings: usize) -> Self {
+        if readings > READINGS_OF_PLAN_MAX { Self::Full } else { Self::Limited }
+    }
+
+    /// The number of rows at which a comparison ends that starts at `rows`.
+    pub(super) const fn rows_max(self, rows: u64) -> u64 {
+        match self {
+            Self::Limited => rows.saturating_add(ROWS_OF_STAYS_MAX),
+            Self::Full => u64::MAX,
+        }
+    }
+
+    /// Largest number of readings of a stay that are left out by themselves.
+    const fn candidates(self) -> usize {
+        match self {
+            Self::Limited => CANDIDATES_OF_STAY,
+            Self::Full => usize::MAX,
+        }
+    }
+}
+
 impl Hypothesis {
     /// Whether a reading deviates more than usual ones.
-    pub(crate) fn has_far(&self) -> bool {
-        self.states.iter().any(|state| state.sizes().any(|size| size > GAIN_MIN))
+    pub(crate) fn has_far(&self, noise: PooledVariance) -> bool {
+        let gain_min = self.gain_min(noise);
+        self.states.iter().any(|state| state.sizes().any(|size| size > gain_min))
     }
+
+    /// Twice the log-likelihood that an excluded reading must gain. Where the noise is a guess, the readings
+    /// themselves say how large it is.
+    fn gain_min(&self, noise: PooledVariance) -> f64 {
+        if !noise.is_guess() {
+            return GAIN_MIN;
+        }
+        let sizes = self.states.iter().flat_map(State::sizes);
+        GAIN_MIN * (median_of_used(sizes) / MEDIAN).clamp(1.0, LOUDEST)
+    }
+}
+
+/// The median of the weighted |r|² of the readings in use; 0 if there is none.
+fn median_of_used(sizes: impl Iterator<Item = f64>) -> f64 {
+    let mut sizes: Vec<f64> = sizes.filter(|size| *size > 0.0).collect();
+    sizes.sort_unstable_by(f64::total_cmp);
+    sizes.get(sizes.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// How often a step may search the circuit again, at most `most` times: each grid takes time with every reading.
+pub(crate) fn searches_of_step(stays: &Stays, within: Window, most: usize) -> usize {
+    let each = SEARCHED * Trials::count(within) * stays.count();
+    most.min(TRIALS_MAX / each.max(1))
 }
 
 /// The readings that are left when those are excluded that `found` does not describe, one after
@@ -98,26 +165,25 @@ pub(crate) fn without(
 
 impl Stays {
     /// Those without the readings that lie far from the others of their stay, for a circuit near this
-    /// one. An error of the circuit shifts all readings, so that it raises the limit.
-    pub(super) fn without_far(&self, at: &ModelEstimate) -> Self {
+    /// one. An error of the circuit shifts all readings, so that it raises the limit. After `rows_max` rows of work the
+    /// rest stays.
+    pub(super) fn without_far(&self, at: &ModelEstimate, how: Comparison, rows_max: u64) -> Self {
         let alone = |of: &Modelled<'_>| {
             let mut state = State::default();
             let normal = self.computed(of, of.model.prior(of.square), &mut state);
             (normal.cost, state)
         };
         let states: Vec<(f64, State)> = self.models(at).map(|of| alone(&of)).collect();
-        let mut sizes: Vec<f64> =
-            states.iter().flat_map(|(_, state)| state.sizes()).filter(|size| *size > 0.0).collect();
-        sizes.sort_unstable_by(f64::total_cmp);
         let mut rest = self.clone();
-        let Some(median) = sizes.get(sizes.len() / 2) else { return rest };
+        let median = median_of_used(states.iter().flat_map(|(_, state)| state.sizes()));
         let limit = GAIN_MIN * (median / MEDIAN).max(1.0);
         let readings = self.count() + self.excluded;
         let mut left = readings.div_ceil(READINGS_PER_OUTLIER).saturating_sub(self.excluded);
         for (n, (of, (mut cost, mut state))) in self.models(at).zip(states).enumerate() {
             let mut stay = of.stay.clone();
             for _ in 0..left.min(stay.samples.len() / 2) {
-                if state.sizes().all(|size| size <= limit) {
+                let is_usual = state.sizes().all(|size| size <= limit);
+                if is_usual || self.work.get() > rows_max {
                     break;
                 }
                 let without = |sample: usize| {
@@ -126,8 +192,9 @@ impl Stays {
                     let (rest, state) = alone(&Modelled { stay: &stay, ..of });
                     (rest, sample, state)
                 };
-                let used = |sample: &usize| stay.samples[*sample].length > 0.0;
-                let all = (0..stay.samples.len()).filter(used).map(without);
+                let sizes = state.sizes().enumerate().map(|(sample, size)| (size, sample));
+                let far = largest(sizes.filter(|(size, _)| *size > 0.0), how.candidates());
+                let all = far.into_iter().map(without);
                 let Some((least, sample, next)) = all.min_by(|a, b| a.0.total_cmp(&b.0)) else {
                     break;
                 };
@@ -176,11 +243,12 @@ impl Rest {
                 let Some(gained) = rest.found.first().map(|one| evidence - one.evidence()) else {
                     continue;
                 };
-                if gained > GAIN_MIN && rest.is_described(criteria) {
+                let gain_min = rest.found[0].gain_min(criteria.noise);
+                if gained > gain_min && rest.is_described(criteria) {
                     return Some(rest);
                 }
                 let least =
-                    best.as_ref().map_or(GAIN_MIN, |best| evidence - best.found[0].evidence());
+                    best.as_ref().map_or(gain_min, |best| evidence - best.found[0].evidence());
                 if gained > least {
                     best = Some(rest);
                 }
@@ -217,7 +285,7 @@ impl Rest {
         let trials = &Trials::none();
         let search = Search { stays: &self.stays, trials, expected, noise };
         let best = self.found.first();
-        best.is_some_and(|best| !search.is_misfit(best) && !best.has_far())
+        best.is_some_and(|best| !search.is_misfit(best) && !best.has_far(noise))
     }
 }
 
@@ -229,10 +297,11 @@ fn suspects(stays: &Stays, found: &[Hypothesis]) -> Vec<(usize, usize)> {
         all.flat_map(|(stay, one)| (0..one.samples.len()).map(move |sample| (stay, sample)))
             .filter(|&(stay, sample)| stays.all[stay].samples[sample].length > 0.0)
     };
-    let mut sizes: Vec<(f64, (usize, usize))> = if let Some(best) = found.first() {
+    if let Some(best) = found.first() {
         let sizes: Vec<Vec<f64>> =
             best.states.iter().map(|state| state.sizes().collect()).collect();
-        used().map(|(stay, sample)| (sizes[stay][sample], (stay, sample))).collect()
+        let used = used().map(|(stay, sample)| (sizes[stay][sample], (stay, sample)));
+        largest(used, CANDIDATES)
     } else {
         let logarithm = |&(stay, sample): &(usize, usize)| {
             let Stay { frequency_hz, samples, .. } = &stays.all[stay];
@@ -243,10 +312,15 @@ fn suspects(stays: &Stays, found: &[Hypothesis]) -> Vec<(usize, usize)> {
         let middle = all.get(all.len() / 2).copied().unwrap_or_default();
         let turned = -0.5 * PI;
         let away = |place| (logarithm(&place) - Complex64::new(middle, turned)).norm();
-        used().map(|place| (away(place), place)).collect()
-    };
-    sizes.sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
-    sizes.truncate(CANDIDATES);
+        largest(used().map(|place| (away(place), place)), CANDIDATES)
+    }
+}
+
+/// The places of the largest deviations, from the largest.
+fn largest<P>(sizes: impl Iterator<Item = (f64, P)>, count: usize) -> Vec<P> {
+    let mut sizes: Vec<(f64, P)> = sizes.collect();
+    sizes.sort_by(|a, b| b.0.total_cmp(&a.0));
+    sizes.truncate(count);
     sizes.into_iter().map(|(_, place)| place).collect()
 }
 

@@ -34,9 +34,8 @@ pub(crate) const DESCENTS_MAX: usize = KEPT + STARTS + 2;
 const CHI_SQUARED_SIGMAS: f64 = 2.7;
 /// The same from which on a wrong reading is looked for.
 const SUSPECT_SIGMAS: f64 = 1.5;
-/// A noise prior with no more degrees of freedom than this is a guess. Analyzers differ from it by up
-/// to a factor of five, which corresponds to half a degree of freedom.
-const GUESSED_DEGREES: f64 = 4.0;
+/// Analyzers differ from a guessed noise by up to a factor of five, which corresponds to half a degree of
+/// freedom.
 const DEGREES_OF_A_GUESS: f64 = 0.5;
 /// Residual degrees of freedom above which a guess has `DEGREES_OF_A_GUESS`; a wrong circuit is then
 /// detected in other ways.
@@ -69,7 +68,7 @@ pub(crate) fn allowed(degrees: f64, noise: PooledVariance) -> f64 {
 
 fn allowed_within(sigmas: f64, degrees: f64, noise: PooledVariance) -> f64 {
     let mut prior = noise.prior();
-    if prior.degrees_of_freedom <= GUESSED_DEGREES && degrees > ENOUGH_DEGREES {
+    if noise.is_guess() && degrees > ENOUGH_DEGREES {
         prior.degrees_of_freedom = DEGREES_OF_A_GUESS;
     }
     noise::allowed(degrees, Some(&prior), sigmas)
@@ -86,17 +85,22 @@ impl Hypothesis {
 impl Search<'_> {
     /// Whether the residuals of this circuit exceed the allowed noise.
     pub(crate) fn is_misfit(&self, one: &Hypothesis) -> bool {
-        self.exceeds(CHI_SQUARED_SIGMAS, one)
+        self.is_misfit_even_less(one, 0.0)
+    }
+
+    /// The same if its cost were less by `saved`.
+    pub(crate) fn is_misfit_even_less(&self, one: &Hypothesis, saved: f64) -> bool {
+        self.exceeds(CHI_SQUARED_SIGMAS, one.normal.cost - saved)
     }
 
     /// Whether a wrong reading may be among them: one sweep in fifteen without any looks like this.
     pub(crate) fn is_suspect(&self, one: &Hypothesis) -> bool {
-        self.exceeds(SUSPECT_SIGMAS, one) || one.has_far()
+        self.exceeds(SUSPECT_SIGMAS, one.normal.cost) || one.has_far(self.noise)
     }
 
-    fn exceeds(&self, sigmas: f64, one: &Hypothesis) -> bool {
+    fn exceeds(&self, sigmas: f64, cost: f64) -> bool {
         let degrees = self.stays.degrees();
-        let found = one.normal.cost / degrees * self.stays.known.variance;
+        let found = cost / degrees * self.stays.known.variance;
         degrees > 0.0 && found > allowed_within(sigmas, degrees, self.noise) * self.noise.variance()
     }
 

@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{
     circuit::trace::{ExtraTerm, ModelEstimate},
-    fit::grid::{C1_TYPICAL, CircuitPrior, QUALITIES, STEP, are_apart},
+    fit::grid::{C1_TYPICAL, CircuitPrior, QUALITIES, are_apart, steps},
     numeric::dense::Cholesky,
     numeric::descent::Normal,
 };
@@ -61,10 +61,15 @@ impl Trials {
         }
     }
 
+    /// Number of trials in a window.
+    pub(crate) fn count(window: Window) -> usize {
+        (steps(window) as usize + 1) * QUALITIES.len()
+    }
+
     pub(crate) fn new(window: Window) -> Self {
         let Window { min_hz, max_hz } = window;
-        let steps = ((max_hz / min_hz).ln() / STEP).ceil().max(1.0);
-        let mut trials = Vec::new();
+        let steps = f64::from(steps(window));
+        let mut trials = Vec::with_capacity(Self::count(window));
         let mut step = 0.0;
         while step <= steps {
             let resonance_hz = min_hz * (max_hz / min_hz).powf(step / steps);
