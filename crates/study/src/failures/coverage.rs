@@ -9,6 +9,8 @@ use crate::{files::Csv, page::Table};
 
 /// Half of a 95 % interval in standard deviations.
 const INTERVAL_SIGMAS: f64 = 1.96;
+/// Least number of accepted results for a share of their intervals: it has a standard error of 2 % or less.
+const ACCEPTED_MIN: usize = 100;
 
 /// Statistics of sweeps.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,8 +23,10 @@ pub(super) struct Statistics {
     pub(super) coverage: f64,
     /// Time of the accepted sweeps, s.
     accepted_s: Spread,
-    /// Time of the refused sweeps, s.
+    /// Time of the sweeps that were refused after a survey, s.
     refused_s: Spread,
+    /// Planned sweeps that did not begin because their survey was refused.
+    without_survey: usize,
 }
 
 /// Mean, median, and the values that 95 and 99 % do not exceed; NaN without values.
@@ -61,7 +65,7 @@ impl Statistics {
         let inside = sigmas.iter().filter(|sigmas| **sigmas < INTERVAL_SIGMAS).count();
         let times_s = |is_accepted: bool| {
             let of = results.iter().filter(|result| result.found.is_some() == is_accepted);
-            Spread::of(of.map(|result| result.time_s).collect())
+            Spread::of(of.filter_map(|result| result.time_s).collect())
         };
         Self {
             sweeps: results.len(),
@@ -70,6 +74,7 @@ impl Statistics {
             sigmas: Spread::of(sigmas),
             accepted_s: times_s(true),
             refused_s: times_s(false),
+            without_survey: results.iter().filter(|result| result.time_s.is_none()).count(),
         }
     }
 }
@@ -90,9 +95,16 @@ pub(super) fn on_page(path: Path, cells: &[Cell]) -> Table {
         "median",
         "99 %",
         "in the 95 % interval",
+        "least at one value",
     ];
     if path == Path::Planner {
-        columns.extend(["accepted, s: mean", "median", "95 %", "refused, s: mean"]);
+        columns.extend([
+            "accepted, s: mean",
+            "median",
+            "95 %",
+            "refused, s: mean",
+            "survey refused",
+        ]);
     }
     let mut table = Table::new(&columns);
     for axis in Axis::ALL.into_iter().filter(|axis| path.has(*axis)) {
@@ -102,25 +114,45 @@ pub(super) fn on_page(path: Path, cells: &[Cell]) -> Table {
             continue;
         }
         let wrong: u32 = of().map(|cell| cell.counts().wrong).sum();
-        let Statistics { sweeps, accepted, sigmas, coverage, accepted_s, refused_s } = statistics;
-        let share = 100.0 * accepted as f64 / sweeps as f64;
+        let Statistics {
+            sweeps,
+            accepted,
+            sigmas,
+            coverage,
+            accepted_s,
+            refused_s,
+            without_survey,
+        } = statistics;
+        let share = |of: usize| format!("{:.1} %", 100.0 * of as f64 / sweeps as f64);
         let mut row = vec![
             format!("`{}`", axis.file()),
             sweeps.to_string(),
-            format!("{share:.1} %"),
+            share(accepted),
             wrong.to_string(),
             number(sigmas.mean, 2),
             number(sigmas.median, 2),
             number(sigmas.at_99, 2),
             number(coverage, 1),
+            least(of()),
         ];
         if path == Path::Planner {
             let times = [accepted_s.mean, accepted_s.median, accepted_s.at_95, refused_s.mean];
             row.extend(times.map(|seconds| number(seconds, 2)));
+            row.push(share(without_survey));
         }
         table.row(row);
     }
     table
+}
+
+/// The least share of 95 % intervals with the truth at one value, among those with enough results.
+fn least<'a>(cells: impl Iterator<Item = &'a Cell>) -> String {
+    let all = cells.map(|cell| (cell.value, Statistics::of(cell.results.iter())));
+    let enough = all.filter(|(_, of)| of.accepted >= ACCEPTED_MIN && of.coverage.is_finite());
+    let least = enough.min_by(|(_, one), (_, other)| one.coverage.total_cmp(&other.coverage));
+    least.map_or_else(String::new, |(value, Statistics { coverage, accepted, .. })| {
+        format!("{coverage:.1} of {accepted} (at {value})")
+    })
 }
 
 /// The statistics at each point of each axis.
@@ -140,10 +172,19 @@ pub(super) fn table(cells: &[Cell]) -> String {
         "accepted_median_s",
         "accepted_95_percent_s",
         "refused_mean_s",
+        "survey_refused",
     ]);
     for cell in cells {
         let statistics = Statistics::of(cell.results.iter());
-        let Statistics { sweeps, accepted, sigmas, coverage, accepted_s, refused_s } = statistics;
+        let Statistics {
+            sweeps,
+            accepted,
+            sigmas,
+            coverage,
+            accepted_s,
+            refused_s,
+            without_survey,
+        } = statistics;
         let times = [accepted_s.mean, accepted_s.median, accepted_s.at_95, refused_s.mean];
         let times = times.map(|seconds| match cell.path {
             Path::Fit => String::new(),
@@ -155,7 +196,11 @@ pub(super) fn table(cells: &[Cell]) -> String {
         let sigmas = [sigmas.mean, sigmas.median, sigmas.at_99].map(|value| number(value, 3));
         let coverage = [number(coverage, 2)];
         let row = row.into_iter().chain(counts.map(|count| count.to_string()));
-        table.row(row.chain(sigmas).chain(coverage).chain(times));
+        let without_survey = match cell.path {
+            Path::Fit => String::new(),
+            Path::Planner => without_survey.to_string(),
+        };
+        table.row(row.chain(sigmas).chain(coverage).chain(times).chain([without_survey]));
     }
     table.text().to_owned()
 }

@@ -107,8 +107,8 @@ pub(super) struct SweepResult {
     pub(super) truth_hz: Option<f64>,
     /// Whether two results differ significantly: up and down, or at two levels.
     pub(super) differ: Option<bool>,
-    /// Time of a planned sweep on the rig, s.
-    pub(super) time_s: f64,
+    /// Time of a planned sweep on the rig, s; none if its survey was refused.
+    pub(super) time_s: Option<f64>,
 }
 
 /// The reason of a refusal.
@@ -307,7 +307,7 @@ fn planned(axis: Axis, scene: Scene, id: SweepId, mut random: Stream) -> SweepRe
     let effective_time_s = scene.is_moving().then(|| planner.effective_time_s(&verdict)).flatten();
     let at_s = effective_time_s.map_or(0.0, |clock_s| clock_s - ANY_PHASE_STARTS_S);
     let scene = Scene { resonance_hz: scene.resonance_at(at_s), ..scene };
-    SweepResult { time_s, ..result(axis, &scene, id, &verdict) }
+    SweepResult { time_s: Some(time_s), ..result(axis, &scene, id, &verdict) }
 }
 
 /// A planned sweep.
@@ -347,7 +347,7 @@ fn production(axis: Axis, scene: &Scene, id: SweepId, readings: &[Reading]) -> S
     SweepResult { differ, ..result(axis, &scene, id, &verdict) }
 }
 
-/// Sweeps at the full level and at half of it.
+/// Sweeps at half the level and at the full one. As in the daemon, the result is that at the full level.
 fn with_step(
     axis: Axis,
     scene: &Scene,
@@ -357,16 +357,17 @@ fn with_step(
     let half = Scene { softening: 0.25 * scene.softening, ..*scene };
     let low = half.measure(random.fork());
     let of_low = verdict(axis, &half, &low);
-    let of_high = verdict(axis, scene, &scene.measure(random));
+    let high = scene.measure(random);
+    let of_high = verdict(axis, scene, &high);
     let differ = differ(&of_low, &of_high);
-    let verdict = match of_high {
-        FitOutcome::Accepted(_) if differ => {
+    let verdict = match (of_low, of_high) {
+        (FitOutcome::Accepted(_), FitOutcome::Accepted(_)) if differ => {
             FitOutcome::Refused(Refusal { reason: Reason::Nonlinear, estimate: None })
         }
-        FitOutcome::Accepted(_) => of_low,
-        FitOutcome::Refused(_) => of_high,
+        (FitOutcome::Accepted(_), of_high) => of_high,
+        (of_low, _) => of_low,
     };
-    (low, SweepResult { differ: Some(differ), ..result(axis, scene, id, &verdict) })
+    (high, SweepResult { differ: Some(differ), ..result(axis, scene, id, &verdict) })
 }
 
 fn verdict(axis: Axis, scene: &Scene, readings: &[Reading]) -> FitOutcome {
@@ -397,7 +398,7 @@ fn result(axis: Axis, scene: &Scene, id: SweepId, verdict: &FitOutcome) -> Sweep
         found: None,
         truth_hz,
         differ: None,
-        time_s: 0.0,
+        time_s: None,
     };
     match verdict {
         FitOutcome::Accepted(found) => {

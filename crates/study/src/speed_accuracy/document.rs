@@ -135,6 +135,20 @@ fn costs(noise: f64, groups: &[Group]) -> Table {
     table
 }
 
+/// Relative standard error of the ratio of the mean square errors of two methods.
+fn relative_error(one: &Group, other: &Group) -> Option<f64> {
+    Some(one.mean_square_rel()?.hypot(other.mean_square_rel()?))
+}
+
+/// A ratio with two digits.
+fn digits(ratio: f64) -> String {
+    if ratio >= 10.0 {
+        let unit = 10_f64.powf(ratio.log10().floor() - 1.0);
+        return format!("{:.0}", (ratio / unit).round() * unit);
+    }
+    format!("{ratio:.*}", if ratio >= 1.0 { 1 } else { 2 })
+}
+
 /// Time and error of a method, with its gain over the laboratory sweep at equal accuracy.
 fn cost(group: &Group, laboratory: Option<&Group>) -> String {
     let (answers, all) = (group.answers(), group.trials.len());
@@ -147,7 +161,14 @@ fn cost(group: &Group, laboratory: Option<&Group>) -> String {
     let gain =
         laboratory.filter(|laboratory| laboratory.method != group.method).and_then(|laboratory| {
             let effort = |group: &Group| Some(group.mean_time_s() * group.rmse_hz()?.powi(2));
-            Some(format!(", gain {:.2}", effort(laboratory)? / effort(group)?))
+            let gain = effort(laboratory)? / effort(group)?;
+            let factor = (2.0 * relative_error(group, laboratory)?).exp();
+            Some(format!(
+                ", gain {} ({} to {})",
+                digits(gain),
+                digits(gain / factor),
+                digits(gain * factor)
+            ))
         });
     format!(
         "{:.2} s (mean {:.2}, 95 % {:.2}), {:.1} mHz{}{refused}",
@@ -159,14 +180,16 @@ fn cost(group: &Group, laboratory: Option<&Group>) -> String {
     )
 }
 
-/// The fastest method that is at least as accurate as the laboratory method, with its gain in
-/// speed.
+/// The fastest method whose error is above that of the laboratory method by no more than one standard error of their ratio,
+/// with its gain in speed.
 fn faster(groups: &[Group], case: &Case) -> String {
     let Some(laboratory) = of(groups, case, LABORATORY) else { return String::new() };
-    let allowed_hz = laboratory.rmse_hz().unwrap_or_default();
     let is_as_good = |group: &&Group| {
         let is_answered = 2 * group.answers() > group.trials.len();
-        is_answered && group.rmse_hz().is_some_and(|rmse_hz| rmse_hz <= allowed_hz)
+        let squared = |group: &Group| Some(group.rmse_hz()?.powi(2));
+        let ratio =
+            || Some((squared(group)? / squared(laboratory)?, relative_error(group, laboratory)?));
+        is_answered && ratio().is_some_and(|(ratio, error)| ratio <= error.exp())
     };
     let of_production = groups.iter().filter(|group| {
         group.case == *case
@@ -220,8 +243,10 @@ fn laboratory_text(groups: &[Group]) -> String {
     format!(
         "The laboratory sweep of 201 points takes {} s at quality 10, 30 and 100. Below are median, mean \
          and 95 % of the time of each method, and its error. The gain is the mean time times the mean \
-         square error of the laboratory sweep over that of the method: how many times faster it is at \
-         equal accuracy, since a variance falls with the time. A gain below 1 is a loss.",
+         square error of the laboratory sweep over that of the method, with two standard errors: how many times \
+         faster it is if each is repeated, and the mean taken, until both are equally accurate. One that stops at its \
+         target can also be given a smaller one. A gain below 1 is a loss. A method counts as accurate as the \
+         laboratory sweep if its mean square error is above that of the sweep by no more than one standard error.",
         times.join(", ")
     )
 }

@@ -105,6 +105,14 @@ impl Group {
         mean(self.found().map(|found| found.error_hz.powi(2))).map(f64::sqrt)
     }
 
+    /// Relative standard error of the mean square error.
+    pub(super) fn mean_square_rel(&self) -> Option<f64> {
+        let squares = || self.found().map(|found| found.error_hz.powi(2));
+        let (n, all) = (squares().count() as f64, mean(squares())?);
+        let spread: f64 = squares().map(|square| (square - all).powi(2)).sum();
+        (n > 1.0).then(|| (spread / (n - 1.0) / n).sqrt() / all)
+    }
+
     /// The root mean square of the bounds, Hz.
     pub(super) fn bound_hz(&self) -> Option<f64> {
         let squares = self.trials.iter().map(|trial| trial.bound_hz.powi(2));

@@ -56,8 +56,8 @@ pub(super) fn page(args: &Args, groups: &[Group], troubles: &[Group]) -> Page {
         "This page is written by `cargo run --release -p rig-study -- touch --out docs/studies`. Each setting has \
          {} runs of `config/protocols/three-direction.toml` on the simulated bench, with the seeds {} to {} for \
          scene and protocol, so that a setting is compared with the shipped one on the same samples. The time is \
-         that of the rig for each planned touch, everything included: prompts, survey, references, and the check \
-         of slip. The simulated person answers at once. Where the setting is not an aim, the protocol states the \
+         that of the rig for each planned touch of the runs that came to their end, everything included: prompts, survey, \
+         references, and the check of slip. The simulated person answers at once. Where the setting is not an aim, the protocol states the \
          settings that its aim chooses as shipped.",
         args.runs,
         args.seed,
@@ -67,7 +67,8 @@ pub(super) fn page(args: &Args, groups: &[Group], troubles: &[Group]) -> Page {
         "The error is the logarithm of the stiffness that the run states over that of the touched point, which only \
          the simulator knows; root mean square of main and blind touches. It has all that a run has: sweep, \
          reference, surface, lead screw, slope of the surface, model, and the factor from the known samples, whose \
-         points scatter by 3 %. *Paper* is the shipped scene, whose sensor and contact are not those that the rig \
+         points scatter by 3 %. It is compared with that of the settings as shipped over all touches; the standard error is \
+         that of the ratios without one seed each. *Paper* is the shipped scene, whose sensor and contact are not those that the rig \
          file describes; *matched* is the scene that it describes.",
     );
     let of_scene = |scene| groups.iter().filter(move |group| group.scene == scene);
@@ -97,7 +98,9 @@ pub(super) fn page(args: &Args, groups: &[Group], troubles: &[Group]) -> Page {
     page.heading("Where the search fails");
     page.text(
         "The shipped protocol on benches with more trouble than the shipped one, with the rig file unchanged. A \
-         stiffness is wrong without notice if its error is beyond five of its stated standard deviations. A run \
+         stiffness is wrong without notice if its error is beyond five of its stated standard deviations. *Coverage* is the \
+         share of the stated 95 % intervals that have the stiffness of the point, also where the model of the run does not \
+         hold. A run \
          that contradicts itself ends with a latched rig, and the touches after it are not reached.",
     );
     page.table(table_of_troubles(troubles));
@@ -134,9 +137,11 @@ fn point(group: &Group) -> Option<Point> {
     Some(Point { x, y, error: None, note: Some(format!("{} {}", setting.knob, setting.value)) })
 }
 
-/// The settings that no other beats in time and in error, in the order of their times.
+/// The settings that no other beats in time and in error, in the order of their times. A run that ended early has no time
+/// and, with fewer touches, another error.
 fn front(groups: &[&Group]) -> Vec<Point> {
-    let mut points: Vec<Point> = groups.iter().filter_map(|group| point(group)).collect();
+    let completed = groups.iter().filter(|group| group.summary.ended().is_none());
+    let mut points: Vec<Point> = completed.filter_map(|group| point(group)).collect();
     points.sort_by(|a, b| a.x.total_cmp(&b.x));
     let mut least = f64::INFINITY;
     points.retain(|point| {
@@ -193,13 +198,16 @@ fn percent(part: Option<f64>, decimals: usize) -> String {
     part.map_or(String::new(), |part| format!("{:.decimals$}", 100.0 * part))
 }
 
-fn seconds(time_s: Option<f64>) -> String {
-    time_s.map_or(String::new(), |time_s| format!("{time_s:.2}"))
+/// The time of a touch, with the number of runs that it is from if some ended early.
+fn seconds(summary: &Summary) -> String {
+    let (timed, all) = summary.timed();
+    let of = if timed < all { format!(" ({timed} of {all} runs)") } else { String::new() };
+    summary.touch_s().map_or(String::new(), |time_s| format!("{time_s:.2}{of}"))
 }
 
 fn over(group: &Group, base: Option<&&Group>) -> String {
     let ratio = base.and_then(|base| group.summary.over(&base.summary));
-    ratio.map_or(String::new(), |ratio| format!("{:.3} ± {:.3}", ratio.mean, ratio.two_sigmas))
+    ratio.map_or(String::new(), |ratio| format!("{:.3} ± {:.3}", ratio.ratio, ratio.two_sigmas))
 }
 
 /// A page with the table of the settings alone.
@@ -230,11 +238,11 @@ fn settings(paper: &[&Group], matched: &[&Group]) -> Table {
         };
         table.row([
             name.trim().to_owned(),
-            seconds(summary.touch_s()),
+            seconds(summary),
             percent(summary.rms(), 2),
             over(own, paper.first()),
             format!("{} of {}", summary.measured(), summary.planned()),
-            seconds(twin.summary.touch_s()),
+            seconds(&twin.summary),
             percent(twin.summary.rms(), 2),
             over(twin, matched.first()),
         ]);
@@ -271,6 +279,7 @@ fn table_of_troubles(troubles: &[Group]) -> Table {
         "time of a touch, s",
         "error, % rms",
         "largest error, %",
+        "coverage, %",
         "wrong without notice",
     ]);
     for Group { setting, summary, .. } in troubles {
@@ -280,9 +289,10 @@ fn table_of_troubles(troubles: &[Group]) -> Table {
             share(summary.measured()),
             share(summary.refused()),
             share(summary.not_reached()),
-            seconds(summary.touch_s()),
+            seconds(summary),
             percent(summary.rms(), 2),
             percent(summary.largest(), 1),
+            percent(summary.coverage(), 1),
             summary.wrong().to_string(),
         ]);
     }
@@ -315,6 +325,7 @@ pub(super) fn csv(groups: &[Group]) -> String {
         "touch_s",
         "error_rms",
         "error_largest",
+        "coverage",
     ]);
     let cell = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.6}"));
     // A cell holds no comma.
@@ -332,6 +343,7 @@ pub(super) fn csv(groups: &[Group]) -> String {
             cell(summary.touch_s()),
             cell(summary.rms()),
             cell(summary.largest()),
+            cell(summary.coverage()),
         ]);
     }
     csv.text().to_owned()

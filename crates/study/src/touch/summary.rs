@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use super::trial::Trial;
 
+/// 95 % of a normal variable lie within this.
+const WITHIN_SIGMAS: f64 = 1.96;
 /// An error beyond this many stated standard deviations is wrong without notice.
 const WRONG_SIGMAS: f64 = 5.0;
 
@@ -13,10 +15,10 @@ pub(super) struct Summary {
     trials: Vec<Trial>,
 }
 
-/// A ratio over paired runs: the geometric mean, and two standard errors of it.
+/// A ratio over paired runs, and two standard errors of it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ratio {
-    pub(super) mean: f64,
+    pub(super) ratio: f64,
     pub(super) two_sigmas: f64,
 }
 
@@ -68,6 +70,17 @@ impl Summary {
         mean(self.trials.iter().filter_map(Trial::touch_s))
     }
 
+    /// Number of runs that came to their end, which have a time, and of all.
+    pub(super) fn timed(&self) -> (usize, usize) {
+        (self.trials.iter().filter_map(Trial::touch_s).count(), self.trials.len())
+    }
+
+    /// Share of the stated 95 % intervals that have the truth.
+    pub(super) fn coverage(&self) -> Option<f64> {
+        let errors = self.trials.iter().flat_map(|trial| &trial.errors);
+        mean(errors.map(|(error, sigma)| f64::from(error.abs() < WITHIN_SIGMAS * sigma)))
+    }
+
     /// Root mean square of the errors of all runs.
     pub(super) fn rms(&self) -> Option<f64> {
         let errors = || self.trials.iter().flat_map(|trial| &trial.errors);
@@ -80,16 +93,30 @@ impl Summary {
         errors.map(|(error, _)| error.abs()).max_by(f64::total_cmp)
     }
 
-    /// The errors over those of another setting with the same seeds.
+    /// The root mean square of the errors over that of another setting with the same seeds. Its standard error is that of
+    /// the results without one seed each, as the jackknife has it.
     pub(super) fn over(&self, base: &Self) -> Option<Ratio> {
-        let pairs = self.trials.iter().zip(&base.trials);
-        let logs: Vec<f64> =
-            pairs.filter_map(|(own, base)| Some((own.rms()? / base.rms()?).ln())).collect();
-        let n = logs.len() as f64;
-        let mean = mean(logs.iter().copied())?;
-        let squares: f64 = logs.iter().map(|log| (log - mean).powi(2)).sum();
-        let sigma = (squares / (n - 1.0).max(1.0) / n).sqrt();
-        Some(Ratio { mean: mean.exp(), two_sigmas: 2.0 * sigma * mean.exp() })
+        let squares = |trial: &Trial| -> (f64, f64) {
+            let errors = trial.errors.iter();
+            (errors.map(|(error, _)| error * error).sum(), trial.errors.len() as f64)
+        };
+        let pairs = || self.trials.iter().zip(&base.trials).enumerate();
+        let without = |left_out: Option<usize>| -> Option<f64> {
+            let kept = pairs().filter(|(run, _)| Some(*run) != left_out);
+            let sum = |(own, base): ((f64, f64), (f64, f64)), (a, b): (&Trial, &Trial)| {
+                let ((x, n), (y, m)) = (squares(a), squares(b));
+                ((own.0 + x, own.1 + n), (base.0 + y, base.1 + m))
+            };
+            let none = ((0.0, 0.0), (0.0, 0.0));
+            let ((own, n), (base, m)) = kept.map(|(_, pair)| pair).fold(none, sum);
+            (n > 0.0 && base > 0.0).then(|| (own / n / (base / m)).sqrt())
+        };
+        let ratio = without(None)?;
+        let parts: Vec<f64> = pairs().filter_map(|(run, _)| without(Some(run))).collect();
+        let middle = mean(parts.iter().copied())?;
+        let spread: f64 = parts.iter().map(|part| (part - middle).powi(2)).sum();
+        let n = parts.len() as f64;
+        Some(Ratio { ratio, two_sigmas: 2.0 * ((n - 1.0) / n * spread).sqrt() })
     }
 
     /// Mean time in each phase for each planned touch, s.

@@ -71,10 +71,4 @@ impl Trial {
     pub(super) fn touch_s(&self) -> Option<f64> {
         (self.not_reached == 0 && self.planned > 0).then(|| self.rig_seconds / self.planned as f64)
     }
-
-    /// Root mean square of the errors.
-    pub(super) fn rms(&self) -> Option<f64> {
-        let squares: f64 = self.errors.iter().map(|(error, _)| error * error).sum();
-        (!self.errors.is_empty()).then(|| (squares / self.errors.len() as f64).sqrt())
-    }
 }
