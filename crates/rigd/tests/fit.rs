@@ -114,6 +114,9 @@ fn a_sweep_that_never_settled_is_fitted_where_its_times_are_exact() {
     for timing in ["exact", "exact-from-rest"] {
         check_accepted(&fit(timing), 140.0, 30.0, 30.0 * 0.05 / 0.95);
     }
+    let args = ["fit", &path, "--json", "--timing", "exact", "--estimator", "maximum-likelihood"];
+    let beside = json(&rigd(&args));
+    assert_eq!(beside["estimators"][0]["frequency_hz"], beside["resonance_hz"], "{beside}");
     let guessed = rigd(&["fit", &path, "--json"]);
     assert_eq!(guessed.stdout, fit("waited").stdout);
     for (timing, missing) in [("waited", "settle_s and integration_s"), ("exact", "settle_s and")] {

@@ -269,14 +269,21 @@ impl EstimatorView {
             FitOutcome::Accepted(found) => Some(found.circuit()),
             FitOutcome::Refused(refusal) => refusal.estimate.map(|estimate| estimate.circuit()),
         };
-        let found = estimator.estimate(readings, window);
+        let found = match (estimator, outcome) {
+            // That of the command, with its timing and noise.
+            (Estimator::MaximumLikelihood, FitOutcome::Accepted(found)) => Ok(found.resonance_hz),
+            (Estimator::MaximumLikelihood, FitOutcome::Refused(refusal)) => {
+                Err(refusal.reason.to_string())
+            }
+            _ => estimator.estimate(readings, window).map_err(|fault| fault.to_string()),
+        };
         let definition = estimator.definition();
         Self {
             name: estimator.name(),
             definition: definition.name(),
-            frequency_hz: found.ok(),
+            frequency_hz: found.as_ref().ok().copied(),
             bias_hz: circuit.and_then(|circuit| definition.bias_hz(&circuit)),
-            message: found.err().map(|fault| fault.to_string()),
+            message: found.err(),
         }
     }
 
