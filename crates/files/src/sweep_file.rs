@@ -141,11 +141,9 @@ impl SweepFile {
         } else {
             csv::read(text, sweep, &mut faults)
         };
-        if let Some(found) = sweeps.iter().map(|sweep| sweep.readings.len()).max()
-            && found > READINGS_MAX
-        {
+        if faults.is_empty() && sweeps.iter().any(|sweep| sweep.readings.len() > READINGS_MAX) {
             let max = READINGS_MAX;
-            faults.refuse(Location::START, SweepFileFault::TooManyReadings { found, max });
+            faults.refuse(Location::START, SweepFileFault::TooManyReadings { max });
         }
         if let Some((readings, frequency_hz)) = sweeps.iter().find_map(FileSweep::only_frequency_hz)
         {
@@ -179,10 +177,9 @@ impl SweepFile {
 
 impl FileSweep {
     /// A sweep of readings without times and settings.
-    fn of(readings: Vec<Reading>) -> Self {
+    fn of((readings, left_out): (Vec<Reading>, Vec<LeftOut>)) -> Self {
         let (has_dwell, has_time, begins_s) = (false, false, 0.0);
         let (number, fit, given_up) = (None, FitSettings::default(), None);
-        let left_out = Vec::new();
         Self { number, readings, has_dwell, has_time, begins_s, fit, given_up, left_out }
     }
 
@@ -207,10 +204,11 @@ impl FileSweep {
     }
 }
 
-/// The lines of a text with their numbers. Lines end with LF, CR LF or CR.
+/// The lines of a text with their numbers. Lines end with LF, CR LF or CR, whichever is more frequent.
 fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
-    let end = if text.contains('\n') { '\n' } else { '\r' };
-    let lines = text.split(end).map(|line| line.strip_suffix('\r').unwrap_or(line));
+    let count = |end: char| text.matches(end).count();
+    let end = if count('\n') >= count('\r') { '\n' } else { '\r' };
+    let lines = text.split(end).map(|line| line.trim_matches(['\r', '\n']));
     lines.enumerate().map(|(index, line)| (index + 1, line))
 }
 

@@ -108,6 +108,9 @@ const ANGLE: [(&str, f64); 5] = [
     ("radians", 180.0 / std::f64::consts::PI),
 ];
 
+/// Units of forces, lengths, voltages, currents, masses, pressures, powers and temperatures.
+const OTHERS: [&str; 10] = ["n", "m", "v", "a", "g", "pa", "w", "k", "°c", "c"];
+
 /// Marks around a unit.
 const BRACKETS: [char; 5] = ['(', ')', '[', ']', ' '];
 
@@ -126,6 +129,9 @@ impl Quantity {
             // Only this spelling surely means a thousandth.
             Self::Frequency if unit == "mHz" => Some(1e-3),
             Self::Frequency => among(&HERTZ),
+            // ZPlot marks the two parts so.
+            Self::Resistance if unit == "a" => Some(1.0),
+            Self::Reactance if unit == "b" => Some(1.0),
             Self::FitMin
             | Self::FitMax
             | Self::FitTarget
@@ -175,12 +181,15 @@ fn prefixed(unit: &str, names: &[&str]) -> Option<f64> {
     }
     let mut rest = unit.chars();
     let factor = match rest.next()? {
+        'T' => 1e12,
+        'G' => 1e9,
         'M' => 1e6,
         'k' | 'K' => 1e3,
         'm' => 1e-3,
         'u' | 'µ' | 'μ' => 1e-6,
         'n' => 1e-9,
         'p' => 1e-12,
+        'f' => 1e-15,
         _ => return None,
     };
     is_name(rest.as_str()).then_some(factor)
@@ -205,6 +214,9 @@ impl ColumnHead {
         let cell =
             cell.strip_prefix("Trace ").map_or(cell, |rest| rest.trim_start_matches(is_number));
         let cell = cell.strip_suffix("-data").unwrap_or(cell);
+        if let Some(quantity) = part_of_trace(cell) {
+            return Some(Self { quantity, factor: Some(1.0), unit: None });
+        }
         if let Some((quantity, sign)) = named(cell).filter(|(quantity, _)| !quantity.is_time()) {
             return Some(Self { quantity, factor: Some(sign), unit: None });
         }
@@ -228,7 +240,9 @@ impl ColumnHead {
         let factor = quantity.factor(unit).map(|factor| sign * factor);
         // `Phase margin` is another quantity, and a time without a unit is a date.
         let is_marked = cell.ends_with([')', ']']) || cell.contains('/');
-        let is_meant = factor.is_some() || (is_marked && !quantity.is_time());
+        // `F (N)` is a force, and `X (mm)` a place.
+        let is_other = name.chars().count() == 1 && prefixed(unit, &OTHERS).is_some();
+        let is_meant = factor.is_some() || (is_marked && !is_other && !quantity.is_time());
         is_meant.then(|| Self { quantity, factor, unit: Some(unit.to_owned()) })
     }
 }
@@ -253,6 +267,23 @@ impl ColumnHead {
             _ => None,
         };
         self.unit = Some(unit.to_owned());
+    }
+}
+
+/// The part of a reflection that `re:Trc1_S11` of Rohde & Schwarz names.
+fn part_of_trace(cell: &str) -> Option<Quantity> {
+    let (part, trace) = cell.split_once(':')?;
+    let parameter = trace.rsplit_once('_').map_or(trace, |(_, parameter)| parameter);
+    if !parameter.eq_ignore_ascii_case("S11") {
+        return None;
+    }
+    match part.to_ascii_lowercase().as_str() {
+        "re" => Some(Quantity::ReflectionReal),
+        "im" => Some(Quantity::ReflectionImaginary),
+        "mag" => Some(Quantity::ReflectionMagnitude),
+        "db" => Some(Quantity::ReflectionDecibel),
+        "ang" => Some(Quantity::ReflectionPhase),
+        _ => None,
     }
 }
 

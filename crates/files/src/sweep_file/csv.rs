@@ -1,6 +1,11 @@
 //! Sweeps as rows of cells below a header.
 
-use std::{collections::HashMap, f64::consts::PI, time::Duration};
+use std::{
+    collections::{BTreeSet, HashMap},
+    f64::consts::PI,
+    hash::{BuildHasher, RandomState},
+    time::Duration,
+};
 
 use num_complex::Complex64;
 use rig_model::{AnalyzerMake, Impedance, PointResult, Reading, ReadingFlag, RigTime, Window};
@@ -9,7 +14,7 @@ use rig_resonance::{Bench, Circuit, NoisePrior, Past, Timing, flagged};
 use crate::instrument::Dialect;
 
 use super::{
-    FaultCollector, FileSweep, FitSettings, LeftOut, LeftOutReason,
+    FaultCollector, FileSweep, FitSettings, LeftOut, LeftOutReason, READINGS_MAX,
     cells::{Separator, cells},
     fault::SweepFileFault,
     header::{Column, Header, is_comment},
@@ -20,17 +25,21 @@ use super::{
 };
 use crate::Location;
 
+/// Largest number of rows that are kept: some 200 MB.
+const ROWS_MAX: usize = 500_000;
+
 /// The values of a row.
 #[derive(Debug, Clone, Copy)]
 struct Row {
-    /// Values by quantity, in the units of the keys.
-    values: [Option<f64>; Quantity::COUNT],
+    /// Values by quantity, in the units of the keys; NaN for none.
+    values: [f64; Quantity::COUNT],
     /// Impedance; zero for an overload.
     impedance_ohm: Complex64,
     flag: Option<ReadingFlag>,
     is_used: bool,
     /// The word that the row has in place of a number.
     no_number: Option<&'static str>,
+    /// Number of the sweep in the file; otherwise of the block of rows.
     sweep: u64,
     timing: Option<Timing>,
     has_loss: Option<bool>,
@@ -40,21 +49,34 @@ struct Row {
 /// Reads a file of rows: all sweeps, or the selected one.
 pub(super) fn read(text: &str, sweep: Option<u64>, faults: &mut FaultCollector) -> Vec<FileSweep> {
     let Some(header) = Header::find(text, faults) else { return Vec::new() };
-    let mut rows = rows(&header, text, faults);
-    match (header.column(Quantity::Sweep), sweep) {
-        (Some(column), Some(asked)) => choose(&mut rows, asked, column.location, faults),
-        (None, Some(_)) => faults.refuse(header.columns[0].location, SweepFileFault::NoNumbers),
-        (_, None) => {}
+    let Rows { rows: mut all, blocks, numbers, .. } = rows(&header, text, sweep, faults);
+    let is_numbered = blocks > 1 || header.column(Quantity::Sweep).is_some();
+    if let Some(asked) = sweep {
+        let location = header.column(Quantity::Sweep).unwrap_or(&header.columns[0]).location;
+        if !is_numbered {
+            faults.refuse(location, SweepFileFault::NoNumbers);
+        } else if let (Some(first), Some(last)) = (numbers.first(), numbers.last())
+            && !numbers.contains(&asked)
+        {
+            let (count, first, last) = (numbers.len(), *first, *last);
+            faults.refuse(location, SweepFileFault::NoSuchSweep { asked, count, first, last });
+        }
     }
-    rows.sort_by_key(|row| row.sweep);
-    rows.chunk_by(|a, b| a.sweep == b.sweep).map(|rows| one(&header, rows, faults)).collect()
+    all.sort_by_key(|row| row.sweep);
+    let sweeps = all.chunk_by(|a, b| a.sweep == b.sweep);
+    sweeps.map(|rows| one(&header, rows, is_numbered, faults)).collect()
 }
 
 /// The rows of one sweep.
-fn one(header: &Header<'_>, rows: &[Row], faults: &mut FaultCollector) -> FileSweep {
+fn one(
+    header: &Header<'_>,
+    rows: &[Row],
+    is_numbered: bool,
+    faults: &mut FaultCollector,
+) -> FileSweep {
     let has = |quantity| header.column(quantity).is_some();
     let fit = fit_settings(rows, faults);
-    let number = header.column(Quantity::Sweep).and(rows.first()).map(|row| row.sweep);
+    let number = rows.first().filter(|_| is_numbered).map(|row| row.sweep);
     let (mut rows, left_out) = leave_out(rows);
     let begins_s = if has(Quantity::Time) { sort_by_time(&mut rows) } else { 0.0 };
     // Only rigd measures again after a flag.
@@ -78,12 +100,15 @@ fn one(header: &Header<'_>, rows: &[Row], faults: &mut FaultCollector) -> FileSw
 /// Separates the readings of a sweep from missing and repeated ones.
 fn leave_out(rows: &[Row]) -> (Vec<Row>, Vec<LeftOut>) {
     let (mut kept, mut left_out) = (Vec::new(), Vec::new());
-    let mut first_lines = HashMap::new();
+    let mut first_rows = HashMap::new();
+    let hasher = RandomState::new();
     for row in rows {
-        let first_line = *first_lines.entry(row.bits()).or_insert(row.line);
+        let first = *first_rows.entry(hasher.hash_one(row.bits())).or_insert(row);
+        let (line, first_line) = (row.line, first.line);
         // Overloads have no values to compare.
-        let is_repeated = first_line != row.line && row.flag != Some(ReadingFlag::Overload);
-        let line = row.line;
+        let is_repeated = first_line != line
+            && row.flag != Some(ReadingFlag::Overload)
+            && first.bits() == row.bits();
         if let Some(word) = row.no_number {
             left_out.push(LeftOut { line, reason: LeftOutReason::NoNumber { word } });
         } else if is_repeated {
@@ -183,23 +208,112 @@ fn bench(row: &Row) -> Option<Bench> {
     })
 }
 
-/// The rows below the header.
-fn rows(header: &Header<'_>, text: &str, faults: &mut FaultCollector) -> Vec<Row> {
+/// The rows of a file.
+#[derive(Debug, Default)]
+struct Rows {
+    /// Those of the sweep that is asked for.
+    rows: Vec<Row>,
+    /// Number of blocks of rows, each with its header.
+    blocks: u64,
+    /// Number of rows of this block.
+    of_block: usize,
+    /// The numbers of all sweeps.
+    numbers: BTreeSet<u64>,
+    /// Line of the header of this block.
+    header_line: usize,
+    /// The sweeps of the blocks above.
+    above: BTreeSet<u64>,
+    /// The last two frequencies of this block, Hz.
+    last_hz: [Option<f64>; 2],
+    /// Whether the header has just been repeated.
+    is_repeated: bool,
+}
+
+impl Rows {
+    /// Begins a block if a row does not go on with the frequencies above a repeated header, as it does on the next page of
+    /// one table.
+    fn begin(&mut self, frequency_hz: f64) {
+        let goes_on = match self.last_hz {
+            [Some(before_hz), Some(last_hz)] => {
+                (last_hz - before_hz) * (frequency_hz - last_hz) > 0.0
+            }
+            _ => false,
+        };
+        if std::mem::take(&mut self.is_repeated) && !goes_on && self.last_hz[1].is_some() {
+            self.blocks += 1;
+            self.of_block = 0;
+            self.above = self.numbers.clone();
+            self.last_hz = [None; 2];
+        }
+        self.last_hz = [self.last_hz[1], Some(frequency_hz)];
+    }
+
+    /// Takes a row in, if it is of the sweep that is asked for.
+    fn push(
+        &mut self,
+        mut row: Row,
+        asked: Option<u64>,
+        has_numbers: bool,
+    ) -> Result<(), SweepFileFault> {
+        self.begin(row.of(Quantity::Frequency));
+        if !has_numbers {
+            row.sweep = self.blocks - 1;
+        } else if self.above.contains(&row.sweep) {
+            let header_line = self.header_line;
+            return Err(SweepFileFault::SweepTwice { sweep: row.sweep, header_line });
+        }
+        self.numbers.insert(row.sweep);
+        if asked.is_none_or(|asked| asked == row.sweep) {
+            self.rows.push(row);
+        }
+        self.of_block += 1;
+        if !has_numbers && self.of_block > READINGS_MAX {
+            return Err(SweepFileFault::TooManyReadings { max: READINGS_MAX });
+        }
+        if self.rows.len() > ROWS_MAX {
+            return Err(SweepFileFault::TooManyRows { max: ROWS_MAX });
+        }
+        Ok(())
+    }
+}
+
+/// The rows below the header, of all sweeps or of the one that is asked for.
+fn rows(header: &Header<'_>, text: &str, asked: Option<u64>, faults: &mut FaultCollector) -> Rows {
     let mut numbers = Numbers::new(header.separator == Separator::Comma);
-    let mut rows = Vec::new();
+    let mut found = Rows { blocks: 1, header_line: header.line, ..Rows::default() };
+    let has_numbers = header.column(Quantity::Sweep).is_some();
+    let mut is_ended = false;
     for (line, text) in lines(text).skip(header.line) {
         let begins_empty =
             header.separator == Separator::Semicolon && text.trim_start().starts_with(';');
         let is_comment = is_comment(text) && !begins_empty;
-        if is_comment || text.trim().is_empty() || text == header.text {
-            continue;
-        }
-        // The end of a block of Keysight and Agilent.
-        if faults.is_full() || text.trim() == "END" {
+        if faults.is_full() {
             break;
         }
-        rows.extend(row(header, line, text, &mut numbers, faults));
+        if text == header.text {
+            (found.is_repeated, found.header_line, is_ended) = (true, line, false);
+        } else if text.trim() == "END" {
+            // The end of a block of Keysight and Agilent.
+            is_ended = true;
+        } else if is_ended && header.is_another(text) {
+            faults.refuse(Location { line, column: 1 }, SweepFileFault::AnotherTable);
+            break;
+        } else if !is_ended
+            && !is_comment
+            && !text.trim().is_empty()
+            && let Some(row) = row(header, line, text, &mut numbers, faults)
+            && let Err(refusal) = found.push(row, asked, has_numbers)
+        {
+            faults.refuse(Location { line, column: 1 }, refusal);
+            break;
+        }
     }
+    check_units(header, &found.rows, &numbers, faults);
+    found
+}
+
+/// Whether the numbers can be read in one way only.
+fn check_units(header: &Header<'_>, rows: &[Row], numbers: &Numbers, faults: &mut FaultCollector) {
     if let Some(text) = numbers.ambiguous() {
         let refusal = SweepFileFault::Thousands { text: text.to_owned() };
         faults.refuse(Location { line: header.line + 1, column: 1 }, refusal);
@@ -218,7 +332,6 @@ fn rows(header: &Header<'_>, text: &str, faults: &mut FaultCollector) -> Vec<Row
             faults.refuse(column.location, SweepFileFault::UnitlessFrequency { min_hz });
         }
     }
-    rows
 }
 
 /// The lowest frequency of any known analyzer, Hz.
@@ -256,7 +369,7 @@ fn row(
         return None;
     }
     let mut row = Row {
-        values: [None; Quantity::COUNT],
+        values: [f64::NAN; Quantity::COUNT],
         impedance_ohm: Complex64::ZERO,
         flag: None,
         is_used: true,
@@ -326,7 +439,7 @@ impl Row {
                         let (min, max) = (*range.start(), *range.end());
                         return Err(SweepFileFault::OutOfRange { quantity, found, min, max });
                     }
-                    self.values[quantity as usize] = Some(found);
+                    self.values[quantity as usize] = found;
                 }
                 Value::Overload if quantity.is_impedance() => {
                     self.set_flag(Some(ReadingFlag::Overload));
@@ -347,9 +460,8 @@ impl Row {
     }
 
     /// All values of the row, to compare it with others.
-    fn bits(&self) -> ([Option<u64>; Quantity::COUNT], bool, bool) {
-        let bits = self.values.map(|value| value.map(f64::to_bits));
-        (bits, self.flag.is_some(), self.is_used)
+    fn bits(&self) -> ([u64; Quantity::COUNT], bool, bool) {
+        (self.values.map(f64::to_bits), self.flag.is_some(), self.is_used)
     }
 
     /// Sets the flag; an overload stays.
@@ -365,8 +477,8 @@ impl Row {
     }
 
     /// The value, if the row has it.
-    const fn value(&self, quantity: Quantity) -> Option<f64> {
-        self.values[quantity as usize]
+    fn value(&self, quantity: Quantity) -> Option<f64> {
+        Some(self.values[quantity as usize]).filter(|value| !value.is_nan())
     }
 
     fn reading(&self) -> Reading {
@@ -406,26 +518,37 @@ fn timing(text: &str) -> Result<Timing, SweepFileFault> {
     }
 }
 
-/// Keeps the rows of one sweep.
-fn choose(rows: &mut Vec<Row>, asked: u64, location: Location, faults: &mut FaultCollector) {
-    let mut numbers: Vec<u64> = rows.iter().map(|row| row.sweep).collect();
-    numbers.sort_unstable();
-    numbers.dedup();
-    if let ([first, ..], [.., last]) = (numbers.as_slice(), numbers.as_slice())
-        && !numbers.contains(&asked)
-    {
-        let (count, first, last) = (numbers.len(), *first, *last);
-        faults.refuse(location, SweepFileFault::NoSuchSweep { asked, count, first, last });
-    }
-    rows.retain(|row| row.sweep == asked);
-}
-
 /// Sorts the rows by time, and counts the time from the first row. Returns the time of the first row.
 fn sort_by_time(rows: &mut [Row]) -> f64 {
     rows.sort_by(|a, b| a.of(Quantity::Time).total_cmp(&b.of(Quantity::Time)));
     let first_s = rows.first().map_or(0.0, |row| row.of(Quantity::Time));
     for row in rows {
-        row.values[Quantity::Time as usize] = Some(row.of(Quantity::Time) - first_s);
+        row.values[Quantity::Time as usize] = row.of(Quantity::Time) - first_s;
     }
     first_s
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_of_many_sweeps_has_a_largest_number_of_rows() {
+        let header = Header::find("sweep,f,R,X\n", &mut FaultCollector::default()).unwrap();
+        let (mut numbers, mut faults) = (Numbers::new(true), FaultCollector::default());
+        let row = row(&header, 2, "3,120,900,-47000", &mut numbers, &mut faults).unwrap();
+        let mut found = Rows { blocks: 1, ..Rows::default() };
+        for _ in 0..ROWS_MAX {
+            assert!(found.push(row, None, true).is_ok());
+        }
+        let refusal = Err(SweepFileFault::TooManyRows { max: ROWS_MAX });
+        assert_eq!(found.push(row, None, true), refusal);
+        assert!(found.push(Row { sweep: 4, ..row }, Some(3), true).is_err());
+        // Those of other sweeps than the one that is asked for are not kept.
+        let mut one = Rows { blocks: 1, ..Rows::default() };
+        for sweep in 0..10 {
+            one.push(Row { sweep, ..row }, Some(3), true).unwrap();
+        }
+        assert_eq!((one.rows.len(), one.numbers.len()), (1, 10));
+    }
 }

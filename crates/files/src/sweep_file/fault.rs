@@ -9,8 +9,10 @@ use super::{cells::Separator, quantity::Quantity};
 pub(super) enum SweepFileFault {
     #[error("the file holds no readings")]
     Empty,
-    #[error("a sweep has {found} readings, above the limit of {max}")]
-    TooManyReadings { found: usize, max: usize },
+    #[error("a sweep has more than {max} readings")]
+    TooManyReadings { max: usize },
+    #[error("the file has more than {max} rows")]
+    TooManyRows { max: usize },
     #[error("all {readings} readings are at {frequency_hz} Hz")]
     OneFrequency { readings: usize, frequency_hz: f64 },
     #[error("the file is not text: it has a zero byte in this line")]
@@ -49,9 +51,7 @@ pub(super) enum SweepFileFault {
     NotANumber { text: String },
     #[error("`{text}` has a different decimal mark from the numbers before")]
     MixedMarks { text: String },
-    #[error(
-        "the comma of `{text}` may be a decimal mark or one for thousands, and other numbers have none"
-    )]
+    #[error("the comma of `{text}` may be a decimal mark or one for thousands")]
     Thousands { text: String },
     #[error("{} = {found} is outside [{min:e}, {max:e}]", quantity.key())]
     OutOfRange { quantity: Quantity, found: f64, min: f64, max: f64 },
@@ -77,6 +77,10 @@ pub(super) enum SweepFileFault {
     NoSuchSweep { asked: u64, count: usize, first: u64, last: u64 },
     #[error("the file does not number its sweeps")]
     NoNumbers,
+    #[error("sweep {sweep} is also above the header that is repeated in line {header_line}")]
+    SweepTwice { sweep: u64, header_line: usize },
+    #[error("this line names the columns of another table")]
+    AnotherTable,
 
     // Touchstone.
     #[error("`{text}` is not an option of an option line")]
@@ -105,6 +109,7 @@ impl Complaint for SweepFileFault {
                  for each reading"
             }
             Self::TooManyReadings { .. } => "keep those around the resonance",
+            Self::TooManyRows { .. } => "choose one sweep with `--sweep`, or split the file",
             Self::OneFrequency { .. } => "a sweep has readings at several frequencies",
             Self::NotText => "export it as text, in UTF-8, or in UTF-16 with a byte order mark",
             Self::More { .. } => "correct these first",
@@ -157,6 +162,8 @@ impl Complaint for SweepFileFault {
                 "choose one of them, or leave out `--sweep` to fit them all"
             }
             Self::NoNumbers => "leave out `--sweep`",
+            Self::SweepTwice { .. } => "number the sweeps of joined files apart, or split the file",
+            Self::AnotherTable => "write it into a file of its own",
             Self::UnknownOption { .. } => "write it like `# HZ S RI R 50`",
             Self::NotOnePort { .. } => "export S-, Z- or Y-parameters",
             Self::NoReference { .. } => "write it like `R 50`",

@@ -117,7 +117,16 @@ impl<'a> Header<'a> {
         };
         let mut columns: Vec<_> = all.iter().enumerate().filter_map(column).collect();
         let is_there = |quantity: &Quantity| columns.iter().any(|it| it.head.quantity == *quantity);
-        let pair = PAIRS.into_iter().find(|pair| pair.iter().all(is_there));
+        let mut pairs = PAIRS.into_iter().filter(|pair| pair.iter().all(is_there));
+        let each = |pair: [Quantity; 2], is: fn(&Column) -> bool| {
+            columns.iter().filter(|it| pair.contains(&it.head.quantity)).all(is)
+        };
+        let is_clear = |it: &Column| it.head.unit.is_some() || it.text.chars().count() > 1;
+        let first = pairs.next();
+        // `X` without a unit may be a place, if others have units.
+        let is_vague = first.is_some_and(|first| !each(first, is_clear));
+        let clear = pairs.find(|pair| each(*pair, |it| it.head.unit.is_some()));
+        let pair = clear.filter(|_| is_vague).or(first);
         if let Some(pair) = pair {
             let is_spare = |quantity: Quantity| {
                 PAIRS.as_flattened().contains(&quantity) && !pair.contains(&quantity)
@@ -128,20 +137,35 @@ impl<'a> Header<'a> {
         Some(Self { text, line, separator, width, columns, pair })
     }
 
-    /// Takes the units from the row below the header, if its frequency is a unit.
+    /// Takes the units from the row below the header whose frequency is a unit. Between them are only comments and rules.
     fn take_units(&mut self, text: &str) {
-        let mut below = lines(text).skip(self.line);
-        let Some((line, row)) = below.find(|(_, row)| !row.trim().is_empty()) else { return };
-        let bare = self.separator.trim_start(row).trim_start_matches(['#', '!']);
-        let Ok(cells) = cells(bare, self.separator) else { return };
-        let cell = |column: &Column| cells.get(column.index).map_or("", |cell| &cell.text);
-        let frequency = self.column(Quantity::Frequency);
-        if frequency.is_some_and(|column| column.head.is_unit(cell(column))) {
-            for column in &mut self.columns {
-                column.head.take_unit(cell(column));
+        for (line, row) in lines(text).skip(self.line) {
+            let bare = self.separator.trim_start(row);
+            let bare = if self.separator == Separator::Semicolon {
+                bare.trim_start_matches(['#', '!'])
+            } else {
+                bare.trim_start_matches(['#', '!', ';'])
+            };
+            let Ok(cells) = cells(bare, self.separator) else { return };
+            let cell = |column: &Column| cells.get(column.index).map_or("", |cell| &cell.text);
+            let frequency = self.column(Quantity::Frequency);
+            if frequency.is_some_and(|column| column.head.is_unit(cell(column))) {
+                for column in &mut self.columns {
+                    column.head.take_unit(cell(column));
+                }
+                self.line = line;
+                return;
             }
-            self.line = line;
+            if !is_comment(row) && row.chars().any(char::is_alphanumeric) {
+                return;
+            }
         }
+    }
+
+    /// Whether this line names the columns of another table with a frequency and an impedance.
+    pub(super) fn is_another(&self, text: &'a str) -> bool {
+        let other = Self::of(text, 0, self.separator);
+        other.is_some_and(|it| it.pair.is_some() && it.column(Quantity::Frequency).is_some())
     }
 
     pub(super) fn column(&self, quantity: Quantity) -> Option<&Column> {

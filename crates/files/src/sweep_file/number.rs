@@ -15,8 +15,6 @@ pub(super) struct Numbers {
     thousands: Option<String>,
     /// Whether a comma is surely a decimal mark.
     is_decimal: bool,
-    /// Whether a number has no mark.
-    has_whole: bool,
 }
 
 /// The value of a cell.
@@ -35,10 +33,9 @@ impl Numbers {
         Self { are_commas_taken, ..Self::default() }
     }
 
-    /// A number of which it cannot be told whether its comma is a decimal mark. With three decimals in each number, none is
-    /// without a mark.
+    /// A number of which it cannot be told whether its comma is a decimal mark.
     pub(super) fn ambiguous(&self) -> Option<&str> {
-        self.thousands.as_deref().filter(|_| self.has_whole && !self.is_decimal)
+        self.thousands.as_deref().filter(|_| !self.is_decimal)
     }
 
     /// The number in a cell.
@@ -46,8 +43,7 @@ impl Numbers {
         if ["OL", "OF", "OVLD", "OVERLOAD"].iter().any(|word| text.eq_ignore_ascii_case(word)) {
             return Ok(Value::Overload);
         }
-        let missing = ["NaN", "N/A", "#N/A", "---"];
-        if let Some(word) = missing.into_iter().find(|word| text.eq_ignore_ascii_case(word)) {
+        if let Some(word) = missing(text) {
             return Ok(Value::Missing(word));
         }
         let refused = || SweepFileFault::NotANumber { text: excerpt(text) };
@@ -72,10 +68,15 @@ impl Numbers {
                 self.thousands.get_or_insert_with(|| excerpt(text));
             }
             Some(_) => self.is_decimal = true,
-            None => self.has_whole |= !text.contains('.'),
+            None => {}
         }
         Ok(if number.abs() < NO_NUMBER { Value::Number(number) } else { Value::Overload })
     }
+}
+
+/// The word of a cell that says that there is no number.
+pub(super) fn missing(text: &str) -> Option<&'static str> {
+    ["NaN", "N/A", "#N/A", "---"].into_iter().find(|word| text.eq_ignore_ascii_case(word))
 }
 
 /// Whether a comma between these is where a mark for thousands would be.

@@ -5,15 +5,17 @@
 //! p. 4–6; that Z and Y are divided by R and 1/R, p. 6. Version 2.0: the keywords, and
 //! that Z and Y are not divided.
 
+use std::collections::HashMap;
+
 use num_complex::Complex64;
 use rig_model::{Impedance, PointResult, Reading, RigTime};
 
 use super::{
-    FREQUENCY_HZ, FaultCollector, IMPEDANCE_OHM,
+    FREQUENCY_HZ, FaultCollector, IMPEDANCE_OHM, LeftOut, LeftOutReason, READINGS_MAX,
     cells::{CsvCell, Separator, cells},
     fault::SweepFileFault,
     lines, location, measured,
-    number::{Numbers, Value, excerpt},
+    number::{Numbers, Value, excerpt, missing},
     of_admittance, of_reflection,
     quantity::Quantity,
 };
@@ -79,10 +81,11 @@ pub(super) fn is_it(name: &str, text: &str) -> bool {
 }
 
 /// Reads a file.
-pub(super) fn read(text: &str, faults: &mut FaultCollector) -> Vec<Reading> {
+pub(super) fn read(text: &str, faults: &mut FaultCollector) -> (Vec<Reading>, Vec<LeftOut>) {
     let mut options = None;
     let mut second = Second::default();
-    let mut readings = Vec::new();
+    let mut readings: Vec<Reading> = Vec::new();
+    let (mut left_out, mut first_lines) = (Vec::new(), HashMap::new());
     for (line, text) in lines(text) {
         let text = bare(text);
         let start = text.trim_start();
@@ -115,9 +118,24 @@ pub(super) fn read(text: &str, faults: &mut FaultCollector) -> Vec<Reading> {
         options.reference_ohm = second.reference_ohm.unwrap_or(options.reference_ohm);
         // Quotation marks are not special here, and are not numbers.
         let cells = cells(text, Separator::Spaces).unwrap_or_default();
-        readings.extend(options.row(&cells, line, text, faults));
+        if let Some(word) = cells.iter().find_map(|cell| missing(&cell.text)) {
+            left_out.push(LeftOut { line, reason: LeftOutReason::NoNumber { word } });
+            continue;
+        }
+        let Some((values, reading)) = options.row(&cells, line, text, faults) else { continue };
+        let first_line = *first_lines.entry(values.map(f64::to_bits)).or_insert(line);
+        if first_line == line {
+            readings.push(reading);
+        } else {
+            left_out.push(LeftOut { line, reason: LeftOutReason::Repeated { first_line } });
+        }
+        if readings.len() > READINGS_MAX {
+            let refusal = SweepFileFault::TooManyReadings { max: READINGS_MAX };
+            faults.refuse(Location { line, column: 1 }, refusal);
+            break;
+        }
     }
-    readings
+    (readings, left_out)
 }
 
 /// The keywords of version 2.
@@ -216,7 +234,7 @@ impl Options {
         line: usize,
         text: &str,
         faults: &mut FaultCollector,
-    ) -> Option<Reading> {
+    ) -> Option<([f64; 3], Reading)> {
         let [_, first, _] = cells else {
             let refusal = SweepFileFault::Numbers { found: cells.len() };
             faults.refuse(Location { line, column: 1 }, refusal);
@@ -251,16 +269,15 @@ impl Options {
             return None;
         }
         match self.impedance_ohm(a, b) {
-            Ok(impedance) => Some(Reading {
-                frequency_hz,
-                measured: PointResult::Value(Impedance {
+            Ok(impedance) => {
+                let measured = PointResult::Value(Impedance {
                     resistance_ohm: impedance.re,
                     reactance_ohm: impedance.im,
-                }),
-                started: RigTime::ZERO,
-                settle_s: 0.0,
-                integration_s: 0.0,
-            }),
+                });
+                let (started, settle_s, integration_s) = (RigTime::ZERO, 0.0, 0.0);
+                let reading = Reading { frequency_hz, measured, started, settle_s, integration_s };
+                Some((numbers, reading))
+            }
             Err(refusal) => {
                 faults.refuse(location(text, line, first.at), refusal);
                 None
