@@ -11,7 +11,7 @@ pub struct Score {
     pub trials: u32,
     /// Trials in the cluster that represents their label.
     pub correct: u32,
-    /// The label of each cluster; `None` for a surplus cluster.
+    /// The label of each cluster; `None` for a cluster without a trial of the label that is left for it.
     pub label_of: Vec<Option<usize>>,
     /// `counts[label][cluster]`: trials of each label in each cluster.
     pub counts: Vec<Vec<u32>>,
@@ -46,7 +46,7 @@ pub fn score(labels: &[usize], clusters: &[usize], n_labels: usize, n_clusters: 
     }
     let mut label_of = vec![None; n_clusters];
     for (label, cluster) in best_assignment(&counts, n_clusters).into_iter().enumerate() {
-        if let Some(cluster) = cluster {
+        if let Some(cluster) = cluster.filter(|cluster| counts[label][*cluster] > 0) {
             label_of[cluster] = Some(label);
         }
     }
@@ -108,6 +108,9 @@ mod tests {
         assert_eq!(found.correct, 3);
         let found = score(&[0, 1, 2, 2], &[0, 0, 1, 1], 3, 2);
         assert_eq!(found.correct, 3);
+        // No trial of label 2 was classified: it is not what cluster 2 represents.
+        let found = score(&[0, 0, 0, 1], &[0, 0, 2, 1], 3, 3);
+        assert_eq!((found.label_of.as_slice(), found.correct), (&[Some(0), Some(1), None][..], 3));
         let found = score(&[], &[], 2, 2);
         assert_eq!((found.correct, found.rate(), found.interval()), (0, None, (0.0, 1.0)));
     }

@@ -202,7 +202,11 @@ fn key_numbers(results: &RunResults) -> Vec<KeyNumber> {
         let value = percent(score.rate().unwrap_or_default());
         let (correct, trials, range) =
             (score.correct, score.trials, percent_range(score.interval()));
-        let below = format!("{correct} of {trials}; 95\u{a0}% interval {range}");
+        let missing = match results.blind_without_shift() {
+            0 => String::new(),
+            missing => format!("; {missing} without a shift"),
+        };
+        let below = format!("{correct} of {trials}; 95\u{a0}% interval {range}{missing}");
         numbers.push(KeyNumber { name: "Blind recognition", value, unit: "", below });
     }
     let prompts = counted(data.prompts, "prompt");
@@ -308,12 +312,12 @@ fn cost(cost: &SweepCost) -> Markup {
         return html! {};
     }
     let (taken, practice) = (duration(taken_s), duration(practice_s));
-    let times = fixed(practice_s / taken_s, 1);
     html! {
         p {
             "The " (sweeps) " sweeps took " b { (taken) } " of rig time. Common practice, 201 points \
              with five time constants of settling and ten cycles of integration at each, would have \
-             taken " (practice) " for the same resonances: " (times) " times as long."
+             taken " (practice) " for as many resonances. The two are not equally accurate: a planned \
+             sweep ends when its standard deviation reaches the target."
         }
     }
 }

@@ -69,6 +69,14 @@ pub(crate) struct SensitivityAt {
 }
 
 impl RunResults {
+    /// Number of planned blind touches without a shift, which could not be classified.
+    pub(crate) fn blind_without_shift(&self) -> usize {
+        let is_blind = |row: &&TouchRow| row.phase == Phase::Blind.name();
+        let planned = self.touches.iter().filter(is_blind).count();
+        let trials = self.classification.as_ref().map_or(0, |found| found.trials.len());
+        planned.saturating_sub(trials)
+    }
+
     /// The results of the `records` of a run, with those of its amendments behind them.
     ///
     /// # Errors

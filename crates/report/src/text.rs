@@ -4,7 +4,7 @@ use rig_analysis::{
     model::{ModelCheck, Pattern, Verdict},
     run::RunSample,
 };
-use rig_record::{Expected, Phase};
+use rig_record::Expected;
 
 use crate::{
     data::DIRECTIONS,
@@ -105,9 +105,7 @@ fn facts(results: &RunResults) -> Vec<(String, String)> {
     }
     if let Some(classification) = &results.classification {
         let score = &classification.score;
-        let is_blind = |row: &&TouchRow| row.phase == Phase::Blind.name();
-        let planned = results.touches.iter().filter(is_blind).count();
-        let missing = match planned.saturating_sub(score.trials as usize) {
+        let missing = match results.blind_without_shift() {
             0 => String::new(),
             missing => format!("; {missing} without a shift"),
         };

@@ -58,20 +58,19 @@ fn settings(protocol_toml: &str) -> Markup {
     html! {
         dl.facts.settings {
             @for (section, name) in SECTIONS {
-                @let keys = keys_of(protocol_toml, section).collect::<Vec<_>>();
+                @let keys = keys_of(protocol_toml, section);
                 @if !keys.is_empty() { (fact(name, keys.join(", "))) }
             }
         }
     }
 }
 
-/// The lines `key = value` of a table of a protocol, which was read before: without comments.
-fn keys_of<'a>(toml: &'a str, table: &str) -> impl Iterator<Item = &'a str> {
-    let head = format!("[{table}]");
-    let lines = toml.lines().map(str::trim).skip_while(move |line| *line != head).skip(1);
-    let lines = lines.take_while(|line| !line.starts_with('['));
-    let lines = lines.map(|line| line.split(" #").next().unwrap_or_default().trim());
-    lines.filter(|line| line.contains('=') && !line.starts_with('#'))
+/// The settings `key = value` of a table of a protocol, which was read before.
+fn keys_of(toml: &str, table: &str) -> Vec<String> {
+    let all: toml::Table = toml.parse().unwrap_or_default();
+    let keys = all.get(table).and_then(toml::Value::as_table);
+    let settings = keys.into_iter().flatten().map(|(key, value)| format!("{key} = {value}"));
+    settings.collect()
 }
 
 /// A calibration of the bench, its last daily check with the verdict, or a correction of the analyzer. Its file is found by the beginning of its digest.
@@ -103,5 +102,20 @@ fn sources(started: &RunStarted) -> Markup {
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_are_found_however_a_protocol_is_written() {
+        let toml = "contact_sweep = { max_hz = 205.0 }\n[touch] # how deep\nindentations_mm = [\n 0.1,\n 0.2,\n]\n\
+                    [ approach ]\n\"step_mm\" = 0.05 # small\n";
+        assert_eq!(keys_of(toml, "touch"), ["indentations_mm = [0.1, 0.2]"]);
+        assert_eq!(keys_of(toml, "approach"), ["step_mm = 0.05"]);
+        assert_eq!(keys_of(toml, "contact_sweep"), ["max_hz = 205.0"]);
+        assert!(keys_of(toml, "no_load_sweep").is_empty());
     }
 }

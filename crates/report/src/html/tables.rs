@@ -128,6 +128,7 @@ pub(super) fn touches(rows: &[TouchRow]) -> Markup {
             }),
         ]
     };
+    let reasons = reasons(rows);
     let rows: Vec<_> = rows.iter().map(row).collect();
     let caption = "Every planned touch, in order. The stiffness is that of the touch alone, with \
                    the uncertainty of the calibration; the class of a blind touch is the sample \
@@ -135,7 +136,28 @@ pub(super) fn touches(rows: &[TouchRow]) -> Markup {
                    Steps that the linear stage lost in a touch that was not checked for slip would not show: its \
                    depth may be another. Where the free resonance jumped before the next reference, the shift may be \
                    wrong by it.";
-    html! { div.log.touches { (table(caption, &heads, &rows)) } }
+    html! { div.log.touches { (table(caption, &heads, &rows)) } (reasons) }
+}
+
+/// The reasons in the table of touches, for paper, where its columns are narrow: each with its touches.
+fn reasons(rows: &[TouchRow]) -> Markup {
+    let mut all: Vec<(&str, Vec<&str>)> = Vec::new();
+    for row in rows {
+        let Some(reason) = row.reason.as_deref() else { continue };
+        match all.iter_mut().find(|(one, _)| *one == reason) {
+            Some((_, steps)) => steps.push(&row.step),
+            None => all.push((reason, vec![&row.step])),
+        }
+    }
+    if all.is_empty() {
+        return html! {};
+    }
+    html! {
+        div.paper {
+            p { "Reasons:" }
+            ul { @for (reason, steps) in all { li { (steps.join(", ")) ": " (reason) } } }
+        }
+    }
 }
 
 /// What speaks against trusting a measured touch, after its status.

@@ -121,3 +121,16 @@ fn touches_before_a_jump_of_the_resonance_are_marked_and_keep_their_reference() 
     assert!(inside(&html, "Frequency shifts with", "</caption>").contains(note));
     assert!(html.contains("0.400 Hz from where its drift lets it be expected"));
 }
+
+/// A rate says of how many touches it is, and paper has the reasons that its narrow table leaves out.
+#[test]
+fn refused_touches_are_counted_beside_the_recognition_and_have_their_reasons_on_paper() {
+    let html = SampleRun::new(Story::Refused).html();
+    let tile = inside(&html, "Blind recognition", "</div>");
+    assert!(tile.contains("; 1 without a shift"), "{tile}");
+    let paper = inside(&html, "<div class=\"paper\">", "</div>");
+    let reason = "the analyzer flagged &lt;overload&gt; at 152.3 Hz in 3 of 3 tries";
+    assert!(paper.contains(&format!("<li>main/2/left/45/1, blind/3: {reason}</li>")), "{paper}");
+    let complete = SampleRun::new(Story::Complete).html();
+    assert!(!complete.contains("without a shift") && !complete.contains("<div class=\"paper\">"));
+}
