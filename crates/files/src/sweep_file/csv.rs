@@ -49,7 +49,7 @@ struct Row {
 /// Reads a file of rows: all sweeps, or the selected one.
 pub(super) fn read(text: &str, sweep: Option<u64>, faults: &mut FaultCollector) -> Vec<FileSweep> {
     let Some(header) = Header::find(text, faults) else { return Vec::new() };
-    let Rows { rows: mut all, blocks, numbers, .. } = rows(&header, text, sweep, faults);
+    let Rows { kept: mut all, blocks, numbers, .. } = rows(&header, text, sweep, faults);
     let is_numbered = blocks > 1 || header.column(Quantity::Sweep).is_some();
     if let Some(asked) = sweep {
         let location = header.column(Quantity::Sweep).unwrap_or(&header.columns[0]).location;
@@ -212,7 +212,7 @@ fn bench(row: &Row) -> Option<Bench> {
 #[derive(Debug, Default)]
 struct Rows {
     /// Those of the sweep that is asked for.
-    rows: Vec<Row>,
+    kept: Vec<Row>,
     /// Number of blocks of rows, each with its header.
     blocks: u64,
     /// Number of rows of this block.
@@ -264,13 +264,13 @@ impl Rows {
         }
         self.numbers.insert(row.sweep);
         if asked.is_none_or(|asked| asked == row.sweep) {
-            self.rows.push(row);
+            self.kept.push(row);
         }
         self.of_block += 1;
         if !has_numbers && self.of_block > READINGS_MAX {
             return Err(SweepFileFault::TooManyReadings { max: READINGS_MAX });
         }
-        if self.rows.len() > ROWS_MAX {
+        if self.kept.len() > ROWS_MAX {
             return Err(SweepFileFault::TooManyRows { max: ROWS_MAX });
         }
         Ok(())
@@ -301,6 +301,8 @@ fn rows(header: &Header<'_>, text: &str, asked: Option<u64>, faults: &mut FaultC
         } else if !is_ended
             && !is_comment
             && !text.trim().is_empty()
+            // ZPlot ends its head so.
+            && text.trim() != "End Comments"
             && let Some(row) = row(header, line, text, &mut numbers, faults)
             && let Err(refusal) = found.push(row, asked, has_numbers)
         {
@@ -308,7 +310,7 @@ fn rows(header: &Header<'_>, text: &str, asked: Option<u64>, faults: &mut FaultC
             break;
         }
     }
-    check_units(header, &found.rows, &numbers, faults);
+    check_units(header, &found.kept, &numbers, faults);
     found
 }
 
@@ -549,6 +551,6 @@ mod tests {
         for sweep in 0..10 {
             one.push(Row { sweep, ..row }, Some(3), true).unwrap();
         }
-        assert_eq!((one.rows.len(), one.numbers.len()), (1, 10));
+        assert_eq!((one.kept.len(), one.numbers.len()), (1, 10));
     }
 }

@@ -139,9 +139,8 @@ impl Complaint for SweepFileFault {
             Self::Cells { found, expected, .. } if found > expected => {
                 "name every column in the header, or remove the further cells"
             }
-            Self::Cells { .. } => "complete the line or remove it",
+            Self::Cells { .. } | Self::EmptyCell { .. } => "complete the line or remove it",
             Self::OpenQuote => "close it on the same line",
-            Self::EmptyCell { .. } => "complete the line or remove it",
             Self::NotANumber { .. } => {
                 "write it like 140.25, 1.4025e2 or, between semicolons, 140,25"
             }
@@ -162,8 +161,7 @@ impl Complaint for SweepFileFault {
                 "choose one of them, or leave out `--sweep` to fit them all"
             }
             Self::NoNumbers => "leave out `--sweep`",
-            Self::SweepTwice { .. } => "number the sweeps of joined files apart, or split the file",
-            Self::AnotherTable => "write it into a file of its own",
+            Self::SweepTwice { .. } | Self::AnotherTable => "split the file",
             Self::UnknownOption { .. } => "write it like `# HZ S RI R 50`",
             Self::NotOnePort { .. } => "export S-, Z- or Y-parameters",
             Self::NoReference { .. } => "write it like `R 50`",

@@ -6,7 +6,8 @@ const HEAD: &str = "Freq(Hz),R(Ohm),X(Ohm)\n";
 
 /// Rows at these frequencies, Hz.
 fn rows(frequencies_hz: &[f64]) -> String {
-    frequencies_hz.iter().map(|hz| format!("{hz},900,-47000\n")).collect()
+    let rows: Vec<_> = frequencies_hz.iter().map(|hz| format!("{hz},900,-47000\n")).collect();
+    rows.concat()
 }
 
 /// The number and the frequencies of each sweep.
@@ -49,18 +50,13 @@ fn what_would_be_lost_or_mixed_in_a_joined_file_is_refused() {
     check_faults(
         "a.csv",
         &format!("{HEAD}{}END\nFreq(Hz),Cp(F),D\n120,1e-9,0.1\n", rows(&[120.0, 130.0])),
-        &[
-            "a.csv:5:1: this line names the columns of another table; write it into a file of its own",
-        ],
+        &["a.csv:5:1: this line names the columns of another table; split the file"],
     );
     let numbered = "sweep,frequency_hz,R,X\n3,120,900,-47000\n3,140,900,-47000\n";
     check_faults(
         "a.csv",
         &numbered.repeat(2),
-        &[
-            "a.csv:5:1: sweep 3 is also above the header that is repeated in line 4; number the sweeps of \
-           joined files apart, or split the file",
-        ],
+        &["a.csv:5:1: sweep 3 is also above the header that is repeated in line 4; split the file"],
     );
     let apart = format!("{numbered}{}", numbered.replace("\n3,", "\n4,"));
     assert_eq!(
@@ -90,7 +86,7 @@ fn a_letter_with_the_unit_of_something_else_is_something_else() {
     for text in [
         "F (N),X (mm),Freq(Hz),Rs(Ohm),Xs(Ohm)\n0.1,2,120,900,-47000\n0.2,2,140,2000,-39000\n",
         &format!("X,Y,Freq(Hz),Cs(F),Rs(Ohm)\n1,2,120,{first},900\n1,3,140,{second},2000\n"),
-        "Freq(Hz)\tAmpl\tZ'(a)\tZ''(b)\n120\t1\t900\t-47000\n140\t1\t2000\t-39000\n",
+        "Freq(Hz)\tAmpl\tZ'(a)\tZ''(b)\nEnd Comments\n120\t1\t900\t-47000\n140\t1\t2000\t-39000\n",
         "freq[Hz];re:Trc1_S11;im:Trc1_S11;\n120;0.999957011678117;-0.0021267906615789634;\n\
          140;0.9998655916181621;-0.0025570375081341657;\n",
         "f,R (GOhm),X (GOhm)\n120,0.0000009,-0.000047\n140,0.000002,-0.000039\n",
