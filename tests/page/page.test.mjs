@@ -7,6 +7,7 @@ import { againAsRun, startedAgain } from "./choices.mjs";
 import { commissionedOnThePage } from "./commission.mjs";
 import { sensorOnThePage } from "./sensor.mjs";
 import { homedAfterALook } from "./home.mjs";
+import { acknowledgedOnATelephone } from "./narrow.mjs";
 import { doneTwice, onlyPauses } from "./presses.mjs";
 import { silentRequests } from "./silence.mjs";
 import { needsToken } from "./token.mjs";
@@ -227,6 +228,7 @@ await run(async () => {
   await needsToken();
   await silentRequests();
   await homedAfterALook();
+  await acknowledgedOnATelephone();
   await commissionedOnThePage();
   await sensorOnThePage();
   const [worst, best] = [Math.max(...latencies), Math.min(...latencies)];
