@@ -10,6 +10,7 @@ import { homedAfterALook } from "./home.mjs";
 import { acknowledgedOnATelephone } from "./narrow.mjs";
 import { doneTwice, onlyPauses } from "./presses.mjs";
 import { silentRequests } from "./silence.mjs";
+import { ownStreams, stoppedWithEightTabs, takenFromASilentTab } from "./tabs.mjs";
 import { needsToken } from "./token.mjs";
 import { button, config, keeper, look, passed, run, serve, shots, state, visit } from "./support.mjs";
 
@@ -227,6 +228,9 @@ await run(async () => {
   await againAsRun();
   await needsToken();
   await silentRequests();
+  await stoppedWithEightTabs();
+  await takenFromASilentTab();
+  await ownStreams();
   await homedAfterALook();
   await acknowledgedOnATelephone();
   await commissionedOnThePage();

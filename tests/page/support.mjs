@@ -41,7 +41,11 @@ export const complaints = [];
 
 /** A page whose errors, and whose requests to anybody else, fail the test. */
 export async function visit(base, { width = 1440, height = 900, colorScheme = "light" } = {}) {
-  const context = await browser.newContext({ viewport: { width, height }, colorScheme, reducedMotion: "reduce" });
+  return tab(await browser.newContext({ viewport: { width, height }, colorScheme, reducedMotion: "reduce" }), base);
+}
+
+/** One more page of a browser, as `visit`. */
+export async function tab(context, base) {
   const page = await context.newPage();
   page.isExpecting = () => false;
   // While the page is written: its files from a directory, in place of those inside rigd.

@@ -1,6 +1,7 @@
 // The link to the daemon and what the page knows. One stream of events for everything; commands
 // are asked for, and change nothing until the daemon says so.
 import { useEffect, useState } from "preact/hooks";
+import { Share } from "./share.ts";
 import { Parser, type Message } from "./sse.ts";
 import { empty, withEvent, withLive, withPlan, withRig, type Model } from "./model.ts";
 import type { Event, LiveNews, Note, Plan, Problem, Rig, RunDetail } from "./wire.ts";
@@ -88,11 +89,31 @@ function headers(more: Record<string, string> = {}): Record<string, string> {
 
 // ---- The stream -------------------------------------------------------------------------------------
 
+interface Known { model: Model; lastId: string | undefined; link: Link; sinceMs: number; needsToken: boolean }
+
+const share = new Share<Known>({
+  hold,
+  hear,
+  known: () => ({ ...view(), lastId }),
+  adopt: (known) => {
+    ({ model, lastId, needsToken } = known);
+    heard = performance.now() - known.sinceMs;
+    link = known.link;
+    watch();
+    changed();
+  },
+});
+
 /** Follows the daemon for as long as the page is open. */
-export async function follow(): Promise<never> {
+export async function follow(): Promise<void> {
   setInterval(watch, 250);
-  for (;;) {
-    await listen().catch(() => undefined);
+  await share.run();
+}
+
+/** Listens again and again, while this tab is the one that does. */
+async function hold(signal: AbortSignal): Promise<void> {
+  while (!signal.aborted) {
+    await listen(signal).catch(() => undefined);
     await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
   }
 }
@@ -101,26 +122,40 @@ let abort: AbortController | undefined;
 /** When the last attempt to listen began, as `heard`. */
 let tried = performance.now();
 
-async function listen(): Promise<void> {
-  abort = new AbortController();
+async function listen(signal: AbortSignal): Promise<void> {
+  const attempt = new AbortController();
+  abort = attempt;
+  signal.addEventListener("abort", () => attempt.abort(), { once: true, signal: attempt.signal });
   tried = performance.now();
   const more: Record<string, string> = lastId === undefined ? {} : { "Last-Event-ID": lastId };
   const url = `/api/v1/events?live=true&back=${BACK}`;
-  const response = await fetch(url, { headers: headers(more), signal: abort.signal, cache: "no-store" });
-  if (response.status === 401) { needsToken = true; changed(); }
-  if (!response.ok || !response.body) return;
-  // Another tab may have logged this browser in.
-  needsToken = false;
-  const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
-  const parser = new Parser();
-  for (;;) {
-    const { done, value } = await reader.read();
-    if (done) return;
-    heard = performance.now();
-    link = "live";
-    for (const message of parser.push(value)) take(message);
-    changed();
+  try {
+    const response = await fetch(url, { headers: headers(more), signal: attempt.signal, cache: "no-store" });
+    if (response.status === 401) { needsToken = true; share.tell(); changed(); }
+    if (!response.ok || !response.body) return;
+    // Another tab may have logged this browser in.
+    needsToken = false;
+    // The others go on from where this stream does.
+    share.tell();
+    const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
+    const parser = new Parser();
+    for (;;) {
+      const { done, value } = await reader.read();
+      if (done || signal.aborted) return;
+      const messages = parser.push(value);
+      hear(messages);
+      share.heard(messages);
+    }
+  } finally {
+    attempt.abort();
   }
+}
+
+function hear(messages: Message[]): void {
+  heard = performance.now();
+  link = "live";
+  for (const message of messages) take(message);
+  changed();
 }
 
 function take({ id, event, data }: Message): void {
@@ -156,6 +191,7 @@ async function loadRun(id: string): Promise<void> {
 }
 
 function watch(): void {
+  share.tick();
   const now = performance.now();
   const since = now - heard;
   const next = since > LOST_MS ? "lost" : since > LATE_MS ? (link === "connecting" ? link : "late") : link;
