@@ -1,6 +1,7 @@
 // Requests that get no answer: they are given up, and they do not pile up.
 import assert from "node:assert/strict";
-import { button, serve, state, visit } from "./support.mjs";
+import { join } from "node:path";
+import { button, config, serve, state, visit } from "./support.mjs";
 
 const after = async (page, ms) => page.waitForFunction((until) => performance.now() > until, await page.evaluate((wait) => performance.now() + wait, ms), { timeout: ms + 10_000 });
 
@@ -22,6 +23,7 @@ export async function silentRequests() {
   await after(page, 7000);
   assert.equal(asked, 2, "a request without an answer is given up");
   await page.unroute("**/api/v1/queue");
+  await silentCommands(page);
   // Nor does an attempt to listen wait for ever.
   let attempts = 0;
   await page.route("**/api/v1/events*", () => { attempts += 1; });
@@ -31,7 +33,7 @@ export async function silentRequests() {
   for (let n = 0; n < 4 && attempts < 2; n += 1) await after(page, 3000);
   assert.ok(attempts >= 2, `${attempts} attempts to listen`);
   await page.unroute("**/api/v1/events*");
-  await state(page, "Ready");
+  await state(page, "Latched, nothing moves");
   // A hidden tab asks for nothing.
   const seen = [];
   await page.evaluate(() => Object.defineProperty(document, "hidden", { get: () => true }));
@@ -39,4 +41,32 @@ export async function silentRequests() {
   await after(page, 2500);
   assert.deepEqual(seen, []);
   await page.context().close();
+}
+
+/** A check and a command without an answer are given up as what is read is. A stop is not: it may still arrive. */
+async function silentCommands(page) {
+  const given = [];
+  page.on("requestfailed", (request) => { if (request.method() === "POST") given.push(new URL(request.url()).pathname); });
+  await page.route("**/api/v1/protocols/check", () => undefined);
+  await page.getByLabel("Open a file…").setInputFiles(join(config, "protocols/smoke.toml"));
+  await page.getByText("rigd is checking smoke.toml…").waitFor();
+  await page.getByRole("alert").getByText("smoke.toml could not be checked: No answer from rigd.").waitFor({ timeout: 15_000 });
+  assert.equal(await page.getByText("cannot run here").count(), 0);
+  await page.unroute("**/api/v1/protocols/check");
+  await button(page, "Check again").click();
+  await page.route("**/api/v1/queue", (route) => (route.request().method() === "POST" ? undefined : route.continue()));
+  await button(page, "Add to the queue").click();
+  await page.getByText("asked; no answer yet, press again to ask again").waitFor();
+  await page.getByRole("alert").getByText("No answer from rigd.", { exact: true }).waitFor({ timeout: 15_000 });
+  await page.unroute("**/api/v1/queue");
+  assert.deepEqual(given, ["/api/v1/protocols/check", "/api/v1/queue"]);
+  const stop = button(page, /^Stop all/);
+  await page.route("**/api/v1/stop", () => undefined);
+  await stop.click();
+  await after(page, 8000);
+  assert.match(await stop.innerText(), /no answer: press again, or use the emergency stop/);
+  assert.equal(given.length, 2, `given up: ${given}`);
+  await page.unroute("**/api/v1/stop");
+  await stop.click();
+  await state(page, "Latched, nothing moves");
 }

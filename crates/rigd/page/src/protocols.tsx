@@ -12,7 +12,11 @@ import type { Plan, Problem, Rig, RunEntry, Since } from "./wire.ts";
 /** A protocol that can be chosen: the one rigd was started with, one of an earlier run, or a file. */
 interface Choice { key: string; title: string; from: string; toml: string | undefined; last: RunEntry | undefined; good?: RunEntry | undefined; /** When the run began that is asked for again. */ began?: string }
 
-type Checked = { plan: Plan } | { problem: Problem };
+/** What a check has found, or why it has found nothing. */
+type Checked = { plan: Plan } | { problem: Problem } | { why: string };
+
+/** The status of an answer that finds faults in the protocol. Another one says nothing about it. */
+const FAULTY = 422;
 
 /** What a person takes to change a sample, s, until the run itself says it better. */
 const ANSWER_S = 30;
@@ -110,12 +114,14 @@ function Check({ choice, view }: { choice: Choice; view: View }) {
   const [checked, set] = useState<Checked>();
   const [changes, setChanges] = useState<Change[]>([]);
   const [since, setSince] = useState<Since>();
+  const [attempt, setAttempt] = useState(1);
   useEffect(() => {
+    set(undefined);
     post<Plan>("protocols/check", bodyOf(choice)).then(
       (plan) => { if (plan) set({ plan }); },
-      (error: unknown) => set({ problem: error instanceof Refused ? error.problem : { title: "no answer", status: 0, detail: "rigd does not answer" } }),
+      (error: unknown) => set(error instanceof Refused && error.problem.status === FAULTY ? { problem: error.problem } : { why: reasonOf(error) }),
     );
-  }, []);
+  }, [attempt]);
   const plan = checked && "plan" in checked ? checked.plan : undefined;
   useEffect(() => {
     if (!plan || !choice.good) return;
@@ -124,6 +130,14 @@ function Check({ choice, view }: { choice: Choice; view: View }) {
   }, [plan]);
   const rig = view.model.rig as Rig;
   if (!checked) return <section class="card" aria-label="Check"><p class="soft">rigd is checking {choice.title}…</p></section>;
+  if ("why" in checked) {
+    return (
+      <section class="card" aria-label="Check">
+        <p class="refusal" role="alert">{choice.title} could not be checked: {checked.why}</p>
+        <button type="button" onClick={() => setAttempt(attempt + 1)}>Check again</button>
+      </section>
+    );
+  }
   if ("problem" in checked) return <Faults title={choice.title} problem={checked.problem} />;
   return (
     <>

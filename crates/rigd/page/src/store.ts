@@ -12,8 +12,8 @@ const LOST_MS = 5000;
 /** A command that is not answered in this time is said to be unanswered, ms. */
 const ANSWER_MS = 2000;
 const RETRY_MS = 1000;
-/** What is read and has not come in this time is given up, ms. The journal of a long run takes seconds. */
-const READ_MS = 20_000;
+/** What is asked and not answered in this time is given up, ms. The journal of a long run takes seconds. */
+const GIVE_UP_MS = 20_000;
 /** How many records of this session come at first, ms. */
 const BACK = 100;
 
@@ -73,7 +73,7 @@ export const operator = () => {
 export const setOperator = (name: string) => { keep(localStorage, "operator", name.trim()); changed(); };
 /** The daemon keeps the token's client in a cookie that this page cannot read. */
 export async function setToken(token: string): Promise<void> {
-  await ask("session", { method: "POST", headers: headers({ Authorization: `Bearer ${token.trim()}` }) });
+  await ask("session", { method: "POST", headers: headers({ Authorization: `Bearer ${token.trim()}` }), signal: limit() });
   needsToken = false;
   changed();
 }
@@ -222,7 +222,8 @@ async function ask(path: string, init: RequestInit): Promise<Response> {
   throw new Refused(problem);
 }
 
-const reading = () => ({ headers: headers(), signal: AbortSignal.timeout(READ_MS) });
+const limit = () => AbortSignal.timeout(GIVE_UP_MS);
+const reading = () => ({ headers: headers(), signal: limit() });
 
 export async function get<T>(path: string): Promise<T> {
   const response = await ask(path, reading());
@@ -266,14 +267,14 @@ export async function open(path: string, name: string): Promise<void> {
 export interface Body { type: "application/json" | "application/toml"; text: string }
 
 export const noted = (id: string, note: Note) =>
-  ask(`runs/${id}/note`, { method: "PUT", headers: headers({ "Content-Type": "application/json" }), body: JSON.stringify(note) });
+  ask(`runs/${id}/note`, { method: "PUT", headers: headers({ "Content-Type": "application/json" }), body: JSON.stringify(note), signal: limit() });
 
 export async function post<T = unknown>(path: string, body?: Body, key?: string): Promise<T | undefined> {
   const more: Record<string, string> = {
     ...(body ? { "Content-Type": body.type } : {}),
     ...(key ? { "Idempotency-Key": key } : {}),
   };
-  const init: RequestInit = { method: "POST", headers: headers(more) };
+  const init: RequestInit = { method: "POST", headers: headers(more), signal: limit() };
   if (body) init.body = body.text;
   const answer = await (await ask(path, init)).text();
   return answer ? (JSON.parse(answer) as T) : undefined;
@@ -281,11 +282,11 @@ export async function post<T = unknown>(path: string, body?: Body, key?: string)
 
 /** Takes something away, and gives what is left. */
 export async function remove<T>(path: string): Promise<T> {
-  return (await ask(path, { method: "DELETE", headers: headers() })).json() as Promise<T>;
+  return (await ask(path, { method: "DELETE", headers: headers(), signal: limit() })).json() as Promise<T>;
 }
 
-/** Stops everything. Sent whatever the link is thought to be. */
-export const stopAll = () => post("stop");
+/** Stops everything. Sent whatever the link is thought to be, and never given up: it may still arrive. */
+export const stopAll = () => ask("stop", { method: "POST", headers: headers() });
 
 // ---- A control that asks ----------------------------------------------------------------------------
 
