@@ -11,6 +11,7 @@ import { acknowledgedOnATelephone } from "./narrow.mjs";
 import { doneTwice, onlyPauses } from "./presses.mjs";
 import { silentRequests } from "./silence.mjs";
 import { ownStreams, stoppedWithEightTabs, takenFromASilentTab } from "./tabs.mjs";
+import { saysWhatIsUnread } from "./unread.mjs";
 import { needsToken } from "./token.mjs";
 import { button, config, keeper, look, passed, run, serve, shots, state, visit } from "./support.mjs";
 
@@ -228,6 +229,7 @@ await run(async () => {
   await againAsRun();
   await needsToken();
   await silentRequests();
+  await saysWhatIsUnread();
   await stoppedWithEightTabs();
   await takenFromASilentTab();
   await ownStreams();

@@ -6,7 +6,7 @@ import { BenchDrawing, Timeline } from "./drawings.tsx";
 import { Icon } from "./icons.tsx";
 import { QueuePanel } from "./queue.tsx";
 import { AskButton } from "./shell.tsx";
-import { get, noted, operator, post, reasonOf, Refused, setOperator, text, type Body, type View } from "./store.ts";
+import { get, noted, operator, post, reasonOf, Refused, setOperator, text, useRead, type Body, type View } from "./store.ts";
 import type { Plan, Problem, Rig, RunEntry, Since } from "./wire.ts";
 
 /** A protocol that can be chosen: the one rigd was started with, one of an earlier run, or a file. */
@@ -25,7 +25,6 @@ const bodyOf = (choice: Choice): Body | undefined =>
   choice.toml === undefined ? undefined : { type: "application/toml", text: choice.toml };
 
 export function Protocols({ view, again }: { view: View; again: string | undefined }) {
-  const [choices, setChoices] = useState<Choice[]>();
   const [chosen, choose] = useState(again === undefined ? undefined : `again ${again}`);
   const [asked, setAsked] = useState<Choice>();
   const [why, setWhy] = useState<string>();
@@ -33,7 +32,9 @@ export function Protocols({ view, again }: { view: View; again: string | undefin
   const status = view.model.run?.status;
   // Another session is a daemon that was started again, perhaps with another protocol.
   const session = view.model.rig?.session;
-  useEffect(() => { load().then(setChoices, () => setChoices([])); }, [status, session]);
+  const [read, unread] = useRead(load, [status, session]);
+  // They may be those of the daemon before.
+  const choices = unread === undefined ? read : undefined;
   useEffect(() => {
     if (again === undefined) return;
     let isOver = false;
@@ -65,6 +66,7 @@ export function Protocols({ view, again }: { view: View; again: string | undefin
           ))}
         </ul>
         {choices && all.length === 0 && <p class="soft">None is loaded. Open a protocol file, such as smoke.toml.</p>}
+        {unread !== undefined && <p class="refusal" role="alert">The protocols could not be read: {unread}</p>}
         <label class="file">Open a file…<input type="file" accept=".toml,application/toml,text/plain" onChange={(event) => void openFile(event.currentTarget.files?.[0])} /></label>
         <QueuePanel view={view} />
       </section>
@@ -88,7 +90,8 @@ async function asRun(id: string): Promise<Choice> {
 async function load(): Promise<Choice[]> {
   const [runs, loaded] = await Promise.all([
     get<RunEntry[]>("runs"),
-    post<Plan>("protocols/check").catch(() => undefined),
+    // None is loaded.
+    post<Plan>("protocols/check").catch((error: unknown) => { if (error instanceof Refused && error.problem.status === FAULTY) return undefined; throw error; }),
   ]);
   const last = new Map<string, RunEntry>();
   const good = new Map<string, RunEntry>();
@@ -102,7 +105,7 @@ async function load(): Promise<Choice[]> {
     last.delete(loaded.protocol);
   }
   const others = [...last.values()].reverse().slice(0, 12);
-  const tomls = await Promise.all(others.map((run) => text(`runs/${run.id}/protocol`).catch(() => undefined)));
+  const tomls = await Promise.all(others.map((run) => text(`runs/${run.id}/protocol`).catch((error: unknown) => { if (error instanceof Refused) return undefined; throw error; })));
   others.forEach((run, i) => {
     const toml = tomls[i];
     if (toml !== undefined) choices.push({ key: `protocol ${run.protocol}`, title: run.protocol, from: "as it was run last", toml, last: run, good: good.get(run.protocol) });
@@ -112,8 +115,6 @@ async function load(): Promise<Choice[]> {
 
 function Check({ choice, view }: { choice: Choice; view: View }) {
   const [checked, set] = useState<Checked>();
-  const [changes, setChanges] = useState<Change[]>([]);
-  const [since, setSince] = useState<Since>();
   const [attempt, setAttempt] = useState(1);
   useEffect(() => {
     set(undefined);
@@ -123,11 +124,9 @@ function Check({ choice, view }: { choice: Choice; view: View }) {
     );
   }, [attempt]);
   const plan = checked && "plan" in checked ? checked.plan : undefined;
-  useEffect(() => {
-    if (!plan || !choice.good) return;
-    get<Since>(`runs/${choice.good.id}/changes`).then(setSince, () => undefined);
-    text(`runs/${choice.good.id}/protocol`).then((before) => setChanges(differences(before, plan.protocol_toml)), () => undefined);
-  }, [plan]);
+  const good = plan && choice.good;
+  const [since, sinceUnread] = useRead(async () => good && get<Since>(`runs/${good.id}/changes`), [plan]);
+  const [changes, changesUnread] = useRead(async () => good && differences(await text(`runs/${good.id}/protocol`), plan.protocol_toml), [plan]);
   const rig = view.model.rig as Rig;
   if (!checked) return <section class="card" aria-label="Check"><p class="soft">rigd is checking {choice.title}…</p></section>;
   if ("why" in checked) {
@@ -141,7 +140,7 @@ function Check({ choice, view }: { choice: Choice; view: View }) {
   if ("problem" in checked) return <Faults title={choice.title} problem={checked.problem} />;
   return (
     <>
-      <CheckedPlan plan={checked.plan} rig={rig} good={choice.good} changes={changes} since={since} />
+      <CheckedPlan plan={checked.plan} rig={rig} good={choice.good} changes={changes} since={since} unread={changesUnread ?? sinceUnread} />
       <Start plan={checked.plan} view={view} freeBytes={since?.free_bytes} />
     </>
   );
@@ -160,7 +159,7 @@ function Faults({ title, problem }: { title: string; problem: Problem }) {
   );
 }
 
-function CheckedPlan({ plan, rig, good, changes, since }: { plan: Plan; rig: Rig; good: RunEntry | undefined; changes: Change[]; since: Since | undefined }) {
+function CheckedPlan({ plan, rig, good, changes, since, unread }: { plan: Plan; rig: Rig; good: RunEntry | undefined; changes: Change[] | undefined; since: Since | undefined; unread: string | undefined }) {
   const persons_s = rig.is_simulated ? 0 : plan.prompts * ANSWER_S;
   const [least, most] = [plan.duration_s * 0.7, plan.duration_s * 1.3 + persons_s];
   const sensor = { depth: undefined, isUnknown: false, isClear: true, sample: plan.samples[0] };
@@ -189,13 +188,26 @@ function CheckedPlan({ plan, rig, good, changes, since }: { plan: Plan; rig: Rig
       </div>
       <div class="extremes drawn">{poses.map((pose) => <figure key={pose.title}><figcaption class="soft">{pose.title}: {fixed(pose.linear_mm, 3)} mm, {degrees(pose.rotary_deg)}</figcaption><BenchDrawing limits={rig.limits} pose={{ ...sensor, linear_mm: pose.linear_mm, rotary_deg: pose.rotary_deg }} isPlain /></figure>)}</div>
       <h3>{good ? `Changed since ${good.name}, the last complete run` : "No complete run of this protocol here yet"}</h3>
-      {good && (changes.length === 0 && !since?.changes.length ? <p class="soft">{since ? "Nothing: protocol, rig file, software and devices are the same." : "Nothing in the protocol."}</p> : (
+      {good && <Changes changes={changes} since={since} unread={unread} />}
+    </section>
+  );
+}
+
+/** What differs from the last complete run, as far as it is read. */
+function Changes({ changes, since, unread }: { changes: Change[] | undefined; since: Since | undefined; unread: string | undefined }) {
+  const count = (changes?.length ?? 0) + (since?.changes.length ?? 0);
+  return (
+    <>
+      {unread !== undefined && <p class="refusal" role="alert">{changes || since ? "Not all of it could be read" : "It could not be read"}: {unread}</p>}
+      {!changes && unread === undefined && <p class="soft">It is being read…</p>}
+      {changes && count === 0 && (since || unread === undefined) && <p class="soft">{since ? "Nothing: protocol, rig file, software and devices are the same." : "Nothing in the protocol."}</p>}
+      {count > 0 && (
         <table class="changes"><tbody>
-          {changes.map((c) => <tr key={c.key}><th scope="row"><code>{c.key}</code></th><td>{c.before ?? "not there"} → <strong>{c.now ?? "gone"}</strong></td></tr>)}
+          {changes?.map((c) => <tr key={c.key}><th scope="row"><code>{c.key}</code></th><td>{c.before ?? "not there"} → <strong>{c.now ?? "gone"}</strong></td></tr>)}
           {since?.changes.map((c) => <tr key={c.what}><th scope="row">{c.what}</th><td>{c.was === c.is ? <strong>another text, also named {c.is}</strong> : <>{c.was} → <strong>{c.is}</strong></>}</td></tr>)}
         </tbody></table>
-      ))}
-    </section>
+      )}
+    </>
   );
 }
 

@@ -9,7 +9,7 @@ import { Amend } from "./refused.tsx";
 import { NarrowingPlot, SweepPlots } from "./plots.tsx";
 import { Compare } from "./compare.tsx";
 import { AskButton, Confirm, DialogStop } from "./shell.tsx";
-import { get, noted, open, post, reasonOf, Refused, type Body, type View } from "./store.ts";
+import { get, noted, open, post, reasonOf, Refused, useRead, type Body, type View } from "./store.ts";
 import type { Direction, Note, Notes, RunDetail, RunEntry, Sweep, TouchRow } from "./wire.ts";
 
 /** What a run found that cannot be continued is asked for once. */
@@ -28,7 +28,6 @@ async function detailOf(run: RunEntry): Promise<RunDetail> {
 const PAGE = 12;
 
 export function Runs({ view }: { view: View }) {
-  const [runs, setRuns] = useState<RunEntry[]>();
   const [details, setDetails] = useState<Map<string, RunDetail>>(new Map());
   const [wanted, setWanted] = useState("");
   const [count, setCount] = useState(PAGE);
@@ -38,7 +37,7 @@ export function Runs({ view }: { view: View }) {
   const pair = picked.map((id) => details.get(id)).filter((detail) => detail !== undefined).sort((a, b) => a.started_at.localeCompare(b.started_at));
   const status = view.model.run?.status;
   const id = view.model.run?.id;
-  useEffect(() => { get<RunEntry[]>("runs").then((all) => setRuns([...all].sort((a, b) => b.started_at.localeCompare(a.started_at))), () => undefined); }, [status, id]);
+  const [runs, unread] = useRead(async () => (await get<RunEntry[]>("runs")).sort((a, b) => b.started_at.localeCompare(a.started_at)), [status, id]);
   const shown = (runs ?? []).filter((run) => `${run.name} ${run.protocol} ${ending(run.status)} ${run.archived_to === undefined ? "" : "archived"} ${day(run.started_at)} ${notes?.[run.id]?.note ?? ""} ${notes?.[run.id]?.is_starred ? "starred" : ""}`.toLowerCase().includes(wanted.toLowerCase()));
   const page = shown.slice(0, count);
   useEffect(() => {
@@ -59,7 +58,8 @@ export function Runs({ view }: { view: View }) {
     <main class="runs" id="main">
       {pair[0] && pair[1] && <Compare a={pair[0]} b={pair[1]} onClose={() => setPicked([])} />}
       <section class="card" aria-label="Runs">
-        <div class="row find"><label class="hidden" for="find">Find a run</label><input id="find" type="search" placeholder="Find: name, day, end, note, starred" value={wanted} onInput={(event) => setWanted(event.currentTarget.value)} /><span class="soft">{runs ? runs.length === 1 ? "1 run" : `${runs.length} runs` : "reading…"}</span></div>
+        <div class="row find"><label class="hidden" for="find">Find a run</label><input id="find" type="search" placeholder="Find: name, day, end, note, starred" value={wanted} onInput={(event) => setWanted(event.currentTarget.value)} /><span class="soft">{runs ? runs.length === 1 ? "1 run" : `${runs.length} runs` : unread === undefined && "reading…"}</span></div>
+        {unread !== undefined && <p class="refusal" role="alert">The runs could not be read: {unread}</p>}
         {runs?.length === 0 && <p>No runs yet. <a href="#/protocols">Start with smoke.</a></p>}
         {page.length > 0 && (
           <div class="scroll"><table class="run-list">

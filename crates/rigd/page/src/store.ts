@@ -253,6 +253,34 @@ export function usePoll<T>(path: string, every_ms: number): [T | undefined, (fou
   return [found, set];
 }
 
+/** After this time what did not come is asked for again, ms. */
+const AGAIN_MS = 2000;
+
+/** Whether a later try may give what this one did not: there was no answer, no token, or a fault of the daemon. */
+const mayComeLater = (error: unknown) => !(error instanceof Refused) || error.problem.status === 401 || error.problem.status >= 500;
+
+/** What is read when something in `of` changes, and why the last try has not given it. What an earlier one gave stays. */
+export function useRead<T>(read: () => Promise<T>, of: unknown[]): [T | undefined, string | undefined] {
+  const [found, set] = useState<T>();
+  const [why, setWhy] = useState<string>();
+  useEffect(() => {
+    let isOver = false;
+    let timer = 0;
+    const later = () => { timer = window.setTimeout(() => (document.hidden ? later() : ask()), AGAIN_MS); };
+    const ask = () => void read().then(
+      (now) => { if (!isOver) { set(() => now); setWhy(undefined); } },
+      (error: unknown) => {
+        if (isOver) return;
+        setWhy(reasonOf(error));
+        if (mayComeLater(error)) later();
+      },
+    );
+    ask();
+    return () => { isOver = true; clearTimeout(timer); };
+  }, of);
+  return [found, why];
+}
+
 /** A link to what the daemon has, opened as a file. */
 export async function open(path: string, name: string): Promise<void> {
   const blob = await (await ask(path, { headers: headers() })).blob();

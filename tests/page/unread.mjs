@@ -1,0 +1,41 @@
+// What could not be read is said to be so: nothing is claimed about it, and it is read again.
+import assert from "node:assert/strict";
+import { button, serve, state, visit } from "./support.mjs";
+
+const PROBLEM = { status: 503, json: { title: "busy", status: 503, detail: "the journal is busy" } };
+const refuse = (page, path) => page.route(path, (route) => route.fulfill(PROBLEM));
+
+export async function saysWhatIsUnread() {
+  const { base } = await serve("unread", (text) => text);
+  const page = await visit(base);
+  page.isExpecting = (text) => text.includes("503");
+  await state(page, "Ready");
+  await button(page, "Start smoke").waitFor();
+  await refuse(page, "**/api/v1/runs");
+  await page.keyboard.press("3");
+  await page.getByRole("alert").getByText("The runs could not be read: the journal is busy").waitFor();
+  assert.equal(await page.getByText("reading…").count(), 0);
+  await page.keyboard.press("2");
+  await page.getByRole("alert").getByText("The protocols could not be read: the journal is busy").waitFor();
+  assert.equal(await page.getByText("None is loaded", { exact: false }).count(), 0);
+  await page.unroute("**/api/v1/runs");
+  // Nor is the loaded protocol taken for none.
+  await button(page, "Start smoke").waitFor();
+  await refuse(page, "**/api/v1/protocols/check");
+  await page.keyboard.press("3");
+  await page.keyboard.press("2");
+  await page.getByRole("alert").getByText("The protocols could not be read: the journal is busy").waitFor();
+  await page.unroute("**/api/v1/protocols/check");
+  await refuse(page, "**/api/v1/runs/*/changes");
+  await refuse(page, "**/api/v1/runs/*/protocol");
+  await button(page, "Start smoke").click();
+  await page.getByText("smoke-1 ended: completed", { exact: false }).waitFor({ timeout: 120_000 });
+  await page.getByRole("heading", { name: "Changed since smoke-1, the last complete run" }).waitFor();
+  await page.getByRole("alert").getByText("It could not be read: the journal is busy").waitFor();
+  assert.equal(await page.getByText(/^Nothing/).count(), 0);
+  await page.unroute("**/api/v1/runs/*/changes");
+  await page.unroute("**/api/v1/runs/*/protocol");
+  await page.getByText("Nothing: protocol, rig file, software and devices are the same.").waitFor();
+  assert.equal(await page.getByRole("alert").getByText(/could not/).count(), 0);
+  await page.context().close();
+}
