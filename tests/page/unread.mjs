@@ -39,3 +39,37 @@ export async function saysWhatIsUnread() {
   assert.equal(await page.getByRole("alert").getByText(/could not/).count(), 0);
   await page.context().close();
 }
+
+/** The message of a failure goes with the next success, and what was read before it stays. */
+export async function forgetsEarlierErrors() {
+  const { base } = await serve("earlier", (text) => text);
+  const page = await visit(base);
+  page.isExpecting = (text) => text.includes("503");
+  await state(page, "Ready");
+  await button(page, "Start smoke").click();
+  await page.getByText("smoke-1 ended: completed", { exact: false }).waitFor({ timeout: 120_000 });
+  await page.keyboard.press("3");
+  await page.getByRole("link", { name: "smoke-1" }).click();
+  await page.getByRole("heading", { name: /^Planned 18 · measured 18/ }).waitFor();
+  // A note that was refused, and is then as it was.
+  const note = page.getByLabel(/^Note/);
+  await refuse(page, "**/note");
+  await note.fill("gel is 3 days old");
+  await note.blur();
+  const said = page.locator(".note-field").getByText("the journal is busy");
+  await said.waitFor();
+  await note.fill("");
+  await note.blur();
+  await said.waitFor({ state: "detached" });
+  // The run is read again, and cannot be.
+  await refuse(page, `**/api/v1/runs/${new URL(page.url()).hash.split("/").at(-1)}`);
+  await button(page, /^sample 5, left 45°: \d/).click();
+  await page.getByLabel(/^Why is it measured again/).fill("cracked");
+  await button(page, "Leave it out").click();
+  await page.getByRole("alert").getByText("the journal is busy").waitFor();
+  assert.ok(await page.getByRole("heading", { name: /^Planned 18 · measured 18/ }).isVisible(), "what was read before");
+  await page.unroute(`**/api/v1/runs/${new URL(page.url()).hash.split("/").at(-1)}`);
+  await page.getByRole("heading", { name: /^Planned 18 · measured 17 .* skipped 1/ }).waitFor();
+  assert.equal(await page.getByText("the journal is busy").count(), 0);
+  await page.context().close();
+}

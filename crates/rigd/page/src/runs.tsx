@@ -115,7 +115,9 @@ function NoteField({ note, onNote }: NoteProps) {
   const [text, setText] = useState<string>();
   const [said, setSaid] = useState("");
   const keep = () => {
-    if (!note || text === undefined || text === note.note) return;
+    if (!note || text === undefined) return;
+    // Nor does the refusal of another text stay.
+    if (text === note.note) return setSaid("");
     setSaid("asked…");
     onNote({ note: text }).then(() => setSaid("kept"), (error: unknown) => setSaid(reasonOf(error)));
   };
@@ -174,16 +176,14 @@ function Thumbnail({ rows }: { rows: TouchRow[] }) {
 
 export function RunPage({ id, view }: { id: string; view: View }) {
   const { model } = view;
-  const [detail, set] = useState<RunDetail>();
-  const [error, setError] = useState<string>();
   const [opened, openTouch] = useState<TouchRow>();
   const [isGivenUp, setGivenUp] = useState(false);
   const [amended, setAmended] = useState(0);
   const [notes, setNotes] = useNotes();
   const note = noteIn(notes, id);
   const made = model.run?.id === id ? [...model.run.touches.values()].filter((t) => t.status !== "not_reached").length : 0;
-  useEffect(() => { get<RunDetail>(`runs/${id}`).then(set, (e: unknown) => setError(reasonOf(e))); }, [id, made, model.run?.status, isGivenUp, amended]);
-  if (error !== undefined) return <main id="main"><section class="card"><p role="alert">{error}</p><p><a href="#/runs">All runs</a></p></section></main>;
+  const [detail, error] = useRead(() => get<RunDetail>(`runs/${id}`), [id, made, model.run?.status, isGivenUp, amended]);
+  if (!detail && error !== undefined) return <main id="main"><section class="card"><p role="alert">{error}</p><p><a href="#/runs">All runs</a></p></section></main>;
   if (!detail) return <main id="main"><section class="card"><p class="soft">The journal is being read…</p></section></main>;
   const { results } = detail;
   const samples = [...new Set(results.touch_results.map((row) => row.sample))];
@@ -195,6 +195,7 @@ export function RunPage({ id, view }: { id: string; view: View }) {
   const recognition = results.recognition[0];
   return (
     <main class="run-page" id="main">
+      {error !== undefined && <p class="refusal wide" role="alert">This is what was read before. The last try: {error}</p>}
       <div class="row head">
         <div><h2 class="title">{detail.name}<Star name={detail.name} note={note} onNote={(next) => setNotes(id, next)} /> <EndChip status={detail.status} /></h2>
           <p class="soft">{day(detail.started_at)}{detail.finished_at ? ` to ${day(detail.finished_at)}` : ""} · {detail.protocol} · {duration(results.rig_seconds)} of rig · {results.prompts} prompts answered{results.no_load_hz != null ? ` · free resonance ${fixed(results.no_load_hz, 3)} Hz` : ""}</p></div>
@@ -326,12 +327,7 @@ function TouchCell({ row, label, onOpen }: { row: TouchRow; label: string | unde
 
 /** The sweep behind a touch: its readings, and the circuit where one was found. */
 function SweepDialog({ run, row, view, onClose, onAmended }: { run: RunDetail; row: TouchRow; view: View; onClose: () => void; onAmended: () => void }) {
-  const [sweep, set] = useState<LiveSweep>();
-  const [error, setError] = useState<string>();
-  useEffect(() => {
-    if (row.sweep == null) return;
-    get<Sweep>(`runs/${run.id}/sweeps/${row.sweep}`).then((found) => set(asLive(found)), (e: unknown) => setError(reasonOf(e)));
-  }, [row.step]);
+  const [sweep, error] = useRead(async () => (row.sweep == null ? undefined : asLive(await get<Sweep>(`runs/${run.id}/sweeps/${row.sweep}`))), [row.step]);
   const outcome = sweep?.outcome;
   return (
     <dialog ref={(element) => { if (element && !element.open) element.showModal(); }} class="card sweep-dialog" aria-labelledby="sweep-title" onClose={onClose}>
