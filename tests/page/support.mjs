@@ -45,9 +45,9 @@ export async function visit(base, { width = 1440, height = 900, colorScheme = "l
 }
 
 /** One more page of a browser, as `visit`. */
-export async function tab(context, base) {
+export async function tab(context, base, isExpecting = () => false) {
   const page = await context.newPage();
-  page.isExpecting = () => false;
+  page.isExpecting = isExpecting;
   // While the page is written: its files from a directory, in place of those inside rigd.
   if (process.env.PAGE_DIST) {
     const types = { "index.html": "text/html", "page.js": "text/javascript", "page.css": "text/css", "icon.svg": "image/svg+xml" };

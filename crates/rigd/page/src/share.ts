@@ -18,6 +18,8 @@ export interface Tab<Known> {
   /** Keeps the stream open until the signal is aborted. */
   hold(signal: AbortSignal): Promise<void>;
   hear(messages: Message[]): void;
+  /** Another tab says that the browser was let in. */
+  enter(): void;
   known(): Known;
   adopt(known: Known): void;
 }
@@ -26,6 +28,7 @@ export interface Tab<Known> {
 type Word<Known> = { from: string } & (
   | { kind: "joins" }
   | { kind: "leads" }
+  | { kind: "enters" }
   | { kind: "heard"; messages: Message[] }
   | { kind: "known"; known: Known }
 );
@@ -91,6 +94,11 @@ export class Share<Known> {
     this.#say({ kind: "heard", messages });
   }
 
+  /** Tells the other tabs that the browser was let in. */
+  enters(): void {
+    this.#say({ kind: "enters" });
+  }
+
   /** Tells the other tabs all that this one knows. */
   tell(): void {
     this.#say({ kind: "known", known: this.#tab.known() });
@@ -111,6 +119,7 @@ export class Share<Known> {
   }
 
   #take(word: Word<Known>): void {
+    if (word.kind === "enters") return this.#tab.enter();
     if (this.#isLeading) {
       if (word.kind === "joins") this.tell();
       return;

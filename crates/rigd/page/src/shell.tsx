@@ -4,7 +4,7 @@ import type { ComponentChildren } from "preact";
 import { clock, fixed } from "./format.ts";
 import { Icon, ProbeIcon, type IconName } from "./icons.tsx";
 import { depthMm, stateOf, type Model } from "./model.ts";
-import { get, operator, post, reasonOf, setToken, stopAll, useAsking, usePoll, useView, type Asking, type Link, type View } from "./store.ts";
+import { get, operator, post, reasonOf, setToken, stopAll, useAsking, useView, type Asking, type Link, type View } from "./store.ts";
 
 export type Tab = "now" | "protocols" | "runs" | "rig";
 export const TABS: { tab: Tab; label: string; icon: IconName }[] = [
@@ -257,13 +257,9 @@ export function LeaseLine({ name }: { name: string }) {
   return <p class="lease"><strong>{name}</strong> operates the rig; you watch, and can stop it. <AskButton send={takeOver}>Take over</AskButton></p>;
 }
 
-/** How often the dialog looks whether another tab has logged in, ms. */
-const LOGIN_MS = 2000;
-
 export function TokenDialog() {
   const ref = useRef<HTMLDialogElement>(null);
   const [why, setWhy] = useState("");
-  usePoll("session", LOGIN_MS);
   useEffect(() => { if (ref.current && !ref.current.open) ref.current.showModal(); }, []);
   return (
     // Escape does not take it away: without a token the page shows nothing. Chromium closes it at the second Escape.

@@ -74,8 +74,32 @@ export const setOperator = (name: string) => { keep(localStorage, "operator", na
 /** The daemon keeps the token's client in a cookie that this page cannot read. */
 export async function setToken(token: string): Promise<void> {
   await ask("session", { method: "POST", headers: headers({ Authorization: `Bearer ${token.trim()}` }), signal: limit() });
+  enter();
+  share.enters();
+}
+
+/** This browser has been let in: what waited for that goes on. */
+function enter(): void {
   needsToken = false;
+  wake();
   changed();
+}
+
+let isLooking = false;
+
+/** Asks once whether this browser has been let in, by a link or in another tab. */
+async function look(): Promise<void> {
+  if (isLooking) return;
+  isLooking = true;
+  try {
+    await ask("session", reading());
+    enter();
+    share.enters();
+  } catch {
+    // The dialog stays, or comes.
+  } finally {
+    isLooking = false;
+  }
 }
 
 function headers(more: Record<string, string> = {}): Record<string, string> {
@@ -95,8 +119,12 @@ const share = new Share<Known>({
   hold,
   hear,
   known: () => ({ ...view(), lastId }),
+  enter,
   adopt: (known) => {
-    ({ model, lastId, needsToken } = known);
+    ({ model, lastId } = known);
+    // The tab that leads may not know yet that this one came by a link.
+    if (!known.needsToken) needsToken = false;
+    else if (!needsToken) void look();
     heard = performance.now() - known.sinceMs;
     link = known.link;
     watch();
@@ -107,14 +135,23 @@ const share = new Share<Known>({
 /** Follows the daemon for as long as the page is open. */
 export async function follow(): Promise<void> {
   setInterval(watch, 250);
+  addEventListener("focus", () => { if (needsToken) void look(); });
   await share.run();
 }
 
-/** Listens again and again, while this tab is the one that does. */
+/** Ends the wait for a token. */
+let wake = () => {};
+
+/** Listens again and again, while this tab is the one that does; without a token not before the browser has been let in. */
 async function hold(signal: AbortSignal): Promise<void> {
   while (!signal.aborted) {
-    await listen(signal).catch(() => undefined);
-    await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
+    const status = await listen(signal).catch(() => undefined);
+    if (signal.aborted) return;
+    await new Promise<void>((resolve) => {
+      wake = resolve;
+      if (status === 401 && needsToken) signal.addEventListener("abort", () => resolve(), { once: true });
+      else setTimeout(resolve, RETRY_MS);
+    });
   }
 }
 
@@ -122,7 +159,8 @@ let abort: AbortController | undefined;
 /** When the last attempt to listen began, as `heard`. */
 let tried = performance.now();
 
-async function listen(signal: AbortSignal): Promise<void> {
+/** The status of the answer, when the stream has ended. */
+async function listen(signal: AbortSignal): Promise<number> {
   const attempt = new AbortController();
   abort = attempt;
   signal.addEventListener("abort", () => attempt.abort(), { once: true, signal: attempt.signal });
@@ -132,7 +170,7 @@ async function listen(signal: AbortSignal): Promise<void> {
   try {
     const response = await fetch(url, { headers: headers(more), signal: attempt.signal, cache: "no-store" });
     if (response.status === 401) { needsToken = true; share.tell(); changed(); }
-    if (!response.ok || !response.body) return;
+    if (!response.ok || !response.body) return response.status;
     // Another tab may have logged this browser in.
     needsToken = false;
     // The others go on from where this stream does.
@@ -141,7 +179,7 @@ async function listen(signal: AbortSignal): Promise<void> {
     const parser = new Parser();
     for (;;) {
       const { done, value } = await reader.read();
-      if (done || signal.aborted) return;
+      if (done || signal.aborted) return response.status;
       const messages = parser.push(value);
       hear(messages);
       share.heard(messages);
@@ -225,16 +263,15 @@ async function ask(path: string, init: RequestInit): Promise<Response> {
 const limit = () => AbortSignal.timeout(GIVE_UP_MS);
 const reading = () => ({ headers: headers(), signal: limit() });
 
-export async function get<T>(path: string): Promise<T> {
-  const response = await ask(path, reading());
-  // Another tab may have logged this browser in while the stream went on.
-  if (needsToken) { needsToken = false; changed(); }
-  return response.json() as Promise<T>;
+/** Nothing is read while the dialog asks for a token: rigd would answer the same. */
+async function read(path: string): Promise<Response> {
+  if (needsToken) throw new Refused({ title: "unauthorized", status: 401, detail: "this daemon asks for a token" });
+  return ask(path, reading());
 }
 
-export async function text(path: string): Promise<string> {
-  return (await ask(path, reading())).text();
-}
+export const get = async <T>(path: string): Promise<T> => (await read(path)).json() as Promise<T>;
+
+export const text = async (path: string): Promise<string> => (await read(path)).text();
 
 /** What the daemon has, asked for again and again while it is shown: one request at a time, and none in a hidden tab. */
 export function usePoll<T>(path: string, every_ms: number): [T | undefined, (found: T | undefined) => void] {
