@@ -10,8 +10,8 @@ import type { Message } from "./sse.ts";
 /** The build of the page: tabs with another one may mean something else by their words. */
 declare const BUILD: string;
 
-/** Without a sign of the tab that leads for so long, a tab that is seen takes the stream, ms. */
-const SIGN_MS = 2000;
+/** Without a sign of the tab that leads in so many of its own ticks, a tab that is seen takes the stream: 2 s, but not while the computer stood still. */
+const SIGN_TICKS = 8;
 
 /** What a tab does with the stream, where `Known` is what it has learned so far. */
 export interface Tab<Known> {
@@ -39,9 +39,11 @@ export class Share<Known> {
   readonly #id = String(Math.random());
   #channel = "locks" in navigator && "BroadcastChannel" in globalThis ? new BroadcastChannel(this.#name) : undefined;
   #isLeading = false;
+  /** No other tab has said anything yet. */
+  #isAlone = true;
   /** The tab whose `known` was taken; what others have heard does not fit to it. */
   #leader: string | undefined;
-  #signed = performance.now();
+  #ticks = 0;
   #isTaking = false;
   #turn = new AbortController();
   #awake: Promise<unknown> = Promise.resolve();
@@ -84,8 +86,10 @@ export class Share<Known> {
       return;
     }
     if (this.#leader === undefined) this.#say({ kind: "joins" });
-    if (document.hidden || performance.now() - this.#signed < SIGN_MS) return;
-    this.#signed = performance.now();
+    if (document.hidden) return;
+    this.#ticks += 1;
+    if (this.#ticks < SIGN_TICKS) return;
+    this.#ticks = 0;
     this.#isTaking = true;
     this.#turn.abort();
   }
@@ -119,13 +123,14 @@ export class Share<Known> {
   }
 
   #take(word: Word<Known>): void {
+    this.#isAlone = false;
     if (word.kind === "enters") return this.#tab.enter();
     if (this.#isLeading) {
       if (word.kind === "joins") this.tell();
       return;
     }
     if (word.kind === "joins") return;
-    this.#signed = performance.now();
+    this.#ticks = 0;
     if (word.kind === "known") {
       this.#leader = word.from;
       this.#tab.adopt(word.known);
@@ -137,6 +142,8 @@ export class Share<Known> {
   }
 
   #say(word: { [K in Word<Known>["kind"]]: Omit<Extract<Word<Known>, { kind: K }>, "from"> }[Word<Known>["kind"]]): void {
+    // Words that nobody hears take memory until the browser has dropped them.
+    if (this.#isAlone && word.kind !== "joins") return;
     this.#channel?.postMessage({ ...word, from: this.#id });
   }
 }

@@ -180,13 +180,16 @@ async function listen(signal: AbortSignal): Promise<number> {
     for (;;) {
       const { done, value } = await reader.read();
       if (done || signal.aborted) return response.status;
-      const messages = parser.push(value);
-      hear(messages);
-      share.heard(messages);
+      handOn(parser.push(value));
     }
   } finally {
     attempt.abort();
   }
+}
+
+function handOn(messages: Message[]): void {
+  hear(messages);
+  share.heard(messages);
 }
 
 function hear(messages: Message[]): void {
