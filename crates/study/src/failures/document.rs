@@ -252,7 +252,9 @@ fn beyond(page: &mut Page, cells: &[Cell]) {
          way as another resonance does. No estimator can detect it in the readings, and all of \
          them, the production fit included, are silently wrong here. A second sweep at another \
          level detects it (above, `with a step of the level`: the result is that at the full level, as in the daemon, or a \
-         refusal if it differs from that at half the level). This map is not part of the count.",
+         refusal if it differs from that at half the level. A softening whose two results do not differ by four standard \
+         deviations shifts it by up to 4·√2·4/3 = 7.5 of them. A shift in contact is the difference of two sweeps at one \
+         level, in which most of that cancels). This map is not part of the count.",
     );
     let wrong = where_wrong(cells.iter().filter(|cell| cell.axis.is_beyond_one_sweep()));
     if !wrong.is_empty() {
