@@ -155,6 +155,17 @@ pub enum CommandRefusal {
         /// The lowest position allowed at this tilt.
         floor: Position<Mm>,
     },
+    /// How deep a touch may go depends on the tilt, and the last turn ended without a read-back.
+    #[error(
+        "linear stage: target {wanted} is below {rest}, and the tilt is not known: the last turn was not \
+         completed"
+    )]
+    TiltUnknown {
+        /// The requested position.
+        wanted: Position<Mm>,
+        /// The clear position, below which the tilt counts.
+        rest: Position<Mm>,
+    },
     /// The target is further below the highest surface than one move may lead.
     #[error(
         "linear stage: target {wanted} is below {lowest}, the lowest target of one move from here"

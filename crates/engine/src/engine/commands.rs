@@ -1,6 +1,6 @@
 //! Commands: their admission, and their beginning.
 
-use rig_model::{Clearance, RigLimits, RigTime};
+use rig_model::{Clearance, Deg, Mm, Position, RigLimits, RigTime};
 
 use super::{Activity, Engine, reach::Reach};
 use crate::{
@@ -111,16 +111,15 @@ impl Engine {
             },
             Command::MoveLinear(to) => {
                 let target = linear.target(to).map_err(CommandRefusal::LinearTarget)?;
-                let tilt = self.rotary.unwrap_or(rotary.rest_target().position());
-                let floor = self.limits.floor_at(tilt);
-                if to < floor {
-                    return Err(CommandRefusal::TooDeep { wanted: to, floor });
+                let rest = linear.rest_target().position();
+                let is_lowering = to < rest;
+                match self.interlock.proven().tilt {
+                    Some(tilt) => self.check_depth(to, tilt)?,
+                    None if is_lowering => {
+                        return Err(CommandRefusal::TiltUnknown { wanted: to, rest });
+                    }
+                    None => {}
                 }
-                let lowest = self.limits.lowest_of_one_move(self.linear, tilt);
-                if to < lowest {
-                    return Err(CommandRefusal::TooFar { wanted: to, lowest });
-                }
-                let is_lowering = to < linear.rest_target().position();
                 let speed_mm_per_s = if is_lowering {
                     motion.contact_speed_mm_per_s
                 } else {
@@ -131,6 +130,19 @@ impl Engine {
             _ => return Ok(None),
         };
         Ok(Some(operation))
+    }
+
+    /// Refuses a target of the linear stage that is too deep at this tilt.
+    fn check_depth(&self, to: Position<Mm>, tilt: Position<Deg>) -> Result<(), CommandRefusal> {
+        let floor = self.limits.floor_at(tilt);
+        if to < floor {
+            return Err(CommandRefusal::TooDeep { wanted: to, floor });
+        }
+        let lowest = self.limits.lowest_of_one_move(self.linear, tilt);
+        if to < lowest {
+            return Err(CommandRefusal::TooFar { wanted: to, lowest });
+        }
+        Ok(())
     }
 
     /// Begins a command of `by` that was admitted in the present state, and appends its effects.

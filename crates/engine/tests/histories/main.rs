@@ -19,7 +19,8 @@ mod way_down;
 mod world;
 
 use rig_engine::{
-    Command, Event, Input, LeftRig, Operation, Report, RigState, RunStatus, TouchOutcome,
+    Command, Event, FailureKind, Input, LeftRig, Operation, Report, RigState, RunStatus,
+    TouchOutcome,
 };
 use rig_model::{Clearance, Position, RigTime, SweepMethod, SweepRequest, Window};
 
@@ -271,6 +272,52 @@ fn a_move_by_hand_obeys_what_a_run_obeys() {
     world.step();
     assert_eq!(world.engine.snapshot().clearance, Clearance::Clear);
     world.command(rotary(0.0));
+}
+
+/// The sample stands somewhere between both ends of the turn, and the floor depends on where.
+#[test]
+fn a_move_down_by_hand_waits_until_the_tilt_after_an_aborted_turn_is_known() {
+    for kind in [FailureKind::Interrupted, FailureKind::Line] {
+        let mut world = World::new(None);
+        world.command(Command::Prepare);
+        while world.in_flight.is_some() {
+            world.step();
+        }
+        let linear = |mm| Command::MoveLinear(Position::new(mm));
+        world.command(Command::MoveRotary(Position::new(30.0)));
+        world.command(Command::Abort);
+        let (id, _) = world.in_flight.take().unwrap();
+        world.rotary_deg = 17.0;
+        world.fail(id, kind);
+        while world.in_flight.is_some() {
+            world.step();
+        }
+        if kind == FailureKind::Interrupted {
+            assert_eq!(world.engine.snapshot().state, RigState::Idle);
+            for mm in [9.4, 20.0, REST_MM - 0.5] {
+                assert_eq!(
+                    world.engine.admit(linear(mm)).expect_err("the tilt is not known").to_string(),
+                    format!(
+                        "linear stage: target {mm:.3} mm is below {REST_MM:.3} mm, and the tilt is not known: \
+                         the last turn was not completed"
+                    )
+                );
+            }
+            world.command(linear(45.0));
+            world.step();
+            world.command(Command::MoveRotary(Position::new(0.0)));
+            world.step();
+        } else {
+            // It is prepared again, and so read back.
+            world.command(Command::Acknowledge);
+            while world.in_flight.is_some() {
+                world.step();
+            }
+        }
+        world.command(linear(20.0));
+        world.step();
+        assert_eq!(world.engine.snapshot().linear, Some(Position::new(20.0)), "{kind:?}");
+    }
 }
 
 /// The readings say that no time has passed, and the clock that a minute has.
