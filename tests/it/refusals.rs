@@ -1,7 +1,9 @@
 //! Refused touches through the whole daemon: the policy of the protocol, and its records.
 
+use std::collections::BTreeSet;
+
 use rig_engine::{Command, RefusalAnswer, RigState, RunStatus};
-use rig_store::Record;
+use rig_store::{Action, Record, RunId, SweepPurpose};
 use rig_tests::{TestRig, changed, touches_of_smoke};
 
 /// Sample 5 has its resonance in contact beyond the window.
@@ -45,11 +47,9 @@ async fn the_policy_of_the_protocol_is_carried_out_and_recorded_and_the_run_is_s
     }
 }
 
-#[tokio::test]
-async fn a_person_is_asked_and_widens_the_window() {
-    let person = ("person = \"answers\"", "person = \"waits\"");
-    let rig = TestRig::open_changed(&[person]).await;
-    let run = rig.handle.run(rig.protocol(&narrow("ask")), "Ada").await.unwrap();
+/// Plays a run whose refused touches a person has made again with a wider window. Returns its id and how many there were.
+async fn widened(rig: &TestRig, toml: &str) -> (RunId, usize) {
+    let run = rig.handle.run(rig.protocol(toml), "Ada").await.unwrap();
     let mut status = rig.handle.status();
     let mut asked = 0;
     for _ in 0..20 {
@@ -60,11 +60,7 @@ async fn a_person_is_asked_and_widens_the_window() {
         let now = status.wait_for(waits).await.unwrap().clone();
         if let Some(ending) = now.run.as_ref().and_then(|run| run.ending) {
             assert_eq!(ending, RunStatus::Completed);
-            assert!(asked >= 1, "nobody was asked");
-            let verdict = rig_verify::verify(rig.data(), &run.to_string()).unwrap();
-            assert!(verdict.is_sound, "{:#?}", verdict.findings);
-            rig.close().await;
-            return;
+            return (run, asked);
         }
         let command = now.snapshot.refused.map_or(Command::Answer, |touch| {
             asked += 1;
@@ -73,4 +69,37 @@ async fn a_person_is_asked_and_widens_the_window() {
         rig.handle.command(command, Some(run), "Ada").await.unwrap();
     }
     panic!("asked without end");
+}
+
+/// The reference before a touch that is made again is of the step of the touch.
+#[tokio::test]
+async fn a_person_is_asked_and_widens_the_window_after_a_reference_as_a_planned_touch_has_it() {
+    for (no_load, has_reference) in [("every-touch", true), ("by-drift", true), ("once", false)] {
+        let person = ("person = \"answers\"", "person = \"waits\"");
+        let rig = TestRig::open_changed(&[person]).await;
+        let change = ("seed = 1", &*format!("seed = 1\nno_load = \"{no_load}\""));
+        let (run, asked) = widened(&rig, &changed(&narrow("ask"), &[change])).await;
+        assert!(asked >= 1, "{no_load}: nobody was asked");
+        let (mut touches, mut references, mut last) = (BTreeSet::new(), 0, 0);
+        for stored in rig.records(run) {
+            match stored.record().unwrap() {
+                Record::StepStarted(begun) => {
+                    if matches!(begun.action, Action::Touch { .. }) {
+                        touches.insert(begun.step);
+                    }
+                }
+                Record::Sweep(sweep) if sweep.purpose == SweepPurpose::NoLoad => {
+                    last = sweep.number;
+                    references +=
+                        usize::from(sweep.step.is_some_and(|step| touches.contains(&step)));
+                }
+                Record::TouchResult(result) => assert_eq!(result.no_load_sweep, last, "{no_load}"),
+                _ => {}
+            }
+        }
+        assert_eq!(references, if has_reference { asked } else { 0 }, "{no_load}");
+        let verdict = rig_verify::verify(rig.data(), &run.to_string()).unwrap();
+        assert!(verdict.is_sound, "{no_load}: {:#?}", verdict.findings);
+        rig.close().await;
+    }
 }

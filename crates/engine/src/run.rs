@@ -1,17 +1,18 @@
 //! Replays a plan, one step at a time.
 
+mod again;
 #[cfg(test)]
 mod tests;
 
 use std::{collections::BTreeSet, time::Duration};
 
 use rig_model::{Clearance, DriveLevel, RigLimits, RigTime, SweepPoint, Window};
-use rig_protocol::{Action, NoLoadPolicy, Plan, Pose, Prompt, RefusalPolicy, Step, StepId, Touch};
+use rig_protocol::{Action, NoLoadPolicy, Plan, Pose, Prompt, Step, StepId, Touch};
 use rig_resonance::{Bench, Resonance};
 
 use crate::{
-    Event, Fault, Operation, RefusalAnswer, RefusedTouch, RunPhase, RunStatus, TouchOutcome,
-    TouchPlace, TouchResult,
+    Event, Fault, Operation, RefusalAnswer, RunPhase, RunStatus, TouchOutcome, TouchPlace,
+    TouchResult,
     contact_sense::{Neighbours, check_drift, check_reference},
     descent::{Streamed, Vigil},
     drift::{Drift, Jump},
@@ -20,7 +21,6 @@ use crate::{
     listening::{Driven, Listening},
     machine::{MachineContext, MachineEvent, MachineStep},
     no_load::{NoLoad, Reference, confirming},
-    refusal::widened,
     touch::{Outlook, TouchMachine, is_value},
 };
 
@@ -83,6 +83,8 @@ enum Machine {
     Touch(Box<TouchMachine>),
     /// A person is asked about this refused touch.
     Deciding(Box<TouchResult>),
+    /// The reference before a refused touch is made again.
+    Referring(Box<NoLoad>),
     /// The probe goes up before the next step: the plan, or a person, wants more room than the last touch left.
     Rising,
     /// After the last step, the impedance of the clear probe confirms the last touch.
@@ -131,8 +133,10 @@ impl Run {
         match &self.machine {
             Machine::Between => RunPhase::Between,
             Machine::Prompting(_) => RunPhase::Prompt,
-            Machine::NoLoad(machine) if !machine.is_sweeping() => RunPhase::Rotation,
-            Machine::NoLoad(_) => RunPhase::NoLoadSweep,
+            Machine::NoLoad(machine) | Machine::Referring(machine) if !machine.is_sweeping() => {
+                RunPhase::Rotation
+            }
+            Machine::NoLoad(_) | Machine::Referring(_) => RunPhase::NoLoadSweep,
             Machine::Touch(machine) => machine.run_phase(),
             Machine::Deciding(_) => RunPhase::Prompt,
             Machine::Rising => RunPhase::Retract,
@@ -191,10 +195,12 @@ impl Run {
 
     /// Whether the next step is a reference for which the drift does not ask.
     fn is_not_due(&self, now: RigTime) -> bool {
-        let limit_hz = self.plan.drift_limit_hz();
-        self.plan.is_by_drift(self.index)
-            && self.no_load.is_some()
-            && !self.drift.asks_for_reference(now, self.touch_lasts, limit_hz)
+        self.plan.is_by_drift(self.index) && self.no_load.is_some() && !self.is_due_by_drift(now)
+    }
+
+    /// Whether the drift asks for a reference before a touch that begins now.
+    fn is_due_by_drift(&self, now: RigTime) -> bool {
+        self.drift.asks_for_reference(now, self.touch_lasts, self.plan.drift_limit_hz())
     }
 
     pub(crate) fn advance(
@@ -235,6 +241,14 @@ impl Run {
             Machine::NoLoad(machine) => {
                 let step = machine.advance(event, self.no_load.as_ref(), &mut context);
                 step.and_then(|reference| self.referred(&reference, notes))
+            }
+            Machine::Referring(machine) => {
+                let step = machine.advance(event, self.no_load.as_ref(), &mut context);
+                let step = step.and_then(|reference| self.referred(&reference, notes));
+                if matches!(step, MachineStep::Done(())) {
+                    return self.touch_again(&mut Surroundings { now, limits, probe, notes });
+                }
+                step
             }
             Machine::Touch(machine) => {
                 let left = machine.left_at(&context);
@@ -374,76 +388,6 @@ impl Run {
         machine.streamed(now, streamed)
     }
 
-    /// The refused touch about which a person is asked.
-    pub(crate) fn question(&self) -> Option<RefusedTouch> {
-        let Machine::Deciding(result) = &self.machine else { return None };
-        let TouchOutcome::Refused { refusal, .. } = &result.outcome else { return None };
-        Some(RefusedTouch { step: result.step.clone(), reason: refusal.to_string() })
-    }
-
-    /// A touch is done and the probe is clear. The policy of the protocol decides about a refused one.
-    fn touched(
-        &mut self,
-        result: TouchResult,
-        around: &mut Surroundings<'_>,
-    ) -> MachineStep<RunStatus> {
-        let TouchOutcome::Refused { refusal, .. } = &result.outcome else {
-            return self.finish_touch(result, around);
-        };
-        let answer = match self.plan.touch.on_refusal {
-            RefusalPolicy::Ask => {
-                around.notes.push(Event::RefusalAsked { refusal: refusal.clone() });
-                self.machine = Machine::Deciding(Box::new(result));
-                return MachineStep::Decide;
-            }
-            RefusalPolicy::Repeat if self.repeats == 0 => RefusalAnswer::Repeat,
-            RefusalPolicy::Widen if self.repeats == 0 => RefusalAnswer::Widen,
-            RefusalPolicy::Abort => RefusalAnswer::Abort,
-            _ => return self.finish_touch(result, around),
-        };
-        self.decided(result, answer, PROTOCOL.to_owned(), around)
-    }
-
-    /// Does what a person or the protocol has decided about a refused touch.
-    fn decided(
-        &mut self,
-        result: TouchResult,
-        answer: RefusalAnswer,
-        by: String,
-        around: &mut Surroundings<'_>,
-    ) -> MachineStep<RunStatus> {
-        if answer == RefusalAnswer::Widen {
-            let window = self.window.unwrap_or(self.plan.contact_sweep.window);
-            self.window = Some(widened(window, around.limits));
-        }
-        let window = self.window.filter(|_| answer == RefusalAnswer::Widen);
-        if let TouchOutcome::Refused { refusal, .. } = &result.outcome {
-            let (by, refusal) = (by.clone(), refusal.clone());
-            around.notes.push(Event::RefusalAnswered { answer, by, refusal, window });
-        }
-        match answer {
-            RefusalAnswer::Widen | RefusalAnswer::Repeat => {
-                self.repeats += 1;
-                if by != PROTOCOL {
-                    // Who was asked was at the bench.
-                    self.changed(Change::Placed);
-                }
-                let (step, touch, no_load) = (result.step, result.touch, &result.no_load);
-                let outlook = self.outlook(&touch, around.limits);
-                let machine = TouchMachine::new(step, touch, no_load, outlook, self.window);
-                self.machine = Machine::Touch(Box::new(machine));
-                let Surroundings { now, limits, probe, notes } = around;
-                self.advance(*now, MachineEvent::Begin, limits, *probe, notes)
-            }
-            RefusalAnswer::Skip => self.finish_touch(result, around),
-            RefusalAnswer::Abort => {
-                self.note_touch(result, around);
-                around.notes.push(Event::Operator { action: "abort", by: by.clone() });
-                MachineStep::Abort { by }
-            }
-        }
-    }
-
     fn finish_touch(
         &mut self,
         result: TouchResult,
@@ -546,15 +490,9 @@ impl Run {
         self.machine = match step.action {
             Action::Prompt(prompt) => Machine::Prompting(prompt),
             Action::NoLoad(pose) => Machine::NoLoad(Box::new(NoLoad::new(pose))),
-            Action::Touch(touch) => match &self.no_load {
-                Some(no_load) => {
-                    let outlook = self.outlook(&touch, limits);
-                    let machine = TouchMachine::new(step.id.clone(), touch, no_load, outlook, None);
-                    Machine::Touch(Box::new(machine))
-                }
-                None => {
-                    return MachineStep::Fault(Fault::NoReferenceBefore { step: step.id.clone() });
-                }
+            Action::Touch(_) => match self.touch_of_step(limits) {
+                Ok(machine) => machine,
+                Err(fault) => return MachineStep::Fault(fault),
             },
         };
         notes.push(Event::StepStarted { index: self.index });

@@ -322,7 +322,7 @@ impl Walk {
             Record::PromptAnswered(answered) => labels.answered(seq, &answered, motion, findings),
             Record::RefusalAsked {} => motion.is_waiting = true,
             Record::RefusalAnswered(answered) => {
-                labels.decided(seq, &answered, motion, settings, findings);
+                labels.decided((seq, rig_us), &answered, motion, settings, findings);
             }
             Record::Intent(intent) => {
                 labels.declared(seq, &intent.what, findings);

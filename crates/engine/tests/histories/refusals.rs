@@ -1,10 +1,15 @@
 //! What happens after a touch was refused, by the policy of the protocol and by a person.
 
-use rig_engine::{Command, Event, RefusalAnswer, RigState, RunStatus, TouchOutcome};
-use rig_model::{Clearance, SweepMethod, SweepRequest, Window};
-use rig_protocol::{Plan, RefusalPolicy, StepId};
+use std::time::Duration;
 
-use crate::world::{World, plan};
+use rig_engine::{Command, Event, RefusalAnswer, RigState, RunStatus, SweepPurpose, TouchOutcome};
+use rig_model::{Clearance, SweepMethod, SweepRequest, Window};
+use rig_protocol::{NoLoadPolicy, Plan, RefusalPolicy, StepId};
+
+use crate::{
+    skips::finish,
+    world::{FREE_HZ, LOADED_HZ, World, plan},
+};
 
 impl World {
     /// Why touches were refused.
@@ -122,4 +127,72 @@ fn a_touch_is_repeated_as_often_as_a_person_says() {
     }
     // Four repeats of the first touch, then three touches are skipped.
     assert_eq!((asked, told(&world).0), (7, 3));
+}
+
+/// A person who decides was at the bench, and may take hours: the planned touches after a person have a reference of their own.
+#[test]
+fn a_touch_that_a_person_has_made_again_has_the_reference_that_a_planned_one_would_have() {
+    use NoLoadPolicy::{ByDrift, EveryPose, EverySample, EveryTouch, Once};
+    for (no_load, references) in
+        [(EveryTouch, 3), (EveryPose, 3), (EverySample, 3), (ByDrift, 3), (Once, 0)]
+    {
+        let mut world = World::new(None);
+        world.decision = RefusalAnswer::Widen;
+        world.drift_hz_per_s = 0.2 / (5.0 * 3600.0);
+        world.command(Command::Prepare);
+        finish(&mut world);
+        let narrow = narrow(RefusalPolicy::Ask);
+        world.command(Command::Run(Box::new(Plan { no_load, ..narrow })));
+        while world.engine.snapshot().state != RigState::Idle {
+            let snapshot = world.engine.snapshot();
+            assert_ne!(snapshot.state, RigState::Latched, "{no_load:?}: {:?}", snapshot.fault);
+            match snapshot.state {
+                RigState::WaitingForPerson => {
+                    if snapshot.refused.is_some() {
+                        world.now = world.now + Duration::from_secs(5 * 3600);
+                    }
+                    world.answer();
+                }
+                _ => world.step(),
+            }
+        }
+        let (mut answered, mut again) = (false, 0);
+        for event in &world.events {
+            match event {
+                Event::RefusalAnswered { .. } => answered = true,
+                Event::SweepFinished(sweep) if sweep.purpose == SweepPurpose::NoLoad => {
+                    again += usize::from(answered);
+                }
+                Event::TouchFinished(result) => {
+                    answered = false;
+                    let TouchOutcome::Measured { loaded, .. } = &result.outcome else {
+                        panic!("{no_load:?}: {result:?}")
+                    };
+                    let shift_hz = loaded.resonance_hz - result.no_load.resonance_hz;
+                    let is_right = (shift_hz - (LOADED_HZ - FREE_HZ)).abs() < 0.02;
+                    assert_eq!(is_right, no_load != Once, "{no_load:?}: {shift_hz} Hz");
+                }
+                _ => {}
+            }
+        }
+        assert_eq!(again, references, "{no_load:?}");
+        assert_eq!(world.endings(), [RunStatus::Completed], "{no_load:?}");
+    }
+}
+
+/// Nobody was at the bench: only the drift asks for a reference.
+#[test]
+fn a_touch_that_the_protocol_has_made_again_keeps_its_reference_until_the_drift_asks_for_one() {
+    use NoLoadPolicy::{ByDrift, EveryTouch};
+    for (no_load, target_hz, references) in
+        [(EveryTouch, 0.05, 1), (ByDrift, 0.5, 1), (ByDrift, 1e-3, 4)]
+    {
+        let mut narrow = Plan { no_load, ..narrow(RefusalPolicy::Widen) };
+        narrow.no_load_sweep.target_sigma_hz = target_hz;
+        let mut world = World::new(None);
+        world.play_plan(&narrow);
+        let is_reference = |event: &&Event| matches!(event, Event::SweepFinished(sweep) if sweep.purpose == SweepPurpose::NoLoad);
+        let found = world.events.iter().filter(is_reference).count();
+        assert_eq!(found, references, "{no_load:?}, {target_hz} Hz");
+    }
 }

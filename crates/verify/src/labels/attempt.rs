@@ -21,6 +21,8 @@ const ROUNDING: f64 = 1e-9;
 /// What the attempt under way has come to.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Attempt {
+    /// Whether it follows a refusal and its answer.
+    is_again: bool,
     /// Searches and indentations that were declared.
     approaches: u32,
     indents: u32,
@@ -128,6 +130,11 @@ impl Labels {
         }
     }
 
+    /// Whether a reference may be measured in the step of a touch: before the touch is made again.
+    pub(super) const fn may_refer(&self) -> bool {
+        self.attempt.is_again && self.attempt.approaches == 0
+    }
+
     /// A reference was accepted in its step.
     pub(super) fn referred(
         &mut self,
@@ -214,7 +221,7 @@ impl Labels {
 
     /// What was found of a touch is of the attempt in which it was found.
     fn begin_attempt(&mut self) {
-        self.attempt = Attempt::default();
+        self.attempt = Attempt { is_again: true, ..Attempt::default() };
         (self.surface, self.indented_mm, self.again, self.halfway) = (None, None, None, None);
         (self.descended, self.sweep, self.refused_sweeps) = (None, None, 0);
     }

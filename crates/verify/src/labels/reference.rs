@@ -38,6 +38,8 @@ pub(crate) struct References {
     between: Vec<String>,
     /// When the touch under way began, and how long the one before it took, s.
     begun_s: f64,
+    /// When the reference under way may have begun, s: with its step, or with an answer after which a touch is made again.
+    from_s: f64,
     lasted_s: Option<f64>,
     /// Whether the last step was a touch.
     is_after_touch: bool,
@@ -61,9 +63,16 @@ impl References {
 
     pub(super) fn step_started(&mut self, rig_us: u64, started: &StepStarted, is_left_out: bool) {
         self.begun_s = rig_us as f64 / 1e6;
+        self.from_s = self.begun_s;
         self.is_after_touch = matches!(started.action, Action::Touch { .. });
         let until_s = self.begun_s + self.lasted_s.unwrap_or(FIRST_TOUCH_S);
         self.left_out_until_s = is_left_out.then_some(until_s);
+        self.is_again = false;
+    }
+
+    /// A touch is made again, and may have a reference of its own.
+    pub(super) const fn made_again(&mut self, rig_us: u64) {
+        self.from_s = rig_us as f64 / 1e6;
         self.is_again = false;
     }
 
@@ -77,13 +86,14 @@ impl References {
         found: (f64, f64),
     ) {
         let last = self.last.replace((sweep, end_s));
+        self.left_out_until_s = None;
         if !std::mem::replace(&mut self.is_again, true) {
             self.before = last.map(|(sweep, _)| sweep);
             self.between = std::mem::take(&mut self.since);
             self.unexpected.clear();
         }
         let unexpected =
-            self.drift.reference(f64::midpoint(self.begun_s.max(free_s), end_s), found, JUMP);
+            self.drift.reference(f64::midpoint(self.from_s.max(free_s), end_s), found, JUMP);
         self.unexpected.extend(unexpected.filter(|_| !self.between.is_empty()).map(|of| (seq, of)));
     }
 

@@ -111,6 +111,7 @@ impl Labels {
             None => ("manual", None),
             Some(Action::Prompt { .. }) => ("none", None),
             Some(Action::NoLoad { pose }) => ("no_load", Some(pose)),
+            Some(Action::Touch { pose, .. }) if self.may_refer() => ("no_load", Some(pose)),
             Some(Action::Touch { pose, .. }) => ("touch", Some(pose)),
         };
         if sweep.purpose != purpose {

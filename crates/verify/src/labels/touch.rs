@@ -163,7 +163,7 @@ impl Labels {
     /// A refused touch is repeated, kept or the last one.
     pub(crate) fn decided(
         &mut self,
-        seq: u64,
+        (seq, rig_us): (u64, u64),
         answered: &RefusalAnswered,
         motion: &mut Motion,
         settings: Option<&Settings>,
@@ -178,6 +178,7 @@ impl Labels {
             findings.add(Check::StepOrder, seq, what, format!("{under_way:?}"), step);
         }
         self.answered_attempt(seq, answered, settings, findings);
+        self.references.made_again(rig_us);
         let Some([min, max]) = *window_hz else { return };
         // Each answer widens by half of the width on each side, at most.
         let protocol = settings.map(|all| &all.protocol.contact_sweep);
