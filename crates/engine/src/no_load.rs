@@ -1,4 +1,5 @@
-//! The no-load resonance: rotates to the pose, and measures the free sensor there.
+//! The no-load resonance: rotates to the pose, and measures the free sensor there. At the end of a run it is measured where the
+//! stage stands, if the impedance of the clear probe cannot be read.
 
 use rig_model::{DriveLevel, RigTime, SweepMethod, SweepRequest, Window};
 use rig_protocol::Pose;
@@ -46,7 +47,8 @@ pub(crate) fn in_order(
 /// Rotates to the pose and measures the free sensor there.
 #[derive(Debug)]
 pub(crate) struct NoLoad {
-    pose: Pose,
+    /// Where the sample turns first.
+    pose: Option<Pose>,
     sweep: Option<Sweep>,
     /// When it began.
     begun: RigTime,
@@ -71,6 +73,15 @@ pub(crate) struct Reference {
 
 impl NoLoad {
     pub(crate) const fn new(pose: Pose) -> Self {
+        Self::at(Some(pose))
+    }
+
+    /// Without a turn.
+    pub(crate) const fn here() -> Self {
+        Self::at(None)
+    }
+
+    const fn at(pose: Option<Pose>) -> Self {
         Self {
             pose,
             sweep: None,
@@ -94,7 +105,10 @@ impl NoLoad {
         context: &mut MachineContext<'_>,
     ) -> MachineStep<Reference> {
         let step = match (event, &mut self.sweep) {
-            (MachineEvent::Begin, _) => return context.rotate_to(self.pose),
+            (MachineEvent::Begin, _) => match self.pose {
+                Some(pose) => return context.rotate_to(pose),
+                None => self.begin(last, context),
+            },
             (MachineEvent::RotaryAt(_), _) => self.begin(last, context),
             (MachineEvent::Readings(readings), Some(sweep)) => {
                 sweep.measured(context.now, &readings, context.notes)
@@ -213,14 +227,14 @@ impl NoLoad {
     }
 }
 
-/// The impedance of the clear probe after the last touch.
-pub(crate) fn confirming(event: &MachineEvent, no_load: Option<&Resonance>) -> MachineStep<()> {
+/// Whether the impedance of the clear probe after the last touch confirms it. Readings that the analyzer flags say nothing.
+///
+/// # Errors
+/// What speaks against the touch.
+pub(crate) fn confirming(event: &MachineEvent, no_load: Option<&Resonance>) -> Result<bool, Fault> {
     let (MachineEvent::Readings(readings), Some(no_load)) = (event, no_load) else {
-        return MachineStep::Fault(event.out_of_order("the end of a run"));
+        return Err(event.out_of_order("the end of a run"));
     };
-    // A reading that the analyzer flags says nothing against the touch.
-    match check_free(no_load, readings) {
-        Ok(_) => MachineStep::Done(()),
-        Err(fault) => MachineStep::Fault(Fault::ContactSense(fault)),
-    }
+    let baseline = check_free(no_load, readings).map_err(Fault::ContactSense)?;
+    Ok(baseline.is_some())
 }

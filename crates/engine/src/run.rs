@@ -89,6 +89,8 @@ enum Machine {
     Rising,
     /// After the last step, the impedance of the clear probe confirms the last touch.
     Confirming,
+    /// The analyzer has flagged it: the no-load resonance confirms the last touch in its place.
+    Closing(Box<NoLoad>),
 }
 
 impl Run {
@@ -140,7 +142,7 @@ impl Run {
             Machine::Touch(machine) => machine.run_phase(),
             Machine::Deciding(_) => RunPhase::Prompt,
             Machine::Rising => RunPhase::Retract,
-            Machine::Confirming => RunPhase::Confirmation,
+            Machine::Confirming | Machine::Closing(_) => RunPhase::Confirmation,
         }
     }
 
@@ -229,14 +231,21 @@ impl Run {
                 }
                 step
             }
-            Machine::Confirming => {
-                let confirmed = confirming(&event, self.no_load.as_ref());
-                if matches!(confirmed, MachineStep::Done(())) {
-                    self.neighbours.confirmed();
-                    self.machine = Machine::Between;
-                    return self.next_step(now, limits, probe, notes);
+            Machine::Confirming => match confirming(&event, self.no_load.as_ref()) {
+                Ok(true) => return self.confirmed(now, limits, probe, notes),
+                Ok(false) => {
+                    self.machine = Machine::Closing(Box::new(NoLoad::here()));
+                    return self.advance(now, MachineEvent::Begin, limits, probe, notes);
                 }
-                confirmed
+                Err(fault) => MachineStep::Fault(fault),
+            },
+            Machine::Closing(machine) => {
+                let step = machine.advance(event, self.no_load.as_ref(), &mut context);
+                let step = step.and_then(|reference| self.referred(&reference, notes));
+                if matches!(step, MachineStep::Done(())) {
+                    return self.confirmed(now, limits, probe, notes);
+                }
+                step
             }
             Machine::NoLoad(machine) => {
                 let step = machine.advance(event, self.no_load.as_ref(), &mut context);
@@ -288,6 +297,19 @@ impl Run {
             self.index += 1;
             self.next_step(now, limits, probe, notes)
         })
+    }
+
+    /// The last touch is confirmed.
+    fn confirmed(
+        &mut self,
+        now: RigTime,
+        limits: &RigLimits,
+        probe: Proven,
+        notes: &mut Vec<Event>,
+    ) -> MachineStep<RunStatus> {
+        self.neighbours.confirmed();
+        self.machine = Machine::Between;
+        self.next_step(now, limits, probe, notes)
     }
 
     /// The free sensor has been measured. The first of its resonances that is a jump tells of the touches before them all:

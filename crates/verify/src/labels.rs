@@ -118,6 +118,8 @@ pub(crate) struct Labels {
     /// Why the last touch is said to be contradicted, and the last fault.
     contradiction: Option<(u64, String)>,
     fault: Option<String>,
+    /// The last no-load sweep behind the outcome of the last step, and whether it was accepted.
+    closed: Option<(u64, bool)>,
     /// Whether the next step may have any number.
     is_anew: bool,
     is_amendment: bool,
@@ -155,6 +157,7 @@ impl Labels {
         self.attempt = attempt::Attempt::default();
         self.bench = bench::BenchChain::default();
         (self.contradiction, self.fault, self.is_ended_by_refusal) = (None, None, false);
+        self.closed = None;
         self.standstills.clear();
         self.is_anew = self.layout.is_empty();
     }
@@ -175,6 +178,7 @@ impl Labels {
         findings: &mut Findings,
     ) {
         self.check_contradiction(findings);
+        self.check_closed(false, findings);
         self.references.no_jump(findings);
         self.goes_on(seq, findings);
         self.step_ended(motion.fault.is_some(), findings);
@@ -379,6 +383,7 @@ impl Labels {
         let is_complete = status.starts_with("completed");
         if is_complete {
             self.goes_on(seq, findings);
+            self.check_closed(true, findings);
         }
         let has_outcome =
             |step: &String| self.results.contains_key(step) || self.elsewhere.contains(step);

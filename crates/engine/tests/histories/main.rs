@@ -19,7 +19,7 @@ mod way_down;
 mod world;
 
 use rig_engine::{
-    Command, Event, FailureKind, Input, LeftRig, Operation, Report, RigState, RunStatus,
+    Command, Event, FailureKind, Input, LeftRig, Operation, Report, RigState, RunPhase, RunStatus,
     TouchOutcome,
 };
 use rig_model::{Clearance, Position, RigTime, SweepMethod, SweepRequest, Window};
@@ -189,6 +189,36 @@ fn whatever_goes_wrong_wherever_it_ends_clear_or_latched() {
         }
     }
     assert!(endings.iter().all(|&count| count >= 25), "one-sided endings: {endings:?}");
+}
+
+/// After the last touch the analyzer gives up on so many measurements, the first of which is the impedance of the clear probe.
+#[test]
+fn a_last_touch_is_confirmed_by_readings_and_not_by_flags() {
+    for (flagged, ending, sweeps) in [
+        (0, RunStatus::Completed, 0),
+        (1, RunStatus::Completed, 1),
+        (2, RunStatus::Completed, 2),
+        (usize::MAX, RunStatus::Faulted, 2),
+    ] {
+        let mut world = World::new(None);
+        world.play_until(|world| {
+            let progress = world.engine.snapshot().progress;
+            progress.is_some_and(|progress| progress.phase == RunPhase::Confirmation)
+        });
+        let (first, before) = (world.operations, world.events.len());
+        while world.endings().is_empty() {
+            if world.operations - first < flagged {
+                world.trouble = Some((world.operations, Trouble::Flags));
+            }
+            world.step();
+        }
+        let after = &world.events[before..];
+        let swept = after.iter().filter(|event| matches!(event, Event::SweepFinished(_))).count();
+        let doubted = after.iter().any(|event| matches!(event, Event::TouchDoubted(_)));
+        assert_eq!((world.endings(), swept), (vec![ending], sweeps), "{flagged}");
+        assert_eq!(doubted, ending == RunStatus::Faulted, "{flagged}");
+        assert_eq!(world.engine.snapshot().clearance, Clearance::Clear, "{flagged}");
+    }
 }
 
 #[test]

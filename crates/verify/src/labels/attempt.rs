@@ -135,6 +135,11 @@ impl Labels {
         self.attempt.is_again && self.attempt.approaches == 0
     }
 
+    /// A touch is over: its references are not those that close the run.
+    pub(super) const fn may_be_closed(&mut self) {
+        self.attempt.references = 0;
+    }
+
     /// A reference was accepted in its step.
     pub(super) fn referred(
         &mut self,
@@ -268,7 +273,7 @@ fn count_in(reason: &str, is_ringing: bool) -> Option<usize> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Step;
+    use super::super::{Step, SweepFacts};
     use super::*;
     use crate::record::{Pose, StepStarted};
 
@@ -373,6 +378,37 @@ mod tests {
             labels.declared(4, "indent", &mut findings);
             let more = usize::from(answer == Some("skip"));
             assert_eq!(findings.0.len(), expected + more, "{answer:?}: {findings:?}");
+        }
+    }
+
+    #[test]
+    fn what_closes_a_completed_run_is_accepted_and_its_end() {
+        for (is_done, status, is_complete, expected) in [
+            (true, "accepted", true, 0),
+            (true, "refused", true, 1),
+            // The fault that ended the run is another record.
+            (false, "refused", false, 0),
+            // Another step follows.
+            (true, "accepted", false, 1),
+        ] {
+            let mut labels = touching();
+            labels.step.as_mut().expect("a step").is_done = is_done;
+            let outcome = if status == "accepted" {
+                Ok((140.0, 0.02))
+            } else {
+                Err("the fit did not converge".to_owned())
+            };
+            let facts = SweepFacts {
+                number: 1,
+                purpose: "no_load".to_owned(),
+                step: None,
+                outcome,
+                circuit: None,
+            };
+            labels.closing(1, &facts);
+            let mut findings = Findings::default();
+            labels.check_closed(is_complete, &mut findings);
+            assert_eq!(findings.0.len(), expected, "{status}: {findings:?}");
         }
     }
 

@@ -70,8 +70,8 @@ impl References {
         self.is_again = false;
     }
 
-    /// A touch is made again, and may have a reference of its own.
-    pub(super) const fn made_again(&mut self, rig_us: u64) {
+    /// A touch is made again or over, and another reference may follow.
+    pub(super) const fn may_follow(&mut self, rig_us: u64) {
         self.from_s = rig_us as f64 / 1e6;
         self.is_again = false;
     }
@@ -147,6 +147,7 @@ impl References {
     ) {
         self.since.push(result.touch.step.clone());
         let end_s = rig_us as f64 / 1e6;
+        self.may_follow(rig_us);
         self.lasted_s = Some(end_s - self.begun_s);
         let target_hz = settings.and_then(|all| all.protocol.no_load_sweep.target_sigma_hz);
         let (Some(until_s), Some((_, measured_s)), Some(target_hz)) =
@@ -164,6 +165,7 @@ impl References {
     }
 
     pub(crate) fn touch_refused(&mut self, rig_us: u64) {
+        self.may_follow(rig_us);
         self.lasted_s = Some(rig_us as f64 / 1e6 - self.begun_s);
     }
 

@@ -76,6 +76,7 @@ impl Labels {
             circuit,
         };
         if facts.purpose == "no_load" {
+            self.closing(seq, &facts);
             if let (Some(step), Ok(_)) = (&mut self.step, &facts.outcome) {
                 step.is_done |= matches!(step.started.action, Action::NoLoad { .. });
             }
@@ -100,6 +101,28 @@ impl Labels {
         self.free_s = rig_us as f64 / 1e6;
     }
 
+    /// A sweep with the probe clear in a step that has what it was made for closes the run.
+    pub(super) fn closing(&mut self, seq: u64, facts: &SweepFacts) {
+        let is_over = self.step.as_ref().is_some_and(|step| {
+            step.is_done && !matches!(step.started.action, Action::NoLoad { .. })
+        });
+        if is_over {
+            self.closed = Some((seq, facts.outcome.is_ok()));
+        }
+    }
+
+    /// What closes a run is accepted, and is its end.
+    pub(super) fn check_closed(&mut self, is_complete: bool, findings: &mut Findings) {
+        let Some((seq, is_accepted)) = self.closed.take() else { return };
+        if !is_complete {
+            let what = "a no-load sweep behind the outcome of a step";
+            findings.add(Check::Sweep, seq, what, "none before another step", "one");
+        } else if !is_accepted {
+            let what = "the no-load sweep that confirms the last touch of a completed run";
+            findings.add(Check::Reference, seq, what, "accepted", "refused");
+        }
+    }
+
     /// The purpose, the address and the pose of a sweep are those of the step under way, and the probe
     /// is where the purpose needs it.
     fn check_step(&self, seq: u64, sweep: &Sweep, motion: &Motion, findings: &mut Findings) {
@@ -107,11 +130,16 @@ impl Labels {
         let indented = self.indented_mm.is_some() && self.indented_mm == motion.linear_mm;
         let probe = motion.probe;
         let started = self.step.as_ref().map(|step| &step.started);
+        // Behind the last touch, the no-load resonance is measured if the impedance of the clear probe cannot be read.
+        let is_over = self.step.as_ref().is_some_and(|step| step.is_done);
         let (purpose, pose) = match started.map(|started| &started.action) {
             None => ("manual", None),
+            Some(Action::Prompt { .. }) if is_over => ("no_load", None),
             Some(Action::Prompt { .. }) => ("none", None),
             Some(Action::NoLoad { pose }) => ("no_load", Some(pose)),
-            Some(Action::Touch { pose, .. }) if self.may_refer() => ("no_load", Some(pose)),
+            Some(Action::Touch { pose, .. }) if is_over || self.may_refer() => {
+                ("no_load", Some(pose))
+            }
             Some(Action::Touch { pose, .. }) => ("touch", Some(pose)),
         };
         if sweep.purpose != purpose {

@@ -178,7 +178,7 @@ impl Labels {
             findings.add(Check::StepOrder, seq, what, format!("{under_way:?}"), step);
         }
         self.answered_attempt(seq, answered, settings, findings);
-        self.references.made_again(rig_us);
+        self.references.may_follow(rig_us);
         let Some([min, max]) = *window_hz else { return };
         // Each answer widens by half of the width on each side, at most.
         let protocol = settings.map(|all| &all.protocol.contact_sweep);
@@ -435,6 +435,7 @@ impl Labels {
             let what = "a touch ends with the probe clear";
             findings.add(Check::EndsClear, seq, what, "clear", motion.probe.name());
         }
+        self.may_be_closed();
     }
 
     /// Where the probe was in the sample.
