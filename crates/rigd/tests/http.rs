@@ -13,6 +13,7 @@ use axum::{
     Router,
     body::{Body, to_bytes},
     http::{Request, StatusCode, header},
+    response::Response,
 };
 use rig_engine::{Command, RigState};
 use rig_files::rig_file::{Connection, SimulatedPerson};
@@ -120,6 +121,20 @@ impl Daemon {
         body: &Value,
         headers: &[(&str, &str)],
     ) -> (StatusCode, Value) {
+        let answer = self.answer(method, path, body, headers).await;
+        let status = answer.status();
+        let bytes = to_bytes(answer.into_body(), usize::MAX).await.unwrap();
+        let is_empty = bytes.is_empty();
+        (status, if is_empty { Value::Null } else { serde_json::from_slice(&bytes).unwrap() })
+    }
+
+    async fn answer(
+        &self,
+        method: &str,
+        path: &str,
+        body: &Value,
+        headers: &[(&str, &str)],
+    ) -> Response {
         let mut request = Request::builder()
             .method(method)
             .uri(format!("/api/v1/{path}"))
@@ -129,11 +144,7 @@ impl Daemon {
             request = request.header(*name, *value);
         }
         let request = request.body(Body::from(body.to_string())).unwrap();
-        let answer = self.router.clone().oneshot(request).await.unwrap();
-        let status = answer.status();
-        let bytes = to_bytes(answer.into_body(), usize::MAX).await.unwrap();
-        let is_empty = bytes.is_empty();
-        (status, if is_empty { Value::Null } else { serde_json::from_slice(&bytes).unwrap() })
+        self.router.clone().oneshot(request).await.unwrap()
     }
 
     async fn move_to(&self, axis: &str, to: f64) -> (StatusCode, Value) {
@@ -502,8 +513,11 @@ async fn a_run_is_continued_amended_and_given_up_over_http() {
         assert!(refusal["detail"].as_str().unwrap().contains("sealed"), "{refusal}");
     }
 
-    let (status, redone) = daemon.ask("POST", &run("redo"), &step).await;
-    assert_eq!(status, StatusCode::ACCEPTED, "{redone}");
+    let answer = daemon.answer("POST", &run("redo"), &step, &[]).await;
+    assert_eq!(answer.status(), StatusCode::ACCEPTED);
+    let location = answer.headers()[header::LOCATION].to_str().unwrap().to_owned();
+    let redone = to_bytes(answer.into_body(), usize::MAX).await.unwrap();
+    let redone: Value = serde_json::from_slice(&redone).unwrap();
     assert_ne!(redone["id"], id.as_str());
     let amendment = format!("runs/{}/plan", redone["id"].as_str().unwrap());
     let (_, plan) = daemon.ask("GET", &amendment, &Value::Null).await;
@@ -515,6 +529,9 @@ async fn a_run_is_continued_amended_and_given_up_over_http() {
     };
     let row = amended().await;
     assert_eq!(row["amended"], "redo by the lab: it slipped", "{row}");
+    let (_, led_to) =
+        daemon.ask("GET", location.strip_prefix("/api/v1/").unwrap(), &Value::Null).await;
+    assert_eq!(led_to["results"]["touch_results"][0], row, "{location}");
     daemon.check_sweep(&run("sweeps"), &row["sweep"]).await;
     assert_eq!(daemon.ask("POST", &run("skip"), &step).await.0, StatusCode::NO_CONTENT);
     assert_eq!(amended().await["status"], "skipped");

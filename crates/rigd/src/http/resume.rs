@@ -15,7 +15,7 @@ use serde::Deserialize;
 use super::{
     Problem, Shared,
     object::{Object, ObjectBody, object_or_default},
-    runs::begun,
+    runs::{begun, begun_in},
 };
 use crate::{operator::Operator, reason, rig::TouchOrder};
 
@@ -55,7 +55,7 @@ pub(super) struct TouchForm {
     accept_changes: bool,
 }
 
-/// Measures a touch of a run again. The answer has the id of the amendment.
+/// Measures a touch of a run again. The answer has the id of the amendment, and leads to the run, which gets the outcome.
 pub(super) async fn redo(
     State(shared): State<Shared>,
     Extension(operator): Extension<Operator>,
@@ -63,8 +63,10 @@ pub(super) async fn redo(
     form: ObjectBody<TouchForm>,
 ) -> Result<Response, Problem> {
     let Json(Object(TouchForm { step, why, accept_changes })) = form?;
-    let order = TouchOrder { run: shared.run(&id).await?, step, why };
-    Ok(begun(shared.inner.rig.redo(order, accept_changes, operator.as_str()).await?))
+    let run = shared.run(&id).await?;
+    let order = TouchOrder { run, step, why };
+    let amendment = shared.inner.rig.redo(order, accept_changes, operator.as_str()).await?;
+    Ok(begun_in(amendment, run))
 }
 
 /// Leaves a touch of a run out.

@@ -327,8 +327,13 @@ pub(super) fn posted(
 }
 
 pub(super) fn begun(run: RunId) -> Response {
+    begun_in(run, run)
+}
+
+/// What was begun has its results in this run.
+pub(super) fn begun_in(id: RunId, run: RunId) -> Response {
     let location = [(header::LOCATION, format!("/api/v1/runs/{run}"))];
-    (StatusCode::ACCEPTED, location, Json(BegunView { id: run.to_string() })).into_response()
+    (StatusCode::ACCEPTED, location, Json(BegunView { id: id.to_string() })).into_response()
 }
 
 /// The name of a run; of an amendment, that of the run whose touch is measured again.
