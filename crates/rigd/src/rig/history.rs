@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use rig_model::RigLimits;
 use rig_protocol::{Action, Plan};
 use rig_store::{Reader, Record, StoreError, StoredRecord};
 
@@ -59,15 +60,15 @@ impl History {
         for run in reader.latest_runs(Some(RUNS_MAX), None)? {
             let records = reader.unchecked(run.id, &KINDS)?;
             if let Some(plan) = plan_of(&records, setting) {
-                history.add(&plan, &records, setting);
+                history.add(&plan, &records, &setting.limits);
             }
         }
         history.answers_s.sort_by(f64::total_cmp);
         Ok(history)
     }
 
-    fn add(&mut self, plan: &Plan, records: &[StoredRecord], setting: &Setting) {
-        let durations_s = plan.durations_s(&setting.limits);
+    fn add(&mut self, plan: &Plan, records: &[StoredRecord], limits: &RigLimits) {
+        let durations_s = plan.durations_s(limits);
         let planned: BTreeMap<String, (StepKind, f64)> = plan
             .steps
             .iter()
@@ -184,10 +185,89 @@ fn plan_of(records: &[StoredRecord], setting: &Setting) -> Option<Plan> {
 
 #[cfg(test)]
 mod tests {
+    use rig_protocol::Step;
+    use rig_store::{Digest, RefusalAsked, RefusedTouch, StepStarted, TouchSettings};
+
     use super::*;
+    use crate::rig::way_out::tests::{load, protocol};
 
     fn history(runs: Vec<Vec<Taken>>) -> History {
         History { runs: BTreeMap::from([(StepKind::Touch, runs)]), answers_s: Vec::new() }
+    }
+
+    /// Those of the records that are read, of one epoch, at these times, s.
+    fn stored(records: Vec<(u64, Record)>) -> Vec<StoredRecord> {
+        let one = |(seq, (second, record)): (u64, (u64, Record))| StoredRecord {
+            event: seq,
+            run: "01a228ea-69c1-71fe-8c0c-5d0577a85304".parse().unwrap(),
+            seq,
+            rig_us: 1_000_000 * second,
+            epoch: 1,
+            run_us: 1_000_000 * second,
+            at: None,
+            kind: record.kind().to_owned(),
+            payload: serde_json::to_string(&record).unwrap(),
+            digest: Digest::START,
+        };
+        (1..).zip(records).map(one).filter(|one| KINDS.contains(&&*one.kind)).collect()
+    }
+
+    /// A touch at these times, s: its begin, the question about it if there is one, and its end.
+    fn refused_touch(step: &Step, begin: u64, asked: Option<u64>, end: u64) -> Vec<(u64, Record)> {
+        let touch = TouchSettings {
+            step: step.id.to_string(),
+            phase: rig_store::Phase::Main,
+            sample: "1".to_owned(),
+            pose: rig_store::Pose { direction: rig_store::Direction::Front, angle_deg: 0.0 },
+            repeat: 1,
+        };
+        let action = rig_store::Action::Touch {
+            phase: touch.phase,
+            sample: touch.sample.clone(),
+            pose: touch.pose,
+            repeat: 1,
+        };
+        let started = StepStarted { step: step.id.to_string(), index: 1, count: 1, action };
+        let refused = RefusedTouch {
+            touch,
+            reason: "the fit did not converge".to_owned(),
+            no_load_sweep: 1,
+            no_load_hz: 140.0,
+            no_load_sigma_hz: 0.02,
+            rotary_deg: 0.0,
+            indented: None,
+        };
+        let question = RefusalAsked { step: step.id.to_string(), reason: refused.reason.clone() };
+        [(begin, Record::StepStarted(started))]
+            .into_iter()
+            .chain(asked.map(|at| (at, Record::RefusalAsked(question))))
+            .chain([(end, Record::TouchRefused(refused))])
+            .collect()
+    }
+
+    /// A person decides about a refused touch when there is time, which says nothing of the next run.
+    #[test]
+    fn the_wait_for_a_decision_is_no_work() {
+        let protocol = protocol();
+        let limits = load().facts().limits;
+        let is_touch = |step: &&Step| matches!(step.action, Action::Touch(_));
+        let touches: Vec<&Step> = protocol.plan.steps.iter().filter(is_touch).take(6).collect();
+        let of = |asked: Option<u64>, wait: u64| {
+            let one = |(number, step): (u64, &&Step)| {
+                let (begin, asked) = (100_000 * number, asked.filter(|_| number == 5));
+                let end = begin + 14 + if asked.is_some() { wait } else { 0 };
+                refused_touch(step, begin, asked.map(|after| begin + after), end)
+            };
+            let mut history = History::default();
+            let records = (0..).zip(&touches).flat_map(one).collect();
+            history.add(&protocol.plan, &stored(records), &limits);
+            history
+        };
+        let (undecided, decided) = (of(None, 0), of(Some(14), 18_000));
+        assert_eq!((undecided.touches(), decided.touches()), (6, 5));
+        let most = |history: &History| history.ratios(StepKind::Touch, 1).unwrap()[1];
+        assert!(most(&decided) <= most(&undecided), "{} {}", most(&decided), most(&undecided));
+        assert_eq!(decided.answer_s(), None);
     }
 
     #[test]

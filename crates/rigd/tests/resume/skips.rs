@@ -1,10 +1,10 @@
 //! Touches that a person leaves out while their run is under way.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, fs};
 
 use rig_engine::{Command, RigState, RunStatus};
 use rig_store::{Reader, Record, RunId};
-use rigd::rig::TouchOrder;
+use rigd::rig::{self, RequestRefusal, TouchOrder};
 use tempfile::TempDir;
 
 use crate::support::{Bench, rigd, write_protocol, write_rig};
@@ -59,6 +59,65 @@ async fn touches_ahead_are_left_out_of_a_paused_run_and_the_rest_is_measured() {
     let shown: serde_json::Value = serde_json::from_slice(&shown.stdout).unwrap();
     assert_eq!((&shown["touches_measured"], &shown["touches_skipped"]), (&4.into(), &2.into()));
     assert_eq!(shown["touch_results"][done]["amended"], "skip by Ada: cracked");
+}
+
+/// Answers the prompts of a run, or of a touch that is measured again, until it has ended.
+async fn answer_to_the_end(bench: &Bench, run: RunId) -> RunStatus {
+    let mut status = bench.handle.status();
+    for _ in 0..20 {
+        let waits = |status: &rig::Status| {
+            let of_run = status.run.as_ref().filter(|view| view.id == run);
+            of_run.is_some_and(|view| view.ending.is_some())
+                || status.snapshot.state == RigState::WaitingForPerson
+        };
+        let now = status.wait_for(waits).await.unwrap().clone();
+        if let Some(ending) = now.run.filter(|view| view.id == run).and_then(|view| view.ending) {
+            return ending;
+        }
+        bench.handle.command(Command::Answer, Some(run), "Ada").await.unwrap();
+    }
+    panic!("asked without end");
+}
+
+/// The touch that is measured again waits at its first prompt, so that it is under way for sure.
+#[tokio::test]
+async fn no_touch_of_a_run_is_left_out_while_one_of_it_is_measured_again() {
+    let folder = TempDir::new().unwrap();
+    let (rig, protocol) = (write_rig(folder.path()), write_protocol(folder.path()));
+    let text = fs::read_to_string(&rig).unwrap();
+    let waits = text.replace("person = \"answers\"", "person = \"waits\"");
+    assert_ne!(text, waits);
+    fs::write(&rig, waits).unwrap();
+    let data = folder.path().join("data");
+    let bench = Bench::open(&rig, &data);
+    let run = bench.start(&rig, &protocol).await;
+    assert_eq!(answer_to_the_end(&bench, run).await, RunStatus::Completed);
+    let planned = planned(&data, run);
+    let order =
+        |step: &str| TouchOrder { run, step: step.to_owned(), why: "it slipped".to_owned() };
+    let amendment = bench.handle.redo(order(&planned[1]), false, "Ada").await.unwrap();
+    bench.wait_for(RigState::WaitingForPerson).await;
+    for step in [&planned[1], &planned[4]] {
+        let refusal = bench.handle.skip(order(step), "Ada").await.unwrap_err();
+        assert!(matches!(refusal, RequestRefusal::Resume(_)), "{refusal:?}");
+        assert!(refusal.to_string().ends_with("is under way"), "{step}: {refusal}");
+    }
+    let shown = || -> serde_json::Value {
+        let shown = rigd(folder.path(), &["show", "latest", "--json"]);
+        serde_json::from_slice(&shown.stdout).unwrap()
+    };
+    assert_eq!(shown()["touches_skipped"], 0);
+    assert_eq!(answer_to_the_end(&bench, amendment).await, RunStatus::Completed);
+    bench.wait_for(RigState::Idle).await;
+    let row = shown()["touch_results"][1].clone();
+    assert_eq!(row["amended"], "redo by Ada: it slipped", "{row}");
+    bench.handle.skip(order(&planned[4]), "Ada").await.unwrap();
+    bench.close().await;
+    assert_eq!(shown()["touches_skipped"], 1);
+    for id in [run, amendment] {
+        let verdict = rig_verify::verify(&data, &id.to_string()).unwrap();
+        assert!(verdict.is_sound, "{id}: {:#?}", verdict.findings);
+    }
 }
 
 fn planned(data: &std::path::Path, run: RunId) -> Vec<String> {

@@ -29,7 +29,7 @@ pub(in crate::rig) fn load() -> LoadedRig {
     LoadedRig::load(&config.join("rigs/simulated.toml")).unwrap()
 }
 
-fn protocol() -> LoadedProtocol {
+pub(in crate::rig) fn protocol() -> LoadedProtocol {
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config");
     LoadedProtocol::load(&config.join("protocols/smoke.toml"), &load().facts()).unwrap()
 }
