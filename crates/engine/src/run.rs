@@ -239,54 +239,37 @@ impl Run {
                 }
                 Err(fault) => MachineStep::Fault(fault),
             },
-            Machine::Closing(machine) => {
+            Machine::NoLoad(machine) | Machine::Referring(machine) | Machine::Closing(machine) => {
                 let step = machine.advance(event, self.no_load.as_ref(), &mut context);
                 let step = step.and_then(|reference| self.referred(&reference, notes));
-                if matches!(step, MachineStep::Done(())) {
-                    return self.confirmed(now, limits, probe, notes);
+                match (&self.machine, step) {
+                    (Machine::Referring(_), MachineStep::Done(())) => {
+                        return self.touch_again(&mut Surroundings { now, limits, probe, notes });
+                    }
+                    (Machine::Closing(_), MachineStep::Done(())) => {
+                        return self.confirmed(now, limits, probe, notes);
+                    }
+                    (_, step) => step,
                 }
-                step
-            }
-            Machine::NoLoad(machine) => {
-                let step = machine.advance(event, self.no_load.as_ref(), &mut context);
-                step.and_then(|reference| self.referred(&reference, notes))
-            }
-            Machine::Referring(machine) => {
-                let step = machine.advance(event, self.no_load.as_ref(), &mut context);
-                let step = step.and_then(|reference| self.referred(&reference, notes));
-                if matches!(step, MachineStep::Done(())) {
-                    return self.touch_again(&mut Surroundings { now, limits, probe, notes });
-                }
-                step
             }
             Machine::Touch(machine) => {
                 let left = machine.left_at(&context);
-                let mut touched = None;
-                let step = machine.advance(event, &mut context).and_then(|result| {
-                    touched = Some(result);
-                    MachineStep::Done(())
-                });
-                if let Some(result) = touched {
-                    self.free_since = left;
-                    return self.touched(result, &mut Surroundings { now, limits, probe, notes });
+                match machine.advance(event, &mut context) {
+                    MachineStep::Done(result) => {
+                        self.free_since = left;
+                        let mut around = Surroundings { now, limits, probe, notes };
+                        return self.touched(result, &mut around);
+                    }
+                    step => step.and_then(|_| MachineStep::Done(())),
                 }
-                step
             }
             Machine::Deciding(result) => {
-                let answered = match event {
-                    MachineEvent::Decided { answer, by } => Ok((answer, by)),
-                    event => self.answered.take().ok_or(event),
-                };
                 let result = (**result).clone();
-                let mut around = Surroundings { now, limits, probe, notes };
-                return match answered {
-                    Ok(answered) if self.is_pause_asked && answered.0.is_again() => {
-                        self.answered = Some(answered);
-                        MachineStep::Pause
-                    }
-                    Ok((answer, by)) => self.decided(result, answer, by, &mut around),
-                    Err(event) => MachineStep::Fault(event.out_of_order("a refused touch")),
-                };
+                return self.answered(
+                    result,
+                    event,
+                    &mut Surroundings { now, limits, probe, notes },
+                );
             }
         };
         if let MachineStep::Fault(fault) = &step {

@@ -44,6 +44,27 @@ impl Run {
         self.decided(result, answer, PROTOCOL.to_owned(), around)
     }
 
+    /// A person has answered about this refused touch, now or before a pause.
+    pub(super) fn answered(
+        &mut self,
+        result: TouchResult,
+        event: MachineEvent,
+        around: &mut Surroundings<'_>,
+    ) -> MachineStep<RunStatus> {
+        let answered = match event {
+            MachineEvent::Decided { answer, by } => Ok((answer, by)),
+            event => self.answered.take().ok_or(event),
+        };
+        match answered {
+            Ok(answered) if self.is_pause_asked && answered.0.is_again() => {
+                self.answered = Some(answered);
+                MachineStep::Pause
+            }
+            Ok((answer, by)) => self.decided(result, answer, by, around),
+            Err(event) => MachineStep::Fault(event.out_of_order("a refused touch")),
+        }
+    }
+
     /// Does what a person or the protocol has decided about a refused touch.
     pub(super) fn decided(
         &mut self,

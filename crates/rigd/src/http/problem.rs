@@ -286,10 +286,9 @@ impl From<RequestRefusal> for Problem {
                 hint: Some("retract first: move the linear stage to its clear position"),
                 ..Self::new(StatusCode::CONFLICT, "not in this state", detail)
             },
-            RequestRefusal::Command(CommandRefusal::TiltUnknown { .. }) => Self {
-                hint: Some("turn first: move the rotary stage to the tilt that is wanted"),
-                ..Self::new(StatusCode::CONFLICT, "not in this state", detail)
-            },
+            RequestRefusal::Command(CommandRefusal::TiltUnknown { .. }) => {
+                Self::new(StatusCode::CONFLICT, "not in this state", detail)
+            }
             RequestRefusal::Command(
                 CommandRefusal::LinearTarget(_)
                 | CommandRefusal::RotaryTarget(_)
