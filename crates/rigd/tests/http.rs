@@ -463,6 +463,27 @@ async fn check_amendments_of_a_run_under_way(daemon: &Daemon, id: &str) {
     }
 }
 
+/// Measures the first touch of a run again, and gives the id of the amendment.
+async fn check_redo(daemon: &Daemon, id: &str, step: &Value) -> String {
+    let answer = daemon.answer("POST", &format!("runs/{id}/redo"), step, &[]).await;
+    assert_eq!(answer.status(), StatusCode::ACCEPTED);
+    let location = answer.headers()[header::LOCATION].to_str().unwrap().to_owned();
+    let redone = to_bytes(answer.into_body(), usize::MAX).await.unwrap();
+    let redone: Value = serde_json::from_slice(&redone).unwrap();
+    let amendment = redone["id"].as_str().unwrap();
+    assert_ne!(amendment, id);
+    let (_, plan) = daemon.ask("GET", &format!("runs/{amendment}/plan"), &Value::Null).await;
+    assert_eq!((&plan["touches"], plan["steps"].as_array().unwrap().len()), (&1.into(), 4));
+    daemon.wait_until_idle().await;
+    let row = first_touch(daemon, location.strip_prefix("/api/v1/").unwrap()).await;
+    assert_eq!(row["amended"], "redo by the lab: it slipped", "{row}");
+    amendment.to_owned()
+}
+
+async fn first_touch(daemon: &Daemon, path: &str) -> Value {
+    daemon.ask("GET", path, &Value::Null).await.1["results"]["touch_results"][0].clone()
+}
+
 #[tokio::test]
 async fn a_run_is_continued_amended_and_given_up_over_http() {
     let daemon = Daemon::start().await;
@@ -513,25 +534,9 @@ async fn a_run_is_continued_amended_and_given_up_over_http() {
         assert!(refusal["detail"].as_str().unwrap().contains("sealed"), "{refusal}");
     }
 
-    let answer = daemon.answer("POST", &run("redo"), &step, &[]).await;
-    assert_eq!(answer.status(), StatusCode::ACCEPTED);
-    let location = answer.headers()[header::LOCATION].to_str().unwrap().to_owned();
-    let redone = to_bytes(answer.into_body(), usize::MAX).await.unwrap();
-    let redone: Value = serde_json::from_slice(&redone).unwrap();
-    assert_ne!(redone["id"], id.as_str());
-    let amendment = format!("runs/{}/plan", redone["id"].as_str().unwrap());
-    let (_, plan) = daemon.ask("GET", &amendment, &Value::Null).await;
-    assert_eq!((&plan["touches"], plan["steps"].as_array().unwrap().len()), (&1.into(), 4));
-    daemon.wait_until_idle().await;
-    let amended = async || {
-        let (_, detail) = daemon.ask("GET", &format!("runs/{id}"), &Value::Null).await;
-        detail["results"]["touch_results"][0].clone()
-    };
+    let amendment = check_redo(&daemon, &id, &step).await;
+    let amended = async || first_touch(&daemon, &format!("runs/{id}")).await;
     let row = amended().await;
-    assert_eq!(row["amended"], "redo by the lab: it slipped", "{row}");
-    let (_, led_to) =
-        daemon.ask("GET", location.strip_prefix("/api/v1/").unwrap(), &Value::Null).await;
-    assert_eq!(led_to["results"]["touch_results"][0], row, "{location}");
     daemon.check_sweep(&run("sweeps"), &row["sweep"]).await;
     assert_eq!(daemon.ask("POST", &run("skip"), &step).await.0, StatusCode::NO_CONTENT);
     assert_eq!(amended().await["status"], "skipped");
@@ -540,7 +545,7 @@ async fn a_run_is_continued_amended_and_given_up_over_http() {
         assert_eq!(daemon.ask("POST", &run(what), &nowhere).await.0, StatusCode::NOT_FOUND);
     }
     // Aborting the run was not about the touch that was measured again.
-    daemon.check_sound(&[&id, redone["id"].as_str().unwrap()]);
+    daemon.check_sound(&[&id, &amendment]);
     // Amendments are no runs of the list.
     let (_, runs) = daemon.ask("GET", "runs", &Value::Null).await;
     assert_eq!(runs.as_array().unwrap().len(), 1);
