@@ -1,7 +1,7 @@
 //! Sweeps as rows of cells below a header.
 
 use std::{
-    collections::{BTreeSet, HashMap},
+    collections::{BTreeMap, HashMap},
     f64::consts::PI,
     hash::{BuildHasher, RandomState},
     time::Duration,
@@ -55,8 +55,9 @@ pub(super) fn read(text: &str, sweep: Option<u64>, faults: &mut FaultCollector) 
         let location = header.column(Quantity::Sweep).unwrap_or(&header.columns[0]).location;
         if !is_numbered {
             faults.refuse(location, SweepFileFault::NoNumbers);
-        } else if let (Some(first), Some(last)) = (numbers.first(), numbers.last())
-            && !numbers.contains(&asked)
+        } else if let (Some(first), Some(last)) =
+            (numbers.keys().next(), numbers.keys().next_back())
+            && !numbers.contains_key(&asked)
         {
             let (count, first, last) = (numbers.len(), *first, *last);
             faults.refuse(location, SweepFileFault::NoSuchSweep { asked, count, first, last });
@@ -217,12 +218,10 @@ struct Rows {
     blocks: u64,
     /// Number of rows of this block.
     of_block: usize,
-    /// The numbers of all sweeps.
-    numbers: BTreeSet<u64>,
+    /// The numbers of all sweeps, with the block that each is in.
+    numbers: BTreeMap<u64, u64>,
     /// Line of the header of this block.
     header_line: usize,
-    /// The sweeps of the blocks above.
-    above: BTreeSet<u64>,
     /// The last two frequencies of this block, Hz.
     last_hz: [Option<f64>; 2],
     /// Whether the header has just been repeated.
@@ -242,7 +241,6 @@ impl Rows {
         if std::mem::take(&mut self.is_repeated) && !goes_on && self.last_hz[1].is_some() {
             self.blocks += 1;
             self.of_block = 0;
-            self.above = self.numbers.clone();
             self.last_hz = [None; 2];
         }
         self.last_hz = [self.last_hz[1], Some(frequency_hz)];
@@ -258,11 +256,11 @@ impl Rows {
         self.begin(row.of(Quantity::Frequency));
         if !has_numbers {
             row.sweep = self.blocks - 1;
-        } else if self.above.contains(&row.sweep) {
+        }
+        if *self.numbers.entry(row.sweep).or_insert(self.blocks) != self.blocks {
             let header_line = self.header_line;
             return Err(SweepFileFault::SweepTwice { sweep: row.sweep, header_line });
         }
-        self.numbers.insert(row.sweep);
         if asked.is_none_or(|asked| asked == row.sweep) {
             self.kept.push(row);
         }
@@ -286,7 +284,7 @@ fn rows(header: &Header<'_>, text: &str, asked: Option<u64>, faults: &mut FaultC
     for (line, text) in lines(text).skip(header.line) {
         let begins_empty =
             header.separator == Separator::Semicolon && text.trim_start().starts_with(';');
-        let is_comment = is_comment(text) && !begins_empty;
+        let is_comment = (is_comment(text) && !begins_empty) || Some(text) == header.units;
         if faults.is_full() {
             break;
         }

@@ -25,6 +25,8 @@ pub(super) struct Header<'a> {
     pub(super) columns: Vec<Column>,
     /// The two quantities of the impedance.
     pub(super) pair: Option<[Quantity; 2]>,
+    /// The row of units, if there is one.
+    pub(super) units: Option<&'a str>,
 }
 
 /// A known column.
@@ -134,11 +136,11 @@ impl<'a> Header<'a> {
             columns.retain(|column| !is_spare(column.head.quantity));
         }
         let width = all.len();
-        Some(Self { text, line, separator, width, columns, pair })
+        Some(Self { text, line, separator, width, columns, pair, units: None })
     }
 
     /// Takes the units from the row below the header whose frequency is a unit. Between them are only comments and rules.
-    fn take_units(&mut self, text: &str) {
+    fn take_units(&mut self, text: &'a str) {
         for (line, row) in lines(text).skip(self.line) {
             let bare = self.separator.trim_start(row);
             let bare = if self.separator == Separator::Semicolon {
@@ -153,7 +155,7 @@ impl<'a> Header<'a> {
                 for column in &mut self.columns {
                     column.head.take_unit(cell(column));
                 }
-                self.line = line;
+                (self.line, self.units) = (line, Some(row));
                 return;
             }
             if !is_comment(row) && row.chars().any(char::is_alphanumeric) {

@@ -39,6 +39,9 @@ fn tables_below_each_other_are_sweeps_of_their_own() {
         let other = SweepFile::read("a.csv", &text, Some(2)).unwrap_err().to_string();
         assert!(other.contains("the file has 2 sweeps, from 0 to 1, but no sweep 2"), "{other}");
     }
+    let units = "Frequency;Rs;X\nkHz;kOhm;kOhm\n0.12;0.9;-47\n0.14;2;-39\n";
+    let both = [(Some(0), vec![120.0, 140.0]), (Some(1), vec![120.0, 140.0])];
+    assert_eq!(sweeps(&units.repeat(2), None), both);
     // The next page of one table.
     let pages = format!("{HEAD}{up}{HEAD}{}", rows(&[150.0, 160.0]));
     assert_eq!(sweeps(&pages, None), [(None, vec![120.0, 130.0, 140.0, 150.0, 160.0])]);
