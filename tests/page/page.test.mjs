@@ -11,7 +11,7 @@ import { acknowledgedOnATelephone } from "./narrow.mjs";
 import { doneTwice, onlyPauses } from "./presses.mjs";
 import { silentRequests } from "./silence.mjs";
 import { ownStreams, stoppedWithEightTabs, takenFromASilentTab } from "./tabs.mjs";
-import { forgetsEarlierErrors, saysWhatIsUnread } from "./unread.mjs";
+import { asksAboutChanges, forgetsEarlierErrors, saysWhatIsUnread } from "./unread.mjs";
 import { needsToken } from "./token.mjs";
 import { button, config, keeper, look, passed, run, serve, shots, state, visit } from "./support.mjs";
 
@@ -231,6 +231,7 @@ await run(async () => {
   await silentRequests();
   await saysWhatIsUnread();
   await forgetsEarlierErrors();
+  await asksAboutChanges();
   await stoppedWithEightTabs();
   await takenFromASilentTab();
   await ownStreams();

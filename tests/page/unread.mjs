@@ -73,3 +73,38 @@ export async function forgetsEarlierErrors() {
   assert.equal(await page.getByText("the journal is busy").count(), 0);
   await page.context().close();
 }
+
+/** A touch is measured again at a rig that has changed only after a person has said so, and a download that fails says why. */
+export async function asksAboutChanges() {
+  const { base } = await serve("changes", (text) => text);
+  const page = await visit(base);
+  page.isExpecting = (text) => /409|503/.test(text);
+  await state(page, "Ready");
+  await button(page, "Start smoke").click();
+  await page.getByText("smoke-1 ended: completed", { exact: false }).waitFor({ timeout: 120_000 });
+  await page.keyboard.press("3");
+  await page.getByRole("link", { name: "smoke-1" }).click();
+  await refuse(page, "**/export?format=csv");
+  await button(page, "Touches, CSV").click();
+  await page.getByRole("alert").getByText("touches.csv could not be read: the journal is busy").waitFor();
+  await page.unroute("**/export?format=csv");
+  await button(page, "Touches, CSV").click();
+  await page.getByRole("alert").waitFor({ state: "detached" });
+  await button(page, /^sample 5, left 45°: \d/).click();
+  const asked = [];
+  await page.route("**/redo", (route) => {
+    asked.push(route.request().postDataJSON());
+    const changed = { title: "changed", status: 409, detail: "the rig file has changed" };
+    return route.fulfill(asked.length === 1 ? { status: 409, json: changed } : { status: 202, json: { id: "an amendment" } });
+  });
+  await page.getByLabel(/^Why is it measured again/).fill("cracked");
+  const accept = button(page, "Measure again with these changes");
+  assert.equal(await accept.count(), 0);
+  await button(page, "Measure again").click();
+  await page.getByText("the rig file has changed").waitFor();
+  await accept.click();
+  await page.waitForURL(`${base}/#/`);
+  const step = { step: "main/5/left/45/1", why: "cracked" };
+  assert.deepEqual(asked, [step, { ...step, accept_changes: true }]);
+  await page.context().close();
+}

@@ -6,7 +6,7 @@ import { sweepOf } from "./model.ts";
 import { SweepPlots } from "./plots.tsx";
 import { AskButton } from "./shell.tsx";
 import { beep, wallMs } from "./now.tsx";
-import { operator, post, type View } from "./store.ts";
+import { isChange, operator, post, type View } from "./store.ts";
 import type { RefusedTouch, Rig, TouchRow } from "./wire.ts";
 
 const ANSWERS: [RefusedTouch["answers"][number], string, "play" | "tick" | "abort"][] = [
@@ -43,9 +43,12 @@ export function Amend({ run, row, rig, onDone }: { run: { id: string; status: st
   const [why, setWhy] = useState("");
   const isUnderWay = rig?.run?.id === run.id;
   const isAhead = isUnderWay && row.status === "not_reached";
-  const send = (what: "redo" | "skip") => () =>
-    post(`runs/${run.id}/${what}`, { type: "application/json", text: JSON.stringify({ step: row.step, why }) })
-      .then(() => { if (what === "redo") location.hash = "#/"; else onDone(); });
+  const [isChanged, setChanged] = useState(false);
+  const send = (what: "redo" | "skip", more = {}) => () =>
+    post(`runs/${run.id}/${what}`, { type: "application/json", text: JSON.stringify({ step: row.step, why, ...more }) }).then(
+      () => { if (what === "redo") location.hash = "#/"; else onDone(); },
+      (error: unknown) => { if (isChange(error)) setChanged(true); throw error; },
+    );
   const missing = why.trim() === "" ? "Write why first." : "";
   const busy = isUnderWay ? "The run is under way." : rig?.state === "idle" ? "" : "The rig must be ready.";
   return (
@@ -54,6 +57,7 @@ export function Amend({ run, row, rig, onDone }: { run: { id: string; status: st
       <input id="amend-why" maxLength={300} value={why} onInput={(event) => setWhy(event.currentTarget.value)} />
       <div class="buttons">
         <AskButton icon="play" send={send("redo")} disabled={missing !== "" || busy !== ""} why={missing || busy}>Measure again</AskButton>
+        {isChanged && <AskButton send={send("redo", { accept_changes: true })} disabled={missing !== "" || busy !== ""} why={missing || busy}>Measure again with these changes</AskButton>}
         <AskButton icon="cross" send={send("skip")} disabled={missing !== "" || (isUnderWay && !isAhead)} why={missing || "It has begun."}>{isAhead ? "Leave it out of this run" : "Leave it out"}</AskButton>
         {(missing || (busy && !isAhead)) && <span class="soft">{missing || busy}</span>}
       </div>

@@ -9,7 +9,7 @@ import { Amend } from "./refused.tsx";
 import { NarrowingPlot, SweepPlots } from "./plots.tsx";
 import { Compare } from "./compare.tsx";
 import { AskButton, Confirm, DialogStop } from "./shell.tsx";
-import { get, noted, open, post, reasonOf, Refused, useRead, type Body, type View } from "./store.ts";
+import { get, isChange, noted, open, post, reasonOf, useRead, type Body, type View } from "./store.ts";
 import type { Direction, Note, Notes, RunDetail, RunEntry, Sweep, TouchRow } from "./wire.ts";
 
 /** What a run found that cannot be continued is asked for once. */
@@ -257,7 +257,7 @@ function Continue({ detail, view, onGivenUp }: { detail: RunDetail; view: View; 
   const go = (accept: boolean) => () => {
     const body: Body = { type: "application/json", text: JSON.stringify({ accept_changes: accept }) };
     return post(`runs/${detail.id}/continue`, body).then(() => { location.hash = "#/"; }, (error: unknown) => {
-      if (error instanceof Refused && error.problem.title === "changed") setChanged(true);
+      if (isChange(error)) setChanged(true);
       throw error;
     });
   };
@@ -283,6 +283,9 @@ const knownAs = (mpa: number, unit = "MPa") => unit === "kPa" ? `${fixed(mpa * 1
 
 function Downloads({ id, name }: { id: string; name: string }) {
   const base = `/api/v1/runs/${id}`;
+  const [why, setWhy] = useState<string>();
+  const load = (format: string, file: string) => open(`runs/${id}/export?format=${format}`, `${name}-${file}`)
+    .then(() => setWhy(undefined), (error: unknown) => setWhy(`${file} could not be read: ${reasonOf(error)}`));
   const files: [string, string, string][] = [
     ["Touches, CSV", "csv", "touches.csv"], ["Sweeps, CSV", "sweeps", "sweeps.csv"],
     ["Readings, CSV", "readings", "readings.csv"], ["All tables, HDF5", "hdf5", "tables.h5"],
@@ -291,8 +294,9 @@ function Downloads({ id, name }: { id: string; name: string }) {
   return (
     <div class="buttons">
       <a class="button primary" href={`${base}/report`} target="_blank" rel="noopener">Open report</a>
-      {files.map(([label, format, file]) => <button key={format} type="button" onClick={() => void open(`runs/${id}/export?format=${format}`, `${name}-${file}`)}><Icon name="down" size={16} />{label}</button>)}
+      {files.map(([label, format, file]) => <button key={format} type="button" onClick={() => void load(format, file)}><Icon name="down" size={16} />{label}</button>)}
       <a class="button" href={`#/protocols/${id}`}>Run again…</a>
+      {why !== undefined && <p class="refusal" role="alert">{why}</p>}
     </div>
   );
 }

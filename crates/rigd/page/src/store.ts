@@ -356,6 +356,9 @@ export async function remove<T>(path: string): Promise<T> {
 /** Stops everything. Sent whatever the link is thought to be, and never given up: it may still arrive. */
 export const stopAll = () => ask("stop", { method: "POST", headers: headers() });
 
+/** Whether rigd refuses because something at the rig has changed since the run. */
+export const isChange = (error: unknown) => error instanceof Refused && error.problem.title === "changed";
+
 // ---- A control that asks ----------------------------------------------------------------------------
 
 export type Asking =
