@@ -483,8 +483,8 @@ impl Neighbours {
     }
 
     /// The last touch, refused, if a fault contradicts it: it is unknown since when the contact
-    /// sense or the position has been wrong.
-    pub(crate) fn contradicted_by(&mut self, fault: &Fault) -> Option<TouchResult> {
+    /// sense or the position has been wrong. At the end of a run nothing else can confirm it.
+    pub(crate) fn contradicted_by(&mut self, fault: &Fault, is_end: bool) -> Option<TouchResult> {
         use ContactSenseFault::{
             Frozen, NoResponse, NotFree, ReferenceMoved, SurfaceMoved, SurfaceTooLow,
         };
@@ -492,6 +492,7 @@ impl Neighbours {
             Fault::ContactSense(
                 NotFree { .. } | NoResponse { .. } | Frozen { .. } | ReferenceMoved { .. },
             ) => true,
+            Fault::NoReference { .. } if is_end => true,
             Fault::ContactSense(SurfaceMoved { .. } | SurfaceTooLow { .. })
             | Fault::NoContact { .. }
             | Fault::ContactTooEarly { .. }

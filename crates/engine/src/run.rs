@@ -303,19 +303,23 @@ impl Run {
         notes: &mut Vec<Event>,
     ) -> MachineStep<()> {
         let approach = self.plan.touch.approach;
-        let mut jump = None;
+        let (mut jump, mut moved) = (None, Ok(()));
         for (at, resonance) in found {
-            if let Err(fault) = check_reference(self.no_load.as_ref(), resonance, &approach) {
-                return MachineStep::Fault(Fault::ContactSense(fault));
-            }
+            moved = check_reference(self.no_load.as_ref(), resonance, &approach);
             let found = self.drift.measured(*at, resonance.resonance_hz, resonance.sigma_hz);
             jump = jump.or(found);
+            if moved.is_err() {
+                break;
+            }
             self.no_load = Some(*resonance);
         }
         self.referenced = Some(self.index);
         let touches = std::mem::take(&mut self.unreferenced);
         if let Some(Jump { off_hz, sigma_hz }) = jump.filter(|_| !touches.is_empty()) {
             notes.push(Event::ReferenceJumped { off_hz, sigma_hz, touches });
+        }
+        if let Err(fault) = moved {
+            return MachineStep::Fault(Fault::ContactSense(fault));
         }
         self.bench = *bench;
         let moves_hz = |seconds| self.drift.moves_hz(seconds);
@@ -340,7 +344,8 @@ impl Run {
 
     /// A fault may contradict the last touch.
     fn doubt(&mut self, fault: &Fault, notes: &mut Vec<Event>) {
-        if let Some(doubted) = self.neighbours.contradicted_by(fault) {
+        let is_end = matches!(self.machine, Machine::Closing(_));
+        if let Some(doubted) = self.neighbours.contradicted_by(fault, is_end) {
             self.has_refusals = true;
             notes.push(Event::TouchDoubted(Box::new(doubted)));
         }

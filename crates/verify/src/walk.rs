@@ -362,7 +362,7 @@ impl Walk {
             }
             Record::TouchRefused(refused) => {
                 labels.refused(seq, &refused, motion, settings, findings);
-                labels.references.touch_refused(rig_us);
+                labels.references.touch_refused(rig_us, findings);
             }
             Record::ReferenceJumped(jumped) => labels.references.jumped(seq, &jumped, findings),
             Record::Operator(operator) => self.operator(&operator),

@@ -41,7 +41,7 @@ impl Run {
             RefusalPolicy::Abort => RefusalAnswer::Abort,
             _ => return self.finish_touch(result, around),
         };
-        self.decided(result, answer, PROTOCOL.to_owned(), around)
+        self.decided(result, answer, None, around)
     }
 
     /// A person has answered about this refused touch, now or before a pause.
@@ -60,7 +60,7 @@ impl Run {
                 self.answered = Some(answered);
                 MachineStep::Pause
             }
-            Ok((answer, by)) => self.decided(result, answer, by, around),
+            Ok((answer, by)) => self.decided(result, answer, Some(by), around),
             Err(event) => MachineStep::Fault(event.out_of_order("a refused touch")),
         }
     }
@@ -70,9 +70,12 @@ impl Run {
         &mut self,
         result: TouchResult,
         answer: RefusalAnswer,
-        by: String,
+        person: Option<String>,
         around: &mut Surroundings<'_>,
     ) -> MachineStep<RunStatus> {
+        // A person may have any name.
+        let was_person_there = person.is_some();
+        let by = person.unwrap_or_else(|| PROTOCOL.to_owned());
         if answer == RefusalAnswer::Widen {
             let window = self.window.unwrap_or(self.plan.contact_sweep.window);
             self.window = Some(widened(window, around.limits));
@@ -85,11 +88,11 @@ impl Run {
         match answer {
             RefusalAnswer::Widen | RefusalAnswer::Repeat => {
                 self.repeats += 1;
-                if by != PROTOCOL {
+                if was_person_there {
                     // Who was asked was at the bench.
                     self.changed(Change::Placed);
                 }
-                if !self.is_reference_due(around.now, by != PROTOCOL) {
+                if !self.is_reference_due(around.now, was_person_there) {
                     return self.touch_again(around);
                 }
                 self.machine = Machine::Referring(Box::new(NoLoad::new(result.touch.pose)));

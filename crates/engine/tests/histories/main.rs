@@ -221,6 +221,26 @@ fn a_last_touch_is_confirmed_by_readings_and_not_by_flags() {
     }
 }
 
+/// A person has changed something since, and the touch behind it is left out.
+#[test]
+fn flags_contradict_the_last_touch_before_a_change_as_well() {
+    let last = world::plan().steps.last().unwrap().id.clone();
+    let mut world = World::new(None);
+    world.play_until(|world| {
+        let touches = world.events.iter().filter(|event| matches!(event, Event::TouchFinished(_)));
+        touches.count() == 2 && world.engine.snapshot().state == RigState::WaitingForPerson
+    });
+    world.command(Command::Skip(last));
+    world.answer();
+    while world.endings().is_empty() {
+        world.trouble = Some((world.operations, Trouble::Flags));
+        world.step();
+    }
+    assert_eq!(world.endings(), [RunStatus::Faulted]);
+    let doubted = world.events.iter().filter(|event| matches!(event, Event::TouchDoubted(_)));
+    assert_eq!(doubted.count(), 1);
+}
+
 #[test]
 fn a_linear_stage_that_is_lost_on_the_way_out_is_not_moved_again() {
     for trouble in [Trouble::Fails, Trouble::Abort, Trouble::Stop] {

@@ -133,11 +133,17 @@ fn a_touch_is_repeated_as_often_as_a_person_says() {
 #[test]
 fn a_touch_that_a_person_has_made_again_has_the_reference_that_a_planned_one_would_have() {
     use NoLoadPolicy::{ByDrift, EveryPose, EverySample, EveryTouch, Once};
-    for (no_load, references) in
-        [(EveryTouch, 3), (EveryPose, 3), (EverySample, 3), (ByDrift, 3), (Once, 0)]
-    {
+    for (no_load, person, references) in [
+        (EveryTouch, "Ada", 3),
+        // A name of a person, and no policy.
+        (EveryTouch, "protocol", 3),
+        (EveryPose, "Ada", 3),
+        (EverySample, "Ada", 3),
+        (ByDrift, "Ada", 3),
+        (Once, "Ada", 0),
+    ] {
         let mut world = World::new(None);
-        world.decision = RefusalAnswer::Widen;
+        (world.decision, world.person) = (RefusalAnswer::Widen, person);
         world.drift_hz_per_s = 0.2 / (5.0 * 3600.0);
         world.command(Command::Prepare);
         finish(&mut world);

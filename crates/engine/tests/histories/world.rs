@@ -149,6 +149,8 @@ pub(crate) struct World {
     pub(crate) level_v: f64,
     /// What a person says about refused touches.
     pub(crate) decision: RefusalAnswer,
+    /// Who sends the commands.
+    pub(crate) person: &'static str,
     /// C₁/C₀ of the sensor.
     pub(crate) ratio: f64,
     /// Height of the probe above what the linear stage says, mm.
@@ -196,6 +198,7 @@ impl World {
             softening_hz_per_v2: 0.0,
             level_v: 0.0,
             decision: RefusalAnswer::Skip,
+            person: "test",
             ratio: 0.05,
             slip_mm: 0.0,
             pressed_mm: f64::NAN,
@@ -215,7 +218,7 @@ impl World {
 
     pub(crate) fn begin(&mut self, admitted: Admitted) {
         let mut effects = Vec::new();
-        self.engine.begin(self.now, admitted, "test", &mut effects);
+        self.engine.begin(self.now, admitted, self.person, &mut effects);
         self.carry_out(effects);
     }
 

@@ -71,7 +71,8 @@ impl References {
     }
 
     /// A touch is made again or over, and another reference may follow.
-    pub(super) const fn may_follow(&mut self, rig_us: u64) {
+    pub(super) fn may_follow(&mut self, rig_us: u64, findings: &mut Findings) {
+        self.no_jump(findings);
         self.from_s = rig_us as f64 / 1e6;
         self.is_again = false;
     }
@@ -147,7 +148,7 @@ impl References {
     ) {
         self.since.push(result.touch.step.clone());
         let end_s = rig_us as f64 / 1e6;
-        self.may_follow(rig_us);
+        self.may_follow(rig_us, findings);
         self.lasted_s = Some(end_s - self.begun_s);
         let target_hz = settings.and_then(|all| all.protocol.no_load_sweep.target_sigma_hz);
         let (Some(until_s), Some((_, measured_s)), Some(target_hz)) =
@@ -164,8 +165,8 @@ impl References {
         }
     }
 
-    pub(crate) fn touch_refused(&mut self, rig_us: u64) {
-        self.may_follow(rig_us);
+    pub(crate) fn touch_refused(&mut self, rig_us: u64, findings: &mut Findings) {
+        self.may_follow(rig_us, findings);
         self.lasted_s = Some(rig_us as f64 / 1e6 - self.begun_s);
     }
 
@@ -258,6 +259,22 @@ mod tests {
             let mut references = measured_twice(vague, good_hz);
             references.jumped(22, &said(20, 0.5 * of.off_hz, of.sigma_hz), &mut findings);
             assert_eq!(findings.0.len(), 2, "{findings:?}");
+        }
+    }
+
+    /// A reference that follows in the same step takes the place of one whose jump no record tells of.
+    #[test]
+    fn a_jump_is_missed_before_a_touch_is_made_again() {
+        for (is_told, expected) in [(false, 1), (true, 0)] {
+            let mut findings = Findings::default();
+            let mut references = measured_twice((KNOCK_HZ, 0.02), KNOCK_HZ);
+            let of = references.unexpected[0].1;
+            if is_told {
+                references.jumped(22, &said(21, of.off_hz, of.sigma_hz), &mut findings);
+            }
+            references.may_follow(1_203_000_000, &mut findings);
+            references.measured(23, 22, (1203.0, 1204.0), (140.0 + KNOCK_HZ, 0.02));
+            assert_eq!(findings.0.len(), expected, "{findings:?}");
         }
     }
 

@@ -178,7 +178,7 @@ impl Labels {
             findings.add(Check::StepOrder, seq, what, format!("{under_way:?}"), step);
         }
         self.answered_attempt(seq, answered, settings, findings);
-        self.references.may_follow(rig_us);
+        self.references.may_follow(rig_us, findings);
         let Some([min, max]) = *window_hz else { return };
         // Each answer widens by half of the width on each side, at most.
         let protocol = settings.map(|all| &all.protocol.contact_sweep);
