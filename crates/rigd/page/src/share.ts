@@ -58,6 +58,11 @@ export class Share<Known> {
     });
   }
 
+  /** Whether another tab has the stream. */
+  get isFollowing(): boolean {
+    return this.#channel !== undefined && !this.#isLeading;
+  }
+
   /** Leads and follows for as long as the page is open. */
   async run(): Promise<void> {
     if (!this.#channel) return this.#keepOwn();
@@ -115,6 +120,8 @@ export class Share<Known> {
   }
 
   async #lead(signal: AbortSignal): Promise<void> {
+    // The lock came too late.
+    if (signal.aborted) return;
     this.#isLeading = true;
     this.#leader = undefined;
     const ended = new Promise((resolve) => signal.addEventListener("abort", resolve));

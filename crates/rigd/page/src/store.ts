@@ -215,11 +215,17 @@ function take({ id, event, data }: Message): void {
 
 const loading = new Set<string>();
 
+/** Until this tab is looked at, or has the stream: a stop must not wait behind what hidden tabs read. */
+async function needed(): Promise<void> {
+  while (document.hidden && share.isFollowing) await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
+}
+
 /** The plan of a run, and what the page missed of it. */
 async function loadRun(id: string): Promise<void> {
   if (loading.has(id)) return;
   loading.add(id);
   try {
+    await needed();
     const [plan, detail] = await Promise.all([get<Plan>(`runs/${id}/plan`), get<RunDetail>(`runs/${id}`)]);
     model = withPlan(model, id, plan, detail);
     changed();
