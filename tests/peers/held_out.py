@@ -271,6 +271,10 @@ def main():
             for outcome, _, what in results:
                 if outcome == "wrong" or (outcome == "refused" and may_be_refused < 0.02):
                     print("   ", outcome, what)
+            # A standard deviation that is too large would refuse nothing and be wrong nowhere.
+            if kind in (nominal, settled_in_time) and not 0.6 < rms < 1.4:
+                print(f"    the errors of {kind.__name__} do not have the stated standard deviations")
+                failed = True
             failed |= count["wrong"] > 0 or count["refused"] > max(may_be_refused, 1.5 / trials) * trials
     sys.exit("a sweep was silently wrong, or a good one refused" if failed else 0)
 
