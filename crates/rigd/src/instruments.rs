@@ -204,7 +204,7 @@ fn within_ranges(
         let refusal = InstrumentRefusal::Frequency { name: name_of(), min, max };
         return Err(refused(name, location, &refusal));
     }
-    let (found, limit) = (range.max_level_v, dialect.level_v.1);
+    let (found, limit) = (range.max_level_v, dialect.highest_level_v());
     if limit < found {
         let refusal = InstrumentRefusal::Level { found, limit, name: name_of() };
         return Err(refused(name, location, &refusal));

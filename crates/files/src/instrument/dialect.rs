@@ -114,6 +114,11 @@ pub enum Handshake {
 }
 
 impl Dialect {
+    /// Highest level with every option, V. Whether the instrument has them shows when it is connected.
+    pub fn highest_level_v(&self) -> f64 {
+        self.high_power.as_ref().map_or(self.level_v.1, |option| option.max_v)
+    }
+
     /// How long a reading integrates at least at this frequency, Hz, in s.
     pub fn shortest_integration_s(&self, frequency_hz: f64) -> f64 {
         let cycles = match &self.commands {

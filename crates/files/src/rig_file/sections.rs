@@ -125,7 +125,7 @@ fn analyzer(table: &mut Table<'_>) -> AnalyzerRead {
     // The ranges of another instrument are compared when its file is read.
     if let Some(&Named::Shipped(make)) = instrument.sound() {
         let dialect = Dialect::of(make);
-        let ((min, max), (_, limit)) = (dialect.frequency_hz, dialect.level_v);
+        let ((min, max), limit) = (dialect.frequency_hz, dialect.highest_level_v());
         if frequency_hz.sound().is_some_and(|&(lowest, highest)| lowest < min || max < highest) {
             let refusal = RigFileFault::BeyondDialect { make, min, max };
             table.refuse(&frequency_hz, &refusal);

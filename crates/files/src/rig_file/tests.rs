@@ -178,6 +178,19 @@ fn a_rig_that_contradicts_itself_is_refused() {
     ]));
 }
 
+/// Which options an instrument has is asked when it is connected.
+#[test]
+fn a_level_that_needs_an_option_is_allowed() {
+    let read = |level: &str| {
+        let text = SIMULATED.replace("dialect = \"hioki-im3536\"", "dialect = \"keysight-e4980a\"");
+        let text = text.replace("max_level_v = 5", &format!("max_level_v = {level}"));
+        RigFile::read("rig.toml", &text).map_err(|faults| faults.to_string())
+    };
+    assert!(read("20").is_ok(), "{:?}", read("20"));
+    let refused = read("20.5").unwrap_err();
+    assert!(refused.contains("max_level_v = 20.5 is above the 20 V"), "{refused}");
+}
+
 #[test]
 fn advice_about_the_clear_position_can_be_followed() {
     let said = |changes: &[(&str, &str)]| {
