@@ -74,7 +74,7 @@ fn introduction(page: &mut Page, args: &Args) {
     let Args { seed, seeds, trials, planned, .. } = args;
     page.text(format!(
         "This page, its charts and its tables are written by `cargo run --release -p rig-study -- \
-         failures --out docs/studies`, in about ten minutes on two cores. The same seeds (here {seed} \
+         failures --out docs/studies`, in about half an hour on two cores. The same seeds (here {seed} \
          to {}) give the same bytes on any number of cores; `--seed K --seeds N` takes others, and \
          `--axis NAME` one axis. `--check` computes a part of the first seed again and compares. \
          Each cell of a map stands for {trials} fitted and {planned} planned sweeps of each of six \
