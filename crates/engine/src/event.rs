@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use rig_model::{Clearance, Deg, Mm, Position, Reading, SweepRequest, Window};
+use rig_model::{Clearance, Deg, DriveLevel, Mm, Position, Reading, SweepRequest, Window};
 use rig_protocol::{Prompt, StepId, Touch};
 use rig_resonance::{Estimate, FitOptions, FitOutcome, Onset, Resonance};
 
@@ -89,6 +89,8 @@ pub enum RunPhase {
 pub struct FinishedSweep {
     /// Purpose of the sweep.
     pub purpose: SweepPurpose,
+    /// Level of the drive.
+    pub level: DriveLevel,
     /// Every reading, in the order taken.
     pub readings: Vec<Reading>,
     /// Number of readings at the beginning that only located the resonance. The outcome rests on

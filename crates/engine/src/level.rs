@@ -1,24 +1,23 @@
 //! Whether the resonance is the same at half the level of the drive.
 //!
 //! ```text
-//! survey ─▶ half ─┬─ the same ──────────────────────▶ linear
-//!                 └─ apart ─▶ full ─▶ half ─▶ full ─▶ linear, or not
+//! survey ─▶ half ─▶ full ─▶ half ─▶ full … ─▶ linear, or not
 //! ```
 //!
-//! A resonance that drifts differs between two sweeps as well. Only where both are apart, sweeps at both levels follow in
-//! turn: an even drift cancels in them, and what the references so far say of the walk is the limit of the rest.
+//! A spring that the drive bends shifts the resonance with the square of the level: by four thirds of the difference of the
+//! two levels. So the sweeps go on until the difference is known better than a resonance of the run. A resonance that drifts
+//! differs between two sweeps as well: an even drift is an unknown of the difference, and what the references so far say of
+//! the walk is the limit of the rest.
 
 use rig_model::RigTime;
 use rig_resonance::{Bench, Resonance};
 
 use crate::drift::Drift;
 
-/// Sweeps after which the levels are judged.
-const ALL: usize = 5;
-
-/// The time, in units of that between two sweeps, in which a walk makes as much as of the difference of the last four.
-/// It is the sum of the squares of ¼, ½ and ¼, by which the three steps between them enter.
-const WALKED: f64 = 0.375;
+/// Sweeps after which the levels are judged at the latest, the survey among them. The last one is at the full level.
+const MOST: usize = 25;
+/// The difference is known well enough with this part of the mean standard deviation of the sweeps at the full level.
+const PART: f64 = 0.5;
 
 /// A check of the level after a survey.
 #[derive(Debug, Clone)]
@@ -40,6 +39,15 @@ pub(crate) enum Levels {
     Differ,
 }
 
+/// By how much the resonance at half the level is above that at the full one.
+#[derive(Debug, Clone, Copy)]
+struct Difference {
+    hz: f64,
+    sigma_hz: f64,
+    /// The time in which a walk makes as much as of the difference, s.
+    walked_s: f64,
+}
+
 impl LevelCheck {
     /// Begins with the survey.
     pub(crate) fn new(bench: Option<Bench>, survey: &(RigTime, Resonance)) -> Self {
@@ -51,7 +59,7 @@ impl LevelCheck {
         self.found.len() % 2 == 1
     }
 
-    /// The resonances so far.
+    /// The resonances so far. The last one is at the full level.
     pub(crate) fn into_found(self) -> Vec<(RigTime, Resonance)> {
         self.found
     }
@@ -59,25 +67,56 @@ impl LevelCheck {
     /// Takes in the resonance of a sweep. `drift` is what the references before the survey say.
     pub(crate) fn take(&mut self, found: &(RigTime, Resonance), drift: &Drift) -> Levels {
         self.found.push(*found);
-        match self.found[..] {
-            [(_, survey), (_, half)] if !survey.is_apart_from(&half) => Levels::Same,
-            _ if self.found.len() < ALL => Levels::Open,
-            _ if self.differ(drift) => Levels::Differ,
-            _ => Levels::Same,
+        if !self.is_half_next() {
+            return Levels::Open;
         }
-    }
-
-    /// Whether the last four sweeps show a difference that no walk makes.
-    fn differ(&self, drift: &Drift) -> bool {
-        let [.., one, two, three, four] = self.found[..] else { return false };
+        let Some(difference) = self.difference() else { return Levels::Open };
+        let full: Vec<f64> =
+            self.found.iter().step_by(2).skip(1).map(|(_, full)| full.sigma_hz).collect();
+        let mean_hz = full.iter().sum::<f64>() / full.len() as f64;
+        let is_known = difference.sigma_hz <= PART * mean_hz;
+        if !is_known && self.found.len() < MOST {
+            return Levels::Open;
+        }
         let mut drift = drift.clone();
         for (at, full) in self.found.iter().step_by(2) {
             drift.measured(*at, full.resonance_hz, full.sigma_hz);
         }
-        let parts = [(0.25, one.1), (-0.75, two.1), (0.75, three.1), (-0.25, four.1)];
-        let off_hz = parts.iter().map(|(part, found)| part * found.resonance_hz).sum();
-        let variance: f64 = parts.iter().map(|(part, found)| (part * found.sigma_hz).powi(2)).sum();
-        let apart_s = four.0.since(one.0).as_secs_f64() / 3.0;
-        drift.is_beyond_walk(off_hz, variance.sqrt(), WALKED * apart_s)
+        let Difference { hz, sigma_hz, walked_s } = difference;
+        if drift.is_beyond_walk(hz, sigma_hz, walked_s) { Levels::Differ } else { Levels::Same }
+    }
+
+    /// The difference by least squares, beside a resonance and an even drift; `None` as long as these can make it.
+    fn difference(&self) -> Option<Difference> {
+        let (begun, first) = *self.found.first().filter(|_| self.found.len() > 3)?;
+        let all = |of: &dyn Fn(usize, &(RigTime, Resonance)) -> f64| -> Vec<f64> {
+            self.found.iter().enumerate().map(|(index, found)| of(index, found)).collect()
+        };
+        let weights = all(&|_, (_, found)| found.sigma_hz.powi(-2));
+        let dot = |one: &[f64], other: &[f64]| -> f64 {
+            let terms = weights.iter().zip(one).zip(other);
+            terms.map(|((weight, one), other)| weight * one * other).sum()
+        };
+        let ones = vec![1.0; weights.len()];
+        let centred = |values: Vec<f64>| -> Vec<f64> {
+            let mean = dot(&values, &ones) / dot(&ones, &ones);
+            values.iter().map(|value| value - mean).collect()
+        };
+        let times = centred(all(&|_, (at, _)| at.since(begun).as_secs_f64()));
+        let halves = centred(all(&|index, _| if index % 2 == 1 { 1.0 } else { 0.0 }));
+        let offs = all(&|_, (_, found)| found.resonance_hz - first.resonance_hz);
+        // What no even drift makes of the levels.
+        let slope = dot(&halves, &times) / dot(&times, &times);
+        let own: Vec<f64> =
+            halves.iter().zip(&times).map(|(half, time)| half - slope * time).collect();
+        let information = dot(&own, &own);
+        // A step of the walk enters by all sweeps behind it.
+        let (mut walked_s, mut behind) = (0.0, 0.0);
+        for index in (1..times.len()).rev() {
+            behind += weights[index] * own[index] / information;
+            walked_s += behind * behind * (times[index] - times[index - 1]);
+        }
+        let hz = dot(&own, &offs) / information;
+        Some(Difference { hz, sigma_hz: information.sqrt().recip(), walked_s })
     }
 }

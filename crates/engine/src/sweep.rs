@@ -99,6 +99,7 @@ impl Sweep {
         let effective_time_s = self.planner.effective_time_s(&outcome);
         let finished = Box::new(FinishedSweep {
             purpose: self.purpose,
+            level: self.level,
             readings,
             probe_readings,
             outcome,

@@ -119,6 +119,8 @@ const ADAPTIVE_READINGS: usize = 64;
 
 /// About the number of readings of a survey.
 const SURVEY_READINGS: usize = 500;
+/// About the number of sweeps by which the level is checked after it.
+const LEVEL_SWEEPS: usize = 16;
 
 /// What is expected of the steps of a plan.
 #[derive(Debug)]
@@ -204,7 +206,7 @@ impl Plan {
             include(&mut summary.rotary, pose.direction.rotary_position(pose.angle));
         }
         let of_survey = self.survey_s.map_or(0, |_| SURVEY_READINGS)
-            + usize::from(self.level_check) * readings(&self.no_load_sweep);
+            + self.level_sweeps() * readings(&self.no_load_sweep);
         let sweeps = 1 + usize::from(self.touch.halfway_mm.is_some());
         let readings = of_survey
             + summary.no_loads * readings(&self.no_load_sweep)
@@ -240,7 +242,7 @@ impl Plan {
     ) -> PartTimes {
         let contact = SweepRequest { target_sigma_hz: contact_hz, ..self.contact_sweep };
         let no_load = SweepRequest { target_sigma_hz: no_load_hz, ..self.no_load_sweep };
-        let no_loads = references + usize::from(self.level_check);
+        let no_loads = references + self.level_sweeps();
         let survey_s = self.survey_s.map_or(0.0, f64::from);
         let halfway_sweeps = f64::from(u8::from(self.touch.halfway_mm.is_some()));
         PartTimes {
@@ -261,7 +263,7 @@ impl Plan {
     pub(crate) fn course(&self, limits: &RigLimits) -> Course {
         let level = limits.rotary.rest_target().position();
         let rest = limits.linear.rest_target().position();
-        let check_s = if self.level_check { self.no_load_s(limits) } else { 0.0 };
+        let check_s = self.level_sweeps() as f64 * self.no_load_s(limits);
         let mut survey_s = self.survey_s.map_or(0.0, f64::from) + check_s;
         let mut bench = Bench {
             tilt: level,
@@ -456,6 +458,11 @@ impl Plan {
 
     fn contact_sweep_s(&self, limits: &RigLimits) -> f64 {
         sweep_s(&self.contact_sweep, CONTACT_TIME, limits)
+    }
+
+    /// Number of sweeps by which the level is checked.
+    fn level_sweeps(&self) -> usize {
+        if self.level_check { LEVEL_SWEEPS } else { 0 }
     }
 
     fn no_load_s(&self, limits: &RigLimits) -> f64 {

@@ -9,6 +9,5 @@ pub(crate) mod outliers;
 pub(crate) mod rounding;
 pub(crate) mod screen;
 pub(crate) mod tangents;
-pub(crate) mod two_sweeps;
 pub(crate) mod unknown_dwell;
 pub(crate) mod unsettled_outliers;

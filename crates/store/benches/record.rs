@@ -81,6 +81,7 @@ fn sweep(readings: u32) -> Record {
         purpose: SweepPurpose::Manual,
         step: None,
         pose: None,
+        level_v: None,
         readings: (0..readings).map(reading).collect(),
         probe_readings: 0,
         fit: None,

@@ -42,6 +42,15 @@ struct SweepFacts {
     circuit: Option<Circuit>,
 }
 
+/// A sweep of the free sensor, by its record.
+#[derive(Debug, Clone, Copy)]
+struct FreeSweep {
+    seq: u64,
+    is_accepted: bool,
+    /// Whether its step had what it was made for.
+    is_over: bool,
+}
+
 /// A surface that was found.
 #[derive(Debug, Clone)]
 struct SurfaceFacts {
@@ -118,8 +127,8 @@ pub(crate) struct Labels {
     /// Why the last touch is said to be contradicted, and the last fault.
     contradiction: Option<(u64, String)>,
     fault: Option<String>,
-    /// The last no-load sweep behind the outcome of the last step, and whether it was accepted.
-    closed: Option<(u64, bool)>,
+    /// The last no-load sweep since the last step began.
+    free: Option<FreeSweep>,
     /// Whether the next step may have any number.
     is_anew: bool,
     is_amendment: bool,
@@ -157,7 +166,7 @@ impl Labels {
         self.attempt = attempt::Attempt::default();
         self.bench = bench::BenchChain::default();
         (self.contradiction, self.fault, self.is_ended_by_refusal) = (None, None, false);
-        self.closed = None;
+        self.free = None;
         self.standstills.clear();
         self.is_anew = self.layout.is_empty();
     }
@@ -179,6 +188,7 @@ impl Labels {
     ) {
         self.check_contradiction(findings);
         self.check_closed(false, findings);
+        self.bench.step_started(findings);
         self.references.no_jump(findings);
         self.goes_on(seq, findings);
         self.step_ended(motion.fault.is_some(), findings);
@@ -377,6 +387,12 @@ impl Labels {
         }
     }
 
+    /// Whether every touch that has not begun is left out.
+    fn is_rest_left_out(&self) -> bool {
+        let rest = self.planned.get(self.touches..).unwrap_or_default();
+        !rest.is_empty() && rest.iter().all(|touch| self.elsewhere.contains(&touch.step))
+    }
+
     /// The rows of a run that has ended.
     pub(crate) fn finish(&mut self, seq: u64, status: &str, findings: &mut Findings) {
         self.references.no_jump(findings);
@@ -397,10 +413,7 @@ impl Labels {
             let found = format!("{status} with {} refused", self.refused.len());
             findings.add(Check::Ends, seq, what, "completed without refusals", found);
         }
-        let mut rest = self.planned.iter().skip(self.touches);
-        let is_left_out = rest.next().is_some_and(|touch| self.elsewhere.contains(&touch.step))
-            && rest.all(|touch| self.elsewhere.contains(&touch.step));
-        if is_complete && self.index != self.steps && !is_left_out {
+        if is_complete && self.index != self.steps && !self.is_rest_left_out() {
             findings.add(Check::StepOrder, seq, "the last step of the run", self.steps, self.index);
         } else if is_complete {
             self.check_gap(seq, self.steps, findings);

@@ -294,6 +294,7 @@ pub(crate) struct Sweep {
     pub(crate) purpose: String,
     pub(crate) step: Option<String>,
     pub(crate) pose: Option<Pose>,
+    pub(crate) level_v: Option<f64>,
     pub(crate) readings: Vec<Reading>,
     pub(crate) probe_readings: usize,
     pub(crate) fit: Option<FitSettings>,

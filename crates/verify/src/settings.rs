@@ -244,6 +244,7 @@ pub(crate) struct SweepKeys {
     pub(crate) min_hz: f64,
     pub(crate) max_hz: f64,
     pub(crate) target_sigma_hz: Option<f64>,
+    pub(crate) level_v: Option<f64>,
     #[serde(default)]
     method: String,
     points: Option<u32>,

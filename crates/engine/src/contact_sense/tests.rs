@@ -320,6 +320,7 @@ fn a_vague_reference_is_measured_again_although_a_sweep_is_refused() {
     let refused = FitOutcome::Refused(Refusal { reason: Reason::NotConverged, estimate: None });
     let sweep = |outcome| FinishedSweep {
         purpose: SweepPurpose::NoLoad,
+        level: plan().no_load_sweep.level,
         readings: Vec::new(),
         probe_readings: 0,
         outcome,

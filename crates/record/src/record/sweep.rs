@@ -306,6 +306,9 @@ pub struct Sweep {
     /// Pose of the surface, if it is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose: Option<Pose>,
+    /// Level of the drive, as the analyzer was programmed (open circuit), V, in journals that have it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub level_v: Option<f64>,
     /// Every reading, in the order in which it was taken.
     pub readings: Vec<ReadingRecord>,
     /// Number of readings at the beginning that only located the resonance. The outcome rests on

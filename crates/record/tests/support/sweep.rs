@@ -44,6 +44,7 @@ pub(crate) fn sweep(number: u64, purpose: SweepPurpose, resonance_hz: f64) -> Sw
         purpose,
         step: Some(STEP.to_owned()),
         pose: Some(POSE),
+        level_v: Some(5.0),
         readings: (0..12).map(reading).collect(),
         probe_readings: 0,
         fit: (purpose == SweepPurpose::Touch).then_some(FIT),

@@ -293,12 +293,17 @@ const TOUCH: [Column; 47] = [
 /// Of a value of the circuit.
 const OF_CIRCUIT: &str = "its standard deviation; empty in journals of earlier versions";
 
-const SWEEP: [Column; 19] = [
+const SWEEP: [Column; 20] = [
     whole("sweep", "number of the sweep in the run, from 1"),
     text("purpose", "`no_load`, `touch` or `manual`"),
     text("step", "address of the step"),
     text("direction", "`front`, `back` or `left`"),
     number("angle_deg", "deg", "contact angle"),
+    number(
+        "level_v",
+        "V",
+        "level of the drive, open circuit; empty in journals of earlier versions",
+    ),
     whole("readings", "number of readings"),
     text("outcome", "`accepted` or `refused`"),
     number("resonance_hz", "Hz", "series resonance"),

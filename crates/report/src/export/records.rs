@@ -67,7 +67,7 @@ pub(super) fn of_sweep<'a>(
     sweep: &'a Sweep,
     ends: &Ends,
     stored: &StoredRecord,
-) -> [TableValue<'a>; 21] {
+) -> [TableValue<'a>; 22] {
     let (direction, angle) = pose(sweep.pose);
     let (outcome, found, reason) = match &sweep.outcome {
         SweepOutcome::Accepted { resonance_hz, sigma_hz, effective_time_s, circuit, .. } => {
@@ -101,6 +101,7 @@ pub(super) fn of_sweep<'a>(
         TableValue::of(sweep.step.as_deref(), TableValue::Text),
         direction,
         angle,
+        TableValue::of(sweep.level_v, TableValue::Exact),
         TableValue::Whole(sweep.readings.len() as u64),
         TableValue::Text(outcome),
         resonance,

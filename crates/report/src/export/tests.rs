@@ -60,13 +60,13 @@ fn tables_have_a_row_for_each_sweep_and_reading() {
     let (sweeps, readings) = (csv(TableName::Sweeps, &records), csv(TableName::Readings, &records));
     let row = |number, purpose, hz| {
         format!(
-            "{number},\"{purpose}\",\"main/1/back/30/1\",\"back\",30.0,12,\"accepted\",{hz},0.0200,\
+            "{number},\"{purpose}\",\"main/1/back/30/1\",\"back\",30.0,5.0,12,\"accepted\",{hz},0.0200,\
              1.250000,33.0,0.12,2.74e-8,1.1e-10,0.08,0.0007,0.018000,0.000410,,1,true\n"
         )
     };
     assert_eq!(
         sweeps,
-        "sweep,purpose,step,direction,angle_deg,readings,outcome,resonance_hz,sigma_hz,\
+        "sweep,purpose,step,direction,angle_deg,level_v,readings,outcome,resonance_hz,sigma_hz,\
          effective_time_s,quality_factor,quality_factor_sigma,static_capacitance_f,\
          static_capacitance_sigma_f,capacitance_ratio,capacitance_ratio_sigma,loss_tangent,\
          loss_tangent_sigma,reason,clock,is_simulated\n"
@@ -111,7 +111,7 @@ fn a_refused_sweep_keeps_its_columns() {
     let (header, row) = sweeps.split_once('\n').unwrap();
     assert_eq!(
         row,
-        "1,\"manual\",,,,12,\"refused\",,,,,,,,,,,,\"no resonance, none at all\",1,false\n"
+        "1,\"manual\",,,,5.0,12,\"refused\",,,,,,,,,,,,\"no resonance, none at all\",1,false\n"
     );
     // The reason contains a comma.
     assert_eq!(row.matches(',').count(), header.matches(',').count() + 1);

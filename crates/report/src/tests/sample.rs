@@ -341,6 +341,7 @@ impl Recorder {
             purpose,
             step: Some(step.to_owned()),
             pose: Some(pose),
+            level_v: None,
             readings,
             probe_readings: 0,
             fit: None,

@@ -356,6 +356,7 @@ impl Recorder {
             },
             step: self.step_id(),
             pose: self.pose(),
+            level_v: Some(finished.level.volt),
             readings: finished.readings.iter().map(reading_of).collect(),
             probe_readings: finished.probe_readings,
             fit: fit_settings(finished),

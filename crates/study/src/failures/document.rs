@@ -251,10 +251,11 @@ fn beyond(page: &mut Page, cells: &[Cell]) {
         "A spring that softens slightly at the peak changes the readings of one sweep in the same \
          way as another resonance does. No estimator can detect it in the readings, and all of \
          them, the production fit included, are silently wrong here. A second sweep at another \
-         level detects it (above, `with a step of the level`: the result is that at the full level, as in the daemon, or a \
-         refusal if it differs from that at half the level. A softening whose two results do not differ by four standard \
-         deviations shifts it by up to 4·√2·4/3 = 7.5 of them. A shift in contact is the difference of two sweeps at one \
-         level, in which most of that cancels). This map is not part of the count.",
+         level detects it (above, `with a step of the level`: the result is a sweep at the full level, as in the daemon, or a \
+         refusal if the resonances at half and at full level differ by four standard deviations. Eight sweeps at each level \
+         find the difference, as the `level_check` of a protocol does. A softening that they do not show shifts the result by \
+         up to 4·½·4/3 = 2.7 of its standard deviations. A shift in contact is the difference of two sweeps at one level, in \
+         which most of that cancels). This map is not part of the count.",
     );
     let wrong = where_wrong(cells.iter().filter(|cell| cell.axis.is_beyond_one_sweep()));
     if !wrong.is_empty() {

@@ -11,8 +11,8 @@ use crate::{
 const SWEEPS_AT_DEPTH: u32 = 2;
 /// A reference that is too vague is measured once more, and then taken as it is.
 const REFERENCES: u32 = 2;
-/// The same for each of the sweeps by which the level is checked.
-const SWEEPS_OF_LEVELS: u32 = 5;
+/// The same for each of the sweeps by which the level is checked, at most so many with the survey.
+const SWEEPS_OF_LEVELS: u32 = 25;
 /// Begins of the reason if the analyzer has given up on its readings.
 const FLAGGED: &str = "the analyzer flagged ";
 /// Numbers of a reason are those of the readings but for their last digits.
@@ -150,6 +150,8 @@ impl Labels {
         self.attempt.references += 1;
         let has_levels = settings.is_none_or(|all| all.protocol.no_load_sweep.level_check);
         let most = if has_levels { REFERENCES * SWEEPS_OF_LEVELS } else { REFERENCES };
+        // Behind the reference of a last touch that a person leaves out, those that close the run follow in its step.
+        let most = if self.is_rest_left_out() { most + REFERENCES } else { most };
         if self.attempt.references > most {
             let what = "the accepted references of a step";
             let (found, limit) = (self.attempt.references, Some(most.to_string()));

@@ -1,6 +1,6 @@
 //! Sweeps against their step, the axes, their times, and what the protocol asks for.
 
-use super::{Labels, SweepFacts, pose_is_taken};
+use super::{FreeSweep, Labels, SweepFacts, pose_is_taken};
 use crate::{
     finding::{Check, Findings},
     motion::{Motion, Probe},
@@ -65,8 +65,7 @@ impl Labels {
         self.refused_sweeps += u32::from(sweep.purpose == "touch" && outcome.is_err());
         self.noise.sweep(seq, sweep, outcome.is_ok(), findings);
         if let Some(settings) = settings.filter(|_| !is_manual) {
-            let is_asked = settings.protocol.no_load_sweep.survey_s.is_some();
-            self.bench.sweep(seq, sweep, (outcome.is_ok(), is_asked), findings);
+            self.bench.sweep(seq, sweep, outcome.is_ok(), &settings.protocol, findings);
         }
         let facts = SweepFacts {
             number: sweep.number,
@@ -101,25 +100,24 @@ impl Labels {
         self.free_s = rig_us as f64 / 1e6;
     }
 
-    /// A sweep with the probe clear in a step that has what it was made for closes the run.
+    /// A sweep with the probe clear in a step that has what it was made for closes the run. In the step of a reference it is
+    /// another one for the reference, unless the touch is left out and nothing follows.
     pub(super) fn closing(&mut self, seq: u64, facts: &SweepFacts) {
         let is_over = self.step.as_ref().is_some_and(|step| {
             step.is_done && !matches!(step.started.action, Action::NoLoad { .. })
         });
-        if is_over {
-            self.closed = Some((seq, facts.outcome.is_ok()));
-        }
+        self.free = Some(FreeSweep { seq, is_accepted: facts.outcome.is_ok(), is_over });
     }
 
     /// What closes a run is accepted, and is its end.
     pub(super) fn check_closed(&mut self, is_complete: bool, findings: &mut Findings) {
-        let Some((seq, is_accepted)) = self.closed.take() else { return };
-        if !is_complete {
+        let Some(FreeSweep { seq, is_accepted, is_over }) = self.free.take() else { return };
+        if is_complete && !is_accepted {
+            let what = "the last no-load sweep of a completed run";
+            findings.add(Check::Reference, seq, what, "accepted", "refused");
+        } else if !is_complete && is_over {
             let what = "a no-load sweep behind the outcome of a step";
             findings.add(Check::Sweep, seq, what, "none before another step", "one");
-        } else if !is_accepted {
-            let what = "the no-load sweep that confirms the last touch of a completed run";
-            findings.add(Check::Reference, seq, what, "accepted", "refused");
         }
     }
 

@@ -152,6 +152,7 @@ mod tests {
                 purpose,
                 step,
                 pose,
+                level_v: None,
                 readings,
                 probe_readings: 0,
                 fit,
