@@ -54,6 +54,8 @@ pub struct Engine {
     next_id: u64,
     linear: Option<Position<Mm>>,
     rotary: Option<Position<Deg>>,
+    /// Whether the rotary stage was told to turn, and has not come to rest since.
+    may_turn: bool,
     state: RigState,
     notes: Vec<Event>,
     /// Patience with a linear stage that does not answer on the way out of contact.
@@ -148,6 +150,7 @@ impl Engine {
             next_id: 0,
             linear: None,
             rotary: None,
+            may_turn: false,
             state: RigState::Preparing,
             notes: Vec::new(),
             patience,
@@ -357,6 +360,9 @@ impl Engine {
         let id = OperationId(self.next_id);
         self.next_id += 1;
         self.reach.extend(&operation);
+        if matches!(operation, Operation::MoveRotary { .. } | Operation::PrepareRotary) {
+            (self.rotary, self.may_turn) = (None, true);
+        }
         self.expect_readings(now, &operation);
         let deadline = now + limit(&operation, self.linear_mm(), self.rotary_deg());
         self.pending = Some(Pending {
@@ -432,7 +438,7 @@ impl Engine {
                 self.notes.push(Event::LinearMoved { target, read_back, is_clear });
             }
             (Operation::MoveRotary { target, .. }, Some(&Report::RotaryAt(read_back))) => {
-                self.rotary = Some(read_back);
+                (self.rotary, self.may_turn) = (Some(read_back), false);
                 let target = target.position();
                 self.notes.push(Event::RotaryMoved { target, read_back });
             }
@@ -447,7 +453,11 @@ impl Engine {
                 self.reach = Reach::at(read_back);
             }
             (Operation::PrepareRotary, Some(&Report::RotaryAt(read_back))) => {
-                self.rotary = Some(read_back);
+                (self.rotary, self.may_turn) = (Some(read_back), false);
+            }
+            (_, Some(Report::Stopped(_))) => self.may_turn = false,
+            (_, Some(&Report::RotaryStopped(read_back))) => {
+                (self.rotary, self.may_turn) = (read_back, false);
             }
             _ => {}
         }

@@ -187,7 +187,7 @@ impl Interlock {
                 }
                 (self.clearance, self.height) = (Clearance::InContact, None);
             }
-            Operation::Measure { .. } | Operation::StopMotion => {}
+            Operation::Measure { .. } | Operation::StopMotion | Operation::StopRotary => {}
         }
         Ok(())
     }

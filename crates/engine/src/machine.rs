@@ -101,7 +101,7 @@ impl From<Report> for MachineEvent {
             Report::Measured(readings) => Self::Readings(readings),
             Report::Descended { at, way } => Self::Descended { at, way },
             // No machine finds a stage.
-            Report::Stopped(_) | Report::Unhomed => Self::Stopped,
+            Report::Stopped(_) | Report::RotaryStopped(_) | Report::Unhomed => Self::Stopped,
         }
     }
 }

@@ -65,6 +65,8 @@ pub enum Operation {
     },
     /// Stop both axes where they are.
     StopMotion,
+    /// Stop the rotary stage again, which has not answered a stop.
+    StopRotary,
 }
 
 /// The report of an operation.
@@ -90,6 +92,8 @@ pub enum Report {
     },
     /// Both axes have stopped; the read-back of the linear stage, if its drive knows where it is.
     Stopped(Option<Position<Mm>>),
+    /// The rotary stage has stopped; its read-back, if its drive knows where it is.
+    RotaryStopped(Option<Position<Deg>>),
 }
 
 /// The move that takes the probe to this target, at its clear position or above. It is always allowed.
@@ -114,7 +118,7 @@ pub(crate) fn limit(operation: &Operation, travel_mm: f64, travel_deg: f64) -> D
         Operation::Measure { points, .. } => {
             10.0 * points.iter().map(SweepPoint::duration_s).sum::<f64>() + points.len() as f64
         }
-        Operation::StopMotion => 0.0,
+        Operation::StopMotion | Operation::StopRotary => 0.0,
     };
     Duration::from_secs_f64(seconds + SLACK_S)
 }
@@ -131,6 +135,7 @@ pub(crate) const fn name(operation: &Operation) -> &'static str {
         Operation::MoveRotary { .. } => "a move of the rotary stage",
         Operation::Measure { .. } => "a measurement",
         Operation::StopMotion => "stopping both axes",
+        Operation::StopRotary => "stopping the rotary stage again",
     }
 }
 

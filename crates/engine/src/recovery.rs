@@ -24,6 +24,9 @@
 //! can have led it. A probe above its clear position stays there: a way out goes up or nowhere. A stage that is
 //! found without its position is homed first, if that leads away from the sample.
 //!
+//! A rotary stage that was to turn, and has not answered the stop, gets it again: whenever the linear stage is waited for, and
+//! once the probe is clear. The retract never waits for it.
+//!
 //! It also prepares the rig: it finds the linear stage, moves the probe clear, and homes the rotary stage
 //! if it is not homed. A linear stage that has lost its position is homed in an unknown direction only
 //! after a person has stated that nothing is below the probe.
@@ -50,6 +53,9 @@ const RESETS_MAX: usize = 2;
 
 /// Number of resets that do not count because the drive did not answer until their end.
 const UNHEARD_RESETS_MAX: u32 = 3;
+
+/// Number of stops that the rotary stage gets after the first one, in a recovery and in each attempt of a latched rig.
+const ROTARY_STOPS_MAX: u32 = 8;
 
 /// The first pause before another attempt. Each following pause is twice as long.
 const FIRST_PAUSE: Duration = Duration::from_millis(500);
@@ -143,8 +149,11 @@ pub(crate) struct Recovery {
     /// The last of them is being reset.
     is_resetting: bool,
     unheard_resets_left: u32,
-    /// The patience ended while the drive was waited for.
+    /// The patience ended while a drive was waited for.
     is_out_of_patience: bool,
+    rotary_stops_left: u32,
+    /// The clearance at the end, if the rotary stage had not answered its stop.
+    unstopped: Option<Clearance>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -156,7 +165,20 @@ enum Phase {
     Finding,
     Retracting,
     Waiting,
+    /// The rotary stage is stopped again.
+    StoppingRotary(After),
+    /// It has not answered, and is stopped again before the end with this clearance.
+    WaitingForRotary(Clearance),
     Finished,
+}
+
+/// What follows when the rotary stage was stopped again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum After {
+    /// A pause, after which the linear stage is found.
+    Pause(Duration),
+    /// The end of the recovery.
+    End(Clearance),
 }
 
 impl Recovery {
@@ -177,15 +199,69 @@ impl Recovery {
             is_resetting: false,
             unheard_resets_left: UNHEARD_RESETS_MAX,
             is_out_of_patience: false,
+            rotary_stops_left: ROTARY_STOPS_MAX,
+            unstopped: None,
         };
         (recovery, RecoveryStep::Do(Operation::StopMotion))
     }
 
-    /// An operation of the recovery has ended; `clearance` is the present one, and `up` the target of a retract.
-    ///
-    /// The stop is not repeated when it fails: to find the linear stage, and then to retract, is the safest action whether or
-    /// not the rotary stage has answered.
+    /// An operation of the recovery has ended; `clearance` is the present one, `may_turn` says whether the rotary stage has
+    /// been told to turn and has not come to rest since, and `up` is the target of a retract.
     pub(crate) fn ended(
+        &mut self,
+        now: RigTime,
+        report: RecoveryReport,
+        (clearance, may_turn): (Clearance, bool),
+        up: Target<Mm>,
+    ) -> RecoveryStep {
+        if let Phase::StoppingRotary(after) = self.phase {
+            return self.rotary_answered(now, after, may_turn);
+        }
+        let step = self.next(now, report, clearance, up);
+        let after = match step {
+            RecoveryStep::Wait(pause) => After::Pause(pause),
+            RecoveryStep::Finished(clearance) => After::End(clearance),
+            _ => return step,
+        };
+        if may_turn { self.stop_rotary(after) } else { step }
+    }
+
+    /// Stops the rotary stage again, if it has not been stopped too often.
+    fn stop_rotary(&mut self, after: After) -> RecoveryStep {
+        let Some(left) = self.rotary_stops_left.checked_sub(1) else {
+            return self.after_rotary(after, true);
+        };
+        self.rotary_stops_left = left;
+        self.phase = Phase::StoppingRotary(after);
+        RecoveryStep::Do(Operation::StopRotary)
+    }
+
+    /// The rotary stage has stopped, or has not answered.
+    fn rotary_answered(&mut self, now: RigTime, after: After, may_turn: bool) -> RecoveryStep {
+        let After::End(clearance) = after else { return self.after_rotary(after, may_turn) };
+        let is_over = self.rotary_stops_left == 0 || self.give_up_at < now + FIRST_PAUSE;
+        if !may_turn || is_over {
+            return self.after_rotary(after, may_turn);
+        }
+        self.phase = Phase::WaitingForRotary(clearance);
+        RecoveryStep::Wait(FIRST_PAUSE)
+    }
+
+    fn after_rotary(&mut self, after: After, may_turn: bool) -> RecoveryStep {
+        match after {
+            After::Pause(pause) => {
+                self.phase = Phase::Waiting;
+                RecoveryStep::Wait(pause)
+            }
+            After::End(clearance) => {
+                self.unstopped = may_turn.then_some(clearance);
+                self.finish(clearance)
+            }
+        }
+    }
+
+    /// What follows the end of an operation, as far as the linear stage is concerned.
+    fn next(
         &mut self,
         now: RigTime,
         report: RecoveryReport,
@@ -229,28 +305,44 @@ impl Recovery {
             (Phase::Finding, Alarmed(code)) if self.may_reset(code) => self.find_with_reset(code),
             (Phase::Retracting | Phase::Finding, Unready)
             | (Phase::Finding, Alarmed(_) | Unread) => self.wait(now),
-            (Phase::Finding, Lost)
-            | (Phase::Retracting, Unhomed)
-            | (Phase::Waiting | Phase::Finished, _) => self.finish(Clearance::Unknown),
+            (Phase::Finding, Lost) | (Phase::Retracting, Unhomed) => {
+                self.finish(Clearance::Unknown)
+            }
+            (
+                Phase::Waiting
+                | Phase::Finished
+                | Phase::StoppingRotary(_)
+                | Phase::WaitingForRotary(_),
+                _,
+            ) => self.finish(Clearance::Unknown),
         }
     }
 
-    /// Begins one attempt more, without patience: the drive is found, and then one retract.
+    /// Begins one attempt more, without patience: the drive is found, and then one retract. If it is not worth finding, only
+    /// the rotary stage is stopped.
     pub(crate) fn again(&mut self, now: RigTime) -> RecoveryStep {
-        (self.give_up_at, self.is_out_of_patience) = (now, false);
-        (self.retracts_left, self.finds_left) = (1, 1);
-        self.find()
+        let is_worth_finding = std::mem::take(&mut self.is_out_of_patience);
+        let unstopped = self.unstopped.take();
+        self.give_up_at = now;
+        (self.retracts_left, self.finds_left, self.rotary_stops_left) = (1, 1, 1);
+        match unstopped {
+            Some(clearance) if !is_worth_finding => self.stop_rotary(After::End(clearance)),
+            _ => self.find(),
+        }
     }
 
-    /// Whether only the patience has ended, so that a later attempt may succeed. A stage that is blocked or
-    /// lost is not moved again.
+    /// Whether only the patience has ended, or the rotary stage has not answered, so that a later attempt may succeed. A
+    /// linear stage that is blocked or lost is not moved again.
     pub(crate) const fn is_worth_trying(&self) -> bool {
-        self.is_out_of_patience
+        self.is_out_of_patience || self.unstopped.is_some()
     }
 
     /// A pause is over.
     pub(crate) fn waited(&mut self) -> RecoveryStep {
-        self.find()
+        match self.phase {
+            Phase::WaitingForRotary(clearance) => self.stop_rotary(After::End(clearance)),
+            _ => self.find(),
+        }
     }
 
     /// Whether the drive is being found again, so that its report is a position to be checked.
@@ -383,7 +475,7 @@ mod tests {
                     }
                     _ => RecoveryReport::Done,
                 };
-                step = recovery.ended(now, report, Clearance::Unknown, up);
+                step = recovery.ended(now, report, (Clearance::Unknown, false), up);
                 steps += 1;
                 assert!(steps < 50, "{failing:?}: no end");
             }
@@ -402,11 +494,11 @@ mod tests {
         for cause in [RecoveryReport::Blocked, RecoveryReport::Done, RecoveryReport::Unready] {
             let (now, up) = (RigTime::ZERO, limits().linear.rest_target());
             let (mut recovery, _) = Recovery::begin(now, Duration::from_secs(60), cause);
-            let step = recovery.ended(now, report, Clearance::Unknown, up);
+            let step = recovery.ended(now, report, (Clearance::Unknown, false), up);
             let find = Operation::FindLinear { may_reset_alarm: false };
             assert_eq!(step, RecoveryStep::Do(find), "{cause:?}");
             // One that fails elsewhere again is not moved either.
-            let step = recovery.ended(now, report, Clearance::Unknown, up);
+            let step = recovery.ended(now, report, (Clearance::Unknown, false), up);
             assert!(matches!(step, RecoveryStep::Wait(_)), "{cause:?}: {step:?}");
         }
     }
@@ -441,7 +533,7 @@ mod tests {
                     RecoveryStep::Do(_) => (cause, Clearance::Unknown),
                     RecoveryStep::Finished(_) => unreachable!(),
                 };
-                step = recovery.ended(now, report, clearance, up);
+                step = recovery.ended(now, report, (clearance, false), up);
                 steps += 1;
                 assert!(steps < 5000, "no end");
             }
@@ -477,10 +569,65 @@ mod tests {
                 RecoveryStep::Do(_) => RecoveryReport::Unhomed,
                 RecoveryStep::Retract(_) => panic!("a stage without a position is moved"),
             };
-            step = recovery.ended(now, report, Clearance::Unknown, up);
+            step = recovery.ended(now, report, (Clearance::Unknown, false), up);
         }
         assert_eq!(homings, HOMINGS_MAX);
         assert!(attempts > 10 && !recovery.is_worth_trying(), "{attempts}");
+    }
+
+    /// A rotary stage that was to turn and did not answer the stop: it gets it again once the probe is clear, and before each
+    /// pause in which the linear stage is waited for, and later in the attempts of a latched rig.
+    #[test]
+    fn a_rotary_stage_that_does_not_answer_is_stopped_again() {
+        let up = limits().linear.rest_target();
+        for (is_linear_ready, answers_at) in [(true, 2), (true, 100), (false, 2), (false, 100)] {
+            let mut now = RigTime::ZERO;
+            let patience = Duration::from_secs(60);
+            let (mut recovery, mut step) = Recovery::begin(now, patience, RecoveryReport::Unread);
+            let (mut stops, mut retracts, mut steps) = (0, 0, 0);
+            while !matches!(step, RecoveryStep::Finished(_)) {
+                steps += 1;
+                assert!(steps < 200, "no end");
+                let (report, clearance) = match step {
+                    RecoveryStep::Wait(pause) => {
+                        now = now + pause;
+                        step = recovery.waited();
+                        continue;
+                    }
+                    RecoveryStep::Do(Operation::StopRotary) => {
+                        stops += 1;
+                        (RecoveryReport::Unread, Clearance::Unknown)
+                    }
+                    RecoveryStep::Retract(_) => {
+                        retracts += 1;
+                        (RecoveryReport::Done, Clearance::Clear)
+                    }
+                    RecoveryStep::Do(Operation::FindLinear { .. }) if !is_linear_ready => {
+                        (RecoveryReport::Unready, Clearance::Unknown)
+                    }
+                    RecoveryStep::Do(Operation::FindLinear { .. }) => {
+                        (RecoveryReport::Done, Clearance::Unknown)
+                    }
+                    _ => (RecoveryReport::Unread, Clearance::Unknown),
+                };
+                let may_turn = stops < answers_at;
+                step = recovery.ended(now, report, (clearance, may_turn), up);
+            }
+            let told =
+                format!("{is_linear_ready}, {answers_at}: {stops} stops, {retracts} retracts");
+            let most = answers_at.min(1 + ROTARY_STOPS_MAX - u32::from(answers_at > 8));
+            assert_eq!((stops, retracts), (most, u32::from(is_linear_ready)), "{told}");
+            let is_open = !is_linear_ready || answers_at > 8;
+            assert_eq!(recovery.is_worth_trying(), is_open, "{told}");
+            // The linear stage is not moved again because of the rotary one.
+            let next = is_open.then(|| recovery.again(now));
+            let expected = is_open.then_some(RecoveryStep::Do(if is_linear_ready {
+                Operation::StopRotary
+            } else {
+                Operation::FindLinear { may_reset_alarm: false }
+            }));
+            assert_eq!(next, expected, "{told}");
+        }
     }
 
     /// Long before the patience is over, and the attempts of a latched rig do not follow.
@@ -503,7 +650,7 @@ mod tests {
                 }
                 _ => RecoveryReport::Done,
             };
-            step = recovery.ended(now, report, Clearance::Unknown, up);
+            step = recovery.ended(now, report, (Clearance::Unknown, false), up);
             steps += 1;
             assert!(steps < 50, "no end");
         }

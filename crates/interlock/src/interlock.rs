@@ -22,6 +22,8 @@ pub struct Interlock {
     stop: StopClock,
     homing: Homing,
     commission: Commission,
+    /// For how long the computer was held up or slept: the clock of its caller may not have counted it.
+    held_up: Duration,
 }
 
 impl Interlock {
@@ -38,7 +40,13 @@ impl Interlock {
             ports: Ports::default(),
             stop: StopClock::default(),
             homing: Homing::default(),
+            held_up: Duration::ZERO,
         }
+    }
+
+    /// Nothing was done for this long. What was read or stated before is older by it.
+    pub fn held_up(&mut self, lasted: Duration) {
+        self.held_up += lasted;
     }
 
     /// Admits a command that is about to be sent. It counts as under way until [`ended`](Self::ended).
@@ -46,6 +54,7 @@ impl Interlock {
     /// # Errors
     /// [`Refusal`]; nothing changes then, and the command must not be sent.
     pub fn admit(&mut self, now: RigTime, command: &PortCommand) -> Result<(), Refusal> {
+        let now = now + self.held_up;
         let is_retract = self.is_retract(command);
         self.ports.admit(command)?;
         self.commission.admit(now, command)?;
@@ -57,7 +66,7 @@ impl Interlock {
         self.identity.admit(command, is_retract)?;
         self.turn.admit(now, command)?;
         self.intent.admit(command, is_retract)?;
-        self.depth.admit(command)?;
+        self.depth.admit(now, command)?;
         self.homing.admit(now, command)?;
         self.begun(command);
         Ok(())
@@ -87,8 +96,9 @@ impl Interlock {
 
     /// A position was read back, at the end of a command or without one.
     pub fn read(&mut self, now: RigTime, outcome: &Outcome) {
+        let now = now + self.held_up;
         self.turn.read(now, outcome);
-        self.depth.read(outcome);
+        self.depth.read(now, outcome);
         if matches!(outcome, Outcome::LinearAt(_)) && self.turn.is_clear() {
             self.intent.cleared();
             self.latch.cleared();
@@ -97,7 +107,12 @@ impl Interlock {
 
     /// Whether the linear stage must be read back before a turn, because its last read-back is old.
     pub fn needs_reading(&self, now: RigTime, command: &PortCommand) -> bool {
-        self.turn.needs_reading(now, command)
+        self.turn.needs_reading(now + self.held_up, command)
+    }
+
+    /// Whether the rotary stage must be read back before a way down, because its last read-back is old.
+    pub fn needs_tilt(&self, now: RigTime, command: &PortCommand) -> bool {
+        self.depth.needs_tilt(now + self.held_up, command)
     }
 
     /// A record of the intent to lower the probe down to this position is durable.
@@ -128,6 +143,7 @@ impl Interlock {
         if by.trim().is_empty() {
             return Err(Refusal::Anonymous);
         }
+        let now = now + self.held_up;
         match word {
             Word::Command => {}
             Word::Acknowledgement => self.latch.acknowledged(self.ports.is_bus_busy()),
@@ -142,9 +158,9 @@ impl Interlock {
         Ok(())
     }
 
-    /// A stop was requested. Until the probe is clear, only the way out is open.
-    pub fn stop_asked(&mut self, now: RigTime) {
-        self.stop.asked(now);
+    /// A stop was requested, and has waited this long. Until the probe is clear, only the way out is open.
+    pub fn stop_asked(&mut self, now: RigTime, waited: Duration) {
+        self.stop.asked(now + self.held_up, waited);
         self.homing.withdrawn();
         self.commission.withdrawn();
         self.latch.stop_begun();
@@ -152,7 +168,7 @@ impl Interlock {
 
     /// The frames of a stop have left. Returns how long that took if it was too long.
     pub fn stop_sent(&mut self, now: RigTime) -> Option<Duration> {
-        self.stop.sent(now)
+        self.stop.sent(now + self.held_up)
     }
 
     /// A move to the clear position or above is always a way out.

@@ -21,6 +21,16 @@ pub enum Refusal {
         /// Largest age, s.
         limit_s: f64,
     },
+    /// The tilt, on which the floor rests, was read back too long ago.
+    #[error("{what}: the tilt was read back {age_s:.0} s ago, more than {limit_s:.0} s")]
+    TiltIsOld {
+        /// The command.
+        what: &'static str,
+        /// Age of the read-back, s.
+        age_s: f64,
+        /// Largest age, s.
+        limit_s: f64,
+    },
     /// A target that is too deep for every sample.
     #[error(
         "a move of the linear stage to {to}: the deepest that a touch may go at {tilt} is {floor}"

@@ -120,9 +120,10 @@ to touch neither the sample nor the stages.
 **Safe** means: both axes stop, the linear drive is found again and resets an alarm once, the probe is
 retracted until a read-back shows it clear, and the rig latches with its first cause until a person
 acknowledges it ([decision 34](decisions/0034-the-way-out-of-contact.md)). A run that ended so is resumed
-with `rigd run --resume`. A stop does the same in every state but one: during the way out the axes have been
-stopped already, so that a stop sends nothing, and the retract goes on
-([decision 65](decisions/0065-a-stop-during-a-retract.md)).
+with `rigd run --resume`. A stop does the same in every state but one: during the way out both axes have got their
+stop, so that another one sends nothing, and the retract goes on
+([decision 65](decisions/0065-a-stop-during-a-retract.md)). A rotary stage that turned and has not answered its stop
+gets it again ([decision 194](decisions/0194-a-stop-goes-first-and-is-repeated.md)).
 
 | # | class | fault | rigd | the person sees | the person does | tests |
 |---|---|---|---|---|---|---|

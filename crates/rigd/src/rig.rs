@@ -18,6 +18,7 @@ mod gate;
 mod heartbeat;
 mod history;
 mod identify;
+mod inbox;
 mod inspect;
 mod ladder;
 mod live;
@@ -53,7 +54,7 @@ use rig_engine::{Command, CommandRefusal};
 use rig_link::Clock;
 use rig_model::{RigTime, SweepRequest, with_causes};
 use rig_store::{RunId, StoreError};
-use tokio::sync::{mpsc, oneshot, watch};
+use tokio::sync::{oneshot, watch};
 
 pub use amend::{TouchOrder, skip};
 pub(crate) use analyzer_alone::analyzer_alone;
@@ -84,17 +85,17 @@ pub(crate) use status::{PortFrames, Setting};
 pub use step::NotMade;
 pub use way_out::{KnownRig, WayOut, make_safe};
 
-use self::{proof::Purpose, request::Request};
+use self::{
+    inbox::{Outbox, inbox},
+    proof::Purpose,
+    request::Request,
+};
 use crate::{loaded_rig::LoadedRig, protocol_file::LoadedProtocol, simulation::SimHandle};
-
-/// Commands wait here while the rig thread is busy for a moment. One person and one program
-/// together never have as many outstanding.
-const REQUESTS_MAX: usize = 64;
 
 /// Speaks to the rig thread.
 #[derive(Debug, Clone)]
 pub struct RigHandle {
-    requests: mpsc::Sender<Request>,
+    requests: Outbox,
     status: watch::Receiver<Status>,
     simulation: Option<SimHandle>,
     pulse: Weak<pulse::Pulse>,
@@ -204,7 +205,7 @@ fn open_for(
     data: PathBuf,
     purpose: Purpose,
 ) -> Result<(RigHandle, RigThread), OpenError> {
-    let (requests, inbox) = mpsc::channel(REQUESTS_MAX);
+    let (requests, inbox) = inbox();
     let (opened, is_open) = std::sync::mpsc::sync_channel(1);
     let thread = std::thread::Builder::new()
         .name("rig".to_owned())

@@ -163,7 +163,7 @@ async fn own(mut line: Line, mut inbox: mpsc::Receiver<LineRequest>) {
         let order = tokio::select! {
             biased;
             () = line.halt_come() => {
-                // A stop that could not be sent is repeated by the engine.
+                // The operation that follows a stop sends it again, and the way out repeats that of a rotary stage.
                 _ = unbroken(&mut line, async |line| line.send_halts().await).await;
                 continue;
             }

@@ -7,8 +7,8 @@
 //!                              └─────────────────────┴──────────────────┘
 //! ```
 //!
-//! An attempt finds the drive and retracts; it lowers and turns nothing. A stop or an acknowledgement
-//! ends the attempts.
+//! An attempt finds the drive and retracts; it lowers and turns nothing. A rotary stage that has not answered its stop gets
+//! it again in each attempt. A stop or an acknowledgement ends the attempts.
 
 use std::time::Duration;
 
@@ -74,7 +74,7 @@ impl Engine {
         let report = RecoveryReport::of_result(&result);
         let (clearance, up) = (self.interlock.clearance(), self.up());
         if let Some(attempts) = &mut self.attempts {
-            let step = attempts.recovery.ended(now, report, clearance, up);
+            let step = attempts.recovery.ended(now, report, (clearance, self.may_turn), up);
             self.follow_attempt(now, step, result.err(), effects);
         }
     }
@@ -94,7 +94,7 @@ impl Engine {
         let Some(attempts) = &self.attempts else { return };
         let (attempt, clearance) = (attempts.number, self.interlock.clearance());
         self.notes.push(Event::RetractTried { attempt, fault, clearance });
-        if clearance != Clearance::Clear
+        if (clearance != Clearance::Clear || self.may_turn)
             && attempts.recovery.is_worth_trying()
             && attempt < ATTEMPTS_MAX
         {

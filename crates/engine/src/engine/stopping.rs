@@ -22,7 +22,8 @@ impl Engine {
         self.reach = Reach::left(fault.jump());
         self.notes.push(Event::Faulted { fault: fault.clone(), clearance });
         self.last_fault = Some(fault.clone());
-        // Nobody has asked the drive yet who it is and where.
+        // Nobody has asked the drives yet who they are and where, and whether they move.
+        self.may_turn = true;
         let (recovery, step) = Recovery::begin(now, self.patience, RecoveryReport::Lost);
         self.activity = Activity::Retracting(recovery, StopReason::Fault(fault), false);
         self.follow_recovery(now, step, effects);
@@ -139,7 +140,7 @@ impl Engine {
         }
         let (clearance, up) = (self.interlock.clearance(), self.up());
         if let Activity::Retracting(recovery, ..) = &mut self.activity {
-            let step = recovery.ended(now, report, clearance, up);
+            let step = recovery.ended(now, report, (clearance, self.may_turn), up);
             self.follow_recovery(now, step, effects);
         }
     }

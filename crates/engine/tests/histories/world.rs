@@ -410,6 +410,7 @@ impl World {
                 Report::RotaryAt(Position::new(self.rotary_deg))
             }
             Operation::Measure { .. } => Report::Measured(Vec::new()),
+            Operation::StopRotary => Report::RotaryStopped(Some(Position::new(self.rotary_deg))),
             Operation::StopMotion => {
                 Report::Stopped((!self.is_lost).then_some(Position::new(self.linear_mm)))
             }
@@ -450,7 +451,10 @@ impl World {
                 }
                 return Report::Measured(readings);
             }
-            Operation::StopMotion | Operation::FindLinear { .. } | Operation::Descend { .. } => {}
+            Operation::StopMotion
+            | Operation::StopRotary
+            | Operation::FindLinear { .. }
+            | Operation::Descend { .. } => {}
         }
         self.stalled(operation)
     }

@@ -8,12 +8,17 @@
 //!   floor ────────────────────────────────────   expected surface − tolerance − deepest indentation
 //! ```
 
-use rig_model::{Deg, Mm, Position, RigLimits};
+use std::time::Duration;
+
+use rig_model::{Deg, Mm, Position, RigLimits, RigTime};
 
 use crate::{Outcome, PortCommand, Refusal};
 
 /// Rounding of a target to the steps of a drive, mm.
 const ROUNDING_MM: f64 = 1e-6;
+
+/// How old the read-back of the tilt may be, on which the floor rests. A hand turns the stage within minutes.
+const FRESH: Duration = Duration::from_secs(60);
 
 /// Floor, speeds and steps.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,17 +26,28 @@ pub struct Depth {
     limits: RigLimits,
     /// The last read-back of the linear stage.
     linear_mm: Option<f64>,
-    /// The last read-back of the rotary stage; `None` while it turns.
-    tilt_deg: Option<f64>,
+    /// The last read-back of the rotary stage, and when; `None` while it turns.
+    tilt: Option<(Position<Deg>, RigTime)>,
 }
 
 impl Depth {
     /// Neither axis has been read back.
     pub const fn new(limits: RigLimits) -> Self {
-        Self { limits, linear_mm: None, tilt_deg: None }
+        Self { limits, linear_mm: None, tilt: None }
     }
 
-    pub(crate) fn admit(&self, command: &PortCommand) -> Result<(), Refusal> {
+    /// Whether a way down needs the tilt to be read back again.
+    pub(crate) fn needs_tilt(&self, now: RigTime, command: &PortCommand) -> bool {
+        let rest = self.limits.linear.rest_target().position();
+        let is_down = match *command {
+            PortCommand::MoveLinear { to, .. } => to < rest,
+            PortCommand::Descend { .. } => true,
+            _ => false,
+        };
+        is_down && self.tilt.is_some_and(|(_, read)| FRESH < now.since(read))
+    }
+
+    pub(crate) fn admit(&self, now: RigTime, command: &PortCommand) -> Result<(), Refusal> {
         let motion = &self.limits.motion;
         let what = command.name();
         match *command {
@@ -44,12 +60,12 @@ impl Depth {
                 if self.limits.linear.rest_target().position() <= to {
                     return Ok(());
                 }
-                self.admit_lowering(what, to, speed_mm_per_s)
+                self.admit_lowering(now, what, to, speed_mm_per_s)
             }
             // Slow from its beginning: it is watched by readings that may come late.
             PortCommand::Descend { to, speed_mm_per_s } => {
                 refuse_speed(what, speed_mm_per_s, motion.contact_speed_mm_per_s, "mm")?;
-                self.admit_lowering(what, to, speed_mm_per_s)
+                self.admit_lowering(now, what, to, speed_mm_per_s)
             }
             _ => Ok(()),
         }
@@ -57,13 +73,19 @@ impl Depth {
 
     fn admit_lowering(
         &self,
+        now: RigTime,
         what: &'static str,
         to: Position<Mm>,
         speed_mm_per_s: f64,
     ) -> Result<(), Refusal> {
         let (geometry, motion) = (&self.limits.geometry, &self.limits.motion);
         let not_read = |axis| Refusal::NotIdentified { what, axis };
-        let tilt = Position::new(self.tilt_deg.ok_or_else(|| not_read("rotary stage"))?);
+        let (tilt, read) = self.tilt.ok_or_else(|| not_read("rotary stage"))?;
+        let age = now.since(read);
+        if FRESH < age {
+            let (age_s, limit_s) = (age.as_secs_f64(), FRESH.as_secs_f64());
+            return Err(Refusal::TiltIsOld { what, age_s, limit_s });
+        }
         let from_mm = self.linear_mm.ok_or_else(|| not_read("linear stage"))?;
         // The tolerance is measured along the normal of a tilted surface.
         let tolerance_mm = geometry.surface_tolerance_mm / tilt.value().to_radians().cos().max(0.1);
@@ -119,17 +141,17 @@ impl Depth {
 
     pub(crate) fn begun(&mut self, command: &PortCommand) {
         if command.is_turn() {
-            self.tilt_deg = None;
+            self.tilt = None;
         }
         if command.is_linear() {
             self.linear_mm = None;
         }
     }
 
-    pub(crate) fn read(&mut self, outcome: &Outcome) {
+    pub(crate) fn read(&mut self, now: RigTime, outcome: &Outcome) {
         match outcome {
             Outcome::LinearAt(at) => self.linear_mm = Some(at.value()),
-            Outcome::RotaryAt(at) => self.tilt_deg = Some(at.value()),
+            Outcome::RotaryAt(at) => self.tilt = Some((*at, now)),
             Outcome::Done | Outcome::Interrupted | Outcome::Failed => {}
         }
     }

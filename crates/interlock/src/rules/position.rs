@@ -23,9 +23,13 @@ impl Identity {
         let what = command.name();
         let (is_known, axis) = match command {
             PortCommand::MoveLinear { .. } if is_retract => (self.was_linear_known, "linear stage"),
-            PortCommand::MoveLinear { .. } | PortCommand::Descend { .. } => {
-                (self.is_linear_known, "linear stage")
+            PortCommand::MoveLinear { .. } | PortCommand::Descend { .. }
+                if self.is_linear_known =>
+            {
+                // How deep it may go rests on the tilt.
+                (self.is_rotary_known, "rotary stage")
             }
+            PortCommand::MoveLinear { .. } | PortCommand::Descend { .. } => (false, "linear stage"),
             PortCommand::MoveRotary { .. } => (self.is_rotary_known, "rotary stage"),
             _ => (true, ""),
         };

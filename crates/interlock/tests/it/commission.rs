@@ -1,5 +1,7 @@
 //! A rig that is not commissioned moves by short steps that a person has confirmed, and not otherwise.
 
+use std::time::Duration;
+
 use rig_interlock::{Interlock, Outcome, PortCommand, Proven, Refusal, Word};
 use rig_model::{Position, RigTime};
 
@@ -140,7 +142,7 @@ fn each_step_needs_a_word_of_its_own_which_grows_old_and_ends_with_a_stop() {
     refused(&mut interlock, NOW);
     interlock.operator(NOW, "ada", Word::ThisStep).unwrap();
     refused(&mut interlock, RigTime::from_micros(62_000_000));
-    interlock.stop_asked(NOW);
+    interlock.stop_asked(NOW, Duration::ZERO);
     refused(&mut interlock, NOW);
     assert!(interlock.operator(NOW, " ", Word::ThisStep).is_err());
     // A step that failed does not keep a person from the next one.

@@ -263,7 +263,7 @@ fn after_a_stop_nothing_goes_on_before_the_probe_is_clear() {
     let mut interlock = prepared(NOW);
     interlock.intent_is_durable(Position::new(9.5));
     admitted(&mut interlock, lower(20.0), linear_at(20.0));
-    interlock.stop_asked(NOW);
+    interlock.stop_asked(NOW, Duration::ZERO);
     assert!(matches!(refused(&mut interlock, lower(19.0)), Refusal::Stopping { .. }));
     assert!(matches!(refused(&mut interlock, PortCommand::Measure), Refusal::Stopping { .. }));
     admitted(&mut interlock, PortCommand::Stop, Outcome::Done);
@@ -277,10 +277,10 @@ fn a_stop_takes_back_an_acknowledgement_that_came_before_it() {
     let mut interlock = prepared(NOW);
     interlock.intent_is_durable(Position::new(9.5));
     admitted(&mut interlock, lower(20.0), linear_at(20.0));
-    interlock.stop_asked(NOW);
+    interlock.stop_asked(NOW, Duration::ZERO);
     interlock.admit(NOW, &lift()).unwrap();
     interlock.operator(NOW, "somebody", Word::Acknowledgement).unwrap();
-    interlock.stop_asked(NOW);
+    interlock.stop_asked(NOW, Duration::ZERO);
     interlock.ended(NOW, &lift(), &linear_at(21.0));
     assert!(matches!(refused(&mut interlock, lower(19.0)), Refusal::Stopping { .. }));
     admitted(&mut interlock, lift(), linear_at(REST_MM));
@@ -291,7 +291,7 @@ fn a_stop_takes_back_an_acknowledgement_that_came_before_it() {
 fn a_stop_that_is_sent_late_is_told() {
     let mut interlock = prepared(NOW);
     for (ms, is_late) in [(0, false), (100, false), (101, true)] {
-        interlock.stop_asked(NOW);
+        interlock.stop_asked(NOW, Duration::ZERO);
         let late = interlock.stop_sent(NOW + Duration::from_millis(ms));
         assert_eq!(late.is_some(), is_late, "{ms} ms");
         assert_eq!(interlock.stop_sent(NOW + Duration::from_secs(9)), None, "it was sent");
@@ -332,7 +332,7 @@ fn the_linear_stage_is_homed_only_after_a_person_has_stated_that_nothing_is_belo
         admitted(&mut interlock, lift(), linear_at(REST_MM));
         assert_eq!(refused(&mut interlock, home), Refusal::HomingUnproven);
         state(&mut interlock);
-        interlock.stop_asked(NOW);
+        interlock.stop_asked(NOW, Duration::ZERO);
         admitted(&mut interlock, PortCommand::Stop, Outcome::Done);
         interlock.read(NOW, &linear_at(REST_MM));
         assert_eq!(refused(&mut interlock, home), Refusal::HomingUnproven);
@@ -349,4 +349,52 @@ fn every_command_has_a_name_behind_it() {
     interlock.latched();
     assert_eq!(interlock.operator(NOW, " ", Word::Acknowledgement), Err(Refusal::Anonymous));
     assert!(interlock.is_latched());
+}
+
+#[test]
+fn an_old_tilt_must_be_read_anew_before_the_way_down_and_never_on_the_way_up() {
+    let mut interlock = prepared(NOW);
+    interlock.intent_is_durable(Position::new(9.5));
+    let later = NOW + Duration::from_secs(61);
+    assert!(!interlock.needs_tilt(NOW, &lower(20.0)));
+    assert!(interlock.needs_tilt(later, &lower(20.0)));
+    assert!(!interlock.needs_tilt(later, &lift()));
+    let refusal = interlock.admit(later, &lower(20.0)).unwrap_err();
+    assert!(matches!(refusal, Refusal::TiltIsOld { .. }), "{refusal}");
+    interlock.clone().admit(later, &lift()).unwrap();
+    interlock.read(later, &rotary_at(0.0));
+    interlock.admit(later, &lower(20.0)).unwrap();
+}
+
+#[test]
+fn the_probe_goes_down_only_while_the_rotary_stage_is_known() {
+    let mut interlock = prepared(NOW);
+    admitted(&mut interlock, turn(30.0), Outcome::Failed);
+    interlock.operator(NOW, "somebody", Word::Acknowledgement).unwrap();
+    interlock.read(NOW, &rotary_at(30.0));
+    interlock.intent_is_durable(Position::new(9.5));
+    assert!(matches!(refused(&mut interlock, lower(20.0)), Refusal::NotIdentified { .. }));
+    admitted(&mut interlock, lift(), linear_at(REST_MM));
+    admitted(&mut interlock, PortCommand::HomeRotary, rotary_at(0.0));
+    interlock.intent_is_durable(Position::new(9.5));
+    admitted(&mut interlock, lower(20.0), linear_at(20.0));
+}
+
+/// The clock of the caller stands still while a computer sleeps.
+#[test]
+fn what_was_read_or_stated_before_the_computer_was_held_up_is_older() {
+    let minute = Duration::from_secs(61);
+    let mut interlock = prepared(NOW);
+    interlock.operator(NOW, "somebody", Word::NothingBelow).unwrap();
+    interlock.held_up(minute);
+    assert!(interlock.needs_reading(NOW, &turn(30.0)));
+    assert!(matches!(refused(&mut interlock, turn(30.0)), Refusal::ClearIsOld { .. }));
+    assert!(matches!(refused(&mut interlock, PortCommand::HomeLinear), Refusal::HomingUnproven));
+    interlock.read(NOW, &linear_at(REST_MM));
+    admitted(&mut interlock, turn(30.0), rotary_at(30.0));
+    interlock.stop_asked(NOW, Duration::ZERO);
+    interlock.held_up(minute);
+    assert!(interlock.stop_sent(NOW).is_some());
+    interlock.stop_asked(NOW, Duration::from_millis(101));
+    assert!(interlock.stop_sent(NOW).is_some(), "it had waited");
 }

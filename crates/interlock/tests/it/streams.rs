@@ -288,7 +288,7 @@ fn play(is_prepared: bool, steps: &[Step]) -> [u32; 4] {
             }
             Step::Stop => {
                 truth.stated = None;
-                interlock.stop_asked(now);
+                interlock.stop_asked(now, Duration::ZERO);
             }
             Step::Pause(seconds) => now = now + Duration::from_secs(*seconds),
             Step::Nudge(mm) => {

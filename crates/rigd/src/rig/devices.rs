@@ -53,6 +53,10 @@ impl Perform for Axes {
         if self.gate.needs_reading(operation) {
             self.read_linear().await.map_err(linear)?;
         }
+        if self.gate.needs_tilt(operation) {
+            let rotary = |error| stage_failure(Device::RotaryStage, &error);
+            self.read_rotary().await.map_err(rotary)?;
+        }
         self.gate.admit(operation)?;
         let ended = self.carry_out(operation, stop).await;
         self.gate.ended(operation, &ended, stop.is_raised());
@@ -63,16 +67,29 @@ impl Perform for Axes {
 impl Axes {
     /// Reads the linear stage back, where nothing moves it.
     async fn read_linear(&mut self) -> Result<Position<Mm>, StageError<Mm>> {
-        let status = self.linear.status().await?;
-        not_under_emergency_stop(&status, false)?;
-        if let Some(alarm) = status.alarm {
-            return Err(StageError::Alarmed { alarm, at: status.position });
-        }
-        let at = self.linear.trusted_position()?;
-        if !status.is_moving {
+        let (at, is_at_rest) = read_back(&mut self.linear).await?;
+        if is_at_rest {
             self.gate.read(Outcome::LinearAt(at));
         }
         Ok(at)
+    }
+
+    /// Reads the rotary stage back, where nothing turns it.
+    async fn read_rotary(&mut self) -> Result<(), StageError<Deg>> {
+        let (at, is_at_rest) = read_back(&mut self.rotary).await?;
+        if is_at_rest {
+            self.gate.read(Outcome::RotaryAt(at));
+        }
+        Ok(())
+    }
+
+    /// Tells the interlock where the rotary stage has stopped, if its drive knows where it is.
+    fn rotary_at_rest(&mut self, at: Position<Deg>) -> Option<Position<Deg>> {
+        let is_known = self.rotary.trusted_position().is_ok();
+        if is_known {
+            self.gate.read(Outcome::RotaryAt(at));
+        }
+        is_known.then_some(at)
     }
 
     async fn carry_out(&mut self, operation: &Operation, stop: &StopSignal) -> Ended {
@@ -115,8 +132,12 @@ impl Axes {
                 if is_known {
                     self.gate.read(Outcome::LinearAt(at_linear));
                 }
-                self.gate.read(Outcome::RotaryAt(at_rotary));
+                self.rotary_at_rest(at_rotary);
                 Ok(Report::Stopped(is_known.then_some(at_linear)))
+            }
+            Operation::StopRotary => {
+                let at = self.rotary.stop().await.map_err(rotary)?;
+                Ok(Report::RotaryStopped(self.rotary_at_rest(at)))
             }
             Operation::Measure { .. } => unreachable!("the analyzer has an owner of its own"),
         }
@@ -150,6 +171,16 @@ impl GatedAnalyzer {
         self.gate.stream_ended();
         streamed.map(|()| Report::Measured(Vec::new())).map_err(analyzer_failure)
     }
+}
+
+/// Where a stage is, if its drive has no alarm and knows it, and whether it is at rest.
+async fn read_back<U: Unit>(stage: &mut Stage<U>) -> Result<(Position<U>, bool), StageError<U>> {
+    let status = stage.status().await?;
+    not_under_emergency_stop(&status, false)?;
+    if let Some(alarm) = status.alarm {
+        return Err(StageError::Alarmed { alarm, at: status.position });
+    }
+    Ok((stage.trusted_position()?, !status.is_moving))
 }
 
 /// An operation does not begin if a stop was requested after it.
@@ -201,8 +232,16 @@ async fn prepare<U: Unit>(
     if anew || !status.is_homed {
         stage.home(stop).await?;
     }
-    stage.status().await?;
+    come_to_rest(stage).await?;
     stage.trusted_position()
+}
+
+/// Stops an axis that moves although nothing here has told it to: after a stop that it has not answered.
+async fn come_to_rest<U: Unit>(stage: &mut Stage<U>) -> Result<(), StageError<U>> {
+    if stage.status().await?.is_moving {
+        stage.stop().await?;
+    }
+    Ok(())
 }
 
 /// Finds the linear stage again while the probe may be in contact.
@@ -225,7 +264,7 @@ async fn find(
     if !status.is_homed && is_homing_up {
         return Ok(Report::Unhomed);
     }
-    stage.status().await?;
+    come_to_rest(stage).await?;
     stage.trusted_position().map(Report::LinearAt)
 }
 

@@ -1,7 +1,7 @@
 //! The interlock between the shell and the drivers: it sees every operation before a driver does, and
 //! its end.
 
-use std::{cell::RefCell, rc::Rc};
+use std::{cell::RefCell, rc::Rc, time::Duration};
 
 use rig_engine::{Device, Failure, FailureKind, Operation, Report};
 use rig_interlock::{Interlock, Outcome, PortCommand, Proven, Refusal, Word};
@@ -43,6 +43,16 @@ impl Gate {
         self.interlock.borrow().needs_reading(self.clock.now(), &command(operation))
     }
 
+    /// Whether the rotary stage must be read back before the operation.
+    pub(super) fn needs_tilt(&self, operation: &Operation) -> bool {
+        self.interlock.borrow().needs_tilt(self.clock.now(), &command(operation))
+    }
+
+    /// Nothing was done for this long.
+    pub(super) fn held_up(&self, lasted: Duration) {
+        self.interlock.borrow_mut().held_up(lasted);
+    }
+
     /// Admits an operation. After this it must be brought to its [`end`](Self::ended).
     pub(super) fn admit(&self, operation: &Operation) -> Result<(), Failure> {
         let admitted = self.interlock.borrow_mut().admit(self.clock.now(), &command(operation));
@@ -69,7 +79,12 @@ impl Gate {
                 Outcome::LinearAt(*at)
             }
             Ok(Report::RotaryAt(at)) => Outcome::RotaryAt(*at),
-            Ok(Report::Measured(_) | Report::Stopped(_) | Report::Unhomed) => Outcome::Done,
+            Ok(
+                Report::Measured(_)
+                | Report::Stopped(_)
+                | Report::RotaryStopped(_)
+                | Report::Unhomed,
+            ) => Outcome::Done,
             Err(failure) if failure.kind == FailureKind::Interrupted => Outcome::Interrupted,
             Err(_) if is_interrupted && matches!(operation, Operation::Measure { .. }) => {
                 Outcome::Interrupted
@@ -99,9 +114,9 @@ impl Gate {
         self.interlock.borrow_mut().operator(self.clock.now(), by, word)
     }
 
-    /// A stop was requested.
-    pub(super) fn stop_asked(&self) {
-        self.interlock.borrow_mut().stop_asked(self.clock.now());
+    /// A stop was requested this long ago.
+    pub(super) fn stop_asked(&self, waited: Duration) {
+        self.interlock.borrow_mut().stop_asked(self.clock.now(), waited);
     }
 
     /// The frames of a stop have left.
@@ -134,7 +149,7 @@ fn command(operation: &Operation) -> PortCommand {
             PortCommand::Descend { to: target.position(), speed_mm_per_s }
         }
         Operation::Measure { .. } => PortCommand::Measure,
-        Operation::StopMotion => PortCommand::Stop,
+        Operation::StopMotion | Operation::StopRotary => PortCommand::Stop,
     }
 }
 

@@ -3,9 +3,14 @@
 use std::{path::PathBuf, sync::Weak};
 
 use rig_store::{MemoryDisk, Store};
-use tokio::sync::{mpsc, watch};
+use tokio::sync::watch;
 
-use super::{OpenError, REQUESTS_MAX, Request, RigHandle, Status, proof::Purpose, shell::Shell};
+use super::{
+    OpenError, RigHandle, Status,
+    inbox::{Inbox, inbox},
+    proof::Purpose,
+    shell::Shell,
+};
 use crate::{
     loaded_rig::LoadedRig,
     simulation::{SimHandle, Simulation},
@@ -45,7 +50,7 @@ async fn open_on(
     store: Store,
     bench: Option<SimHandle>,
 ) -> Result<(RigHandle, RigLoop), OpenError> {
-    let (requests, inbox) = mpsc::channel(REQUESTS_MAX);
+    let (requests, inbox) = inbox();
     let (rig, status, simulation) = RigLoop::open(rig, store, bench, inbox).await?;
     // Nothing watches over a loop that its caller polls.
     Ok((RigHandle { requests, status, simulation, pulse: Weak::new() }, rig))
@@ -54,7 +59,7 @@ async fn open_on(
 /// A rig on the runtime of its caller. To drop it is to kill it: nothing more is sent or written.
 pub struct RigLoop {
     shell: Shell,
-    inbox: mpsc::Receiver<Request>,
+    inbox: Inbox,
 }
 
 impl std::fmt::Debug for RigLoop {
@@ -68,7 +73,7 @@ impl RigLoop {
         rig: LoadedRig,
         store: Store,
         bench: Option<SimHandle>,
-        inbox: mpsc::Receiver<Request>,
+        inbox: Inbox,
     ) -> Result<(Self, watch::Receiver<Status>, Option<SimHandle>), OpenError> {
         // On the heap: a campaign polls many rigs, each within the futures of its runs.
         let opening = Box::pin(Shell::open(rig, store, bench, Purpose::Service));

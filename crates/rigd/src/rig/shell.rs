@@ -20,12 +20,13 @@ use rig_link::{Clock, Transcript};
 use rig_model::{Mm, Position, RigTime};
 use rig_store::{ClockJumped, Record, Store};
 use rig_system::clocks;
-use tokio::sync::{mpsc, oneshot, watch};
+use tokio::sync::{oneshot, watch};
 
 use super::{
     OpenError, PortFrames, Request, Setting, Status,
     gate::Gate,
     heartbeat::{BEAT, Heartbeat, Noticed},
+    inbox::{Asked, Inbox},
     log::{Log, unwritable},
     open::{Opened, open_rig},
     owners::{Owners, Said},
@@ -58,7 +59,7 @@ pub(crate) const CLOCK_WAS_SET: &str = "the wall clock was set; nothing depends 
 
 /// What wakes the rig thread.
 enum Wake {
-    Request(Option<Request>),
+    Request(Option<Asked>),
     Input(Input),
     /// Time has passed, or devices are free again.
     Beat,
@@ -182,7 +183,7 @@ impl Shell {
         true
     }
 
-    pub(super) async fn serve(&mut self, inbox: &mut mpsc::Receiver<Request>) {
+    pub(super) async fn serve(&mut self, inbox: &mut Inbox) {
         self.begin_service();
         let mut closing: Option<Closing> = None;
         let mut is_open = true;
@@ -229,12 +230,14 @@ impl Shell {
                 self.handle(Input::Stalled(lasted));
             }
             match wake {
-                Wake::Request(Some(Request::Close { reply })) => {
+                Wake::Request(Some(Asked { request: Request::Close { reply }, .. })) => {
                     closing.get_or_insert_with(|| self.begin_to_close()).replies.push(reply);
                 }
                 // Only a stop is served to the end: the axes may be homing still.
-                Wake::Request(Some(request)) if closing.is_none() || request.is_stop() => {
-                    self.halt_if_asked(&request).await;
+                Wake::Request(Some(Asked { at, request }))
+                    if closing.is_none() || request.is_stop() =>
+                {
+                    self.halt_if_asked(&request, at).await;
                     self.take(request);
                 }
                 Wake::Request(Some(_)) => {}
@@ -288,6 +291,7 @@ impl Shell {
         let stalled = stalled.filter(|_| !self.is_virtual_time);
         if let Some(lasted) = stalled {
             tracing::warn!(seconds = lasted.as_secs_f64(), "{HELD_UP}");
+            self.gate.held_up(lasted);
         }
         stalled
     }
@@ -407,7 +411,10 @@ impl Shell {
     /// Starts an operation. Without a journal only the way out of contact is allowed.
     fn start(&mut self, id: OperationId, operation: Operation) {
         let is_way_out = match &operation {
-            Operation::StopMotion | Operation::FindLinear { .. } | Operation::HomeUpwards => true,
+            Operation::StopMotion
+            | Operation::StopRotary
+            | Operation::FindLinear { .. }
+            | Operation::HomeUpwards => true,
             // To the clear position from below, or to where the probe is above it.
             Operation::MoveLinear { target, .. } => {
                 let linear = &self.setting.limits.linear;

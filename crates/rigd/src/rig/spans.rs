@@ -125,5 +125,6 @@ const fn word(operation: &Operation) -> &'static str {
         Operation::MoveRotary { .. } => "move rotary",
         Operation::Measure { .. } => "measure",
         Operation::StopMotion => "stop motion",
+        Operation::StopRotary => "stop rotary",
     }
 }

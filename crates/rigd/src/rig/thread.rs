@@ -10,10 +10,12 @@ use futures_util::FutureExt;
 use rig_engine::{Fault, RigState};
 use rig_model::{Clearance, panic_message, with_causes};
 use rig_store::Store;
-use tokio::sync::{mpsc, watch};
+use tokio::sync::watch;
 
 use super::{
-    OpenError, Request, Status, priority,
+    OpenError, Request, Status,
+    inbox::{Asked, Inbox},
+    priority,
     proof::Purpose,
     pulse::{self, Pulse},
     shell::Shell,
@@ -33,7 +35,7 @@ pub(super) fn run(
     rig: LoadedRig,
     data: PathBuf,
     purpose: Purpose,
-    mut inbox: mpsc::Receiver<Request>,
+    mut inbox: Inbox,
     opened: &SyncSender<Opening>,
 ) {
     let is_virtual_time = rig.is_virtual_time();
@@ -103,8 +105,8 @@ async fn leave_contact(kept: Kept, fault: Fault, watched: &watch::Sender<Status>
 }
 
 /// Answers that the rig is closed, until it is.
-async fn refuse_all(mut inbox: mpsc::Receiver<Request>) {
-    while let Some(request) = inbox.recv().await {
+async fn refuse_all(mut inbox: Inbox) {
+    while let Some(Asked { request, .. }) = inbox.recv().await {
         // A request that is dropped is answered so.
         if let Request::Close { reply } = request {
             _ = reply.send(());

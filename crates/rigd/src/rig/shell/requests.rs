@@ -1,6 +1,9 @@
 //! The requests of persons and programs: each is refused, or begins something in the engine.
 
-use std::sync::Arc;
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
 
 use rig_engine::{Command, CommandRefusal, RigState};
 use rig_interlock::Word;
@@ -74,25 +77,25 @@ impl Shell {
         self.publish();
     }
 
-    /// Stops the axes before anything is decided or written, if a request asks for that.
-    pub(super) async fn halt_if_asked(&self, request: &Request) {
+    /// Stops the axes before anything is decided or written, if a request asks for that, which came at this time.
+    pub(super) async fn halt_if_asked(&self, request: &Request, at: Instant) {
         let Request::Command { command: command @ (Command::Stop | Command::Abort), run, .. } =
             request
         else {
             return;
         };
-        if self.uncommissioned.is_some() {
-            drop(self.owners.halt());
-            return;
-        }
         // A stop would lead to the retract that is in progress.
-        if run.is_some_and(|run| self.under_way(run).is_err())
-            || self.is_retracting()
-            || self.engine.admit(command.clone()).is_err()
+        let is_commissioned = self.uncommissioned.is_none();
+        if is_commissioned
+            && (run.is_some_and(|run| self.under_way(run).is_err())
+                || self.is_retracting()
+                || self.engine.admit(command.clone()).is_err())
         {
             return;
         }
-        self.gate.stop_asked();
+        // In virtual time none passes while a request waits.
+        let waited = if self.is_virtual_time { Duration::ZERO } else { at.elapsed() };
+        self.gate.stop_asked(waited);
         // A line that takes longer gets them when it can; the decision must not wait for it, and it is said that it took long.
         drop(tokio::time::timeout(HALT_WITHIN, self.owners.halt()).await);
         self.gate.stop_sent();

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use rig_engine::{Admitted, Command};
+use rig_engine::{Admitted, Command, CommandRefusal, RigState};
 use rig_protocol::Plan;
 use rig_store::{CitedCalibration, Expected, Journal, Reader, Record, RunId, RunKind, RunStarted};
 
@@ -80,6 +80,14 @@ impl Shell {
         Known::read(reader, id, now, &self.known_samples)
     }
 
+    /// Refuses before a whole run is read, which a stop would have to wait for.
+    fn is_idle_for(&self, command: &'static str) -> Result<(), CommandRefusal> {
+        match self.engine.snapshot().state {
+            RigState::Idle => Ok(()),
+            state => Err(CommandRefusal::State { command, state }),
+        }
+    }
+
     /// What earlier runs took, read before a journal is begun: a journal in memory cannot be read while
     /// it has uncommitted records. A journal that cannot be read gives no estimate.
     fn history(&self) -> History {
@@ -101,6 +109,7 @@ impl Shell {
         self.is_commissioned()?;
         let reader = self.log.store().reader()?;
         resumable(&reader.run(id).map_err(ResumeRefusal::from)?)?;
+        self.is_idle_for("continue")?;
         let known = self.known(&reader, id)?;
         let rest = known.rest()?;
         let command = Command::Continue {
@@ -135,6 +144,7 @@ impl Shell {
         by: &str,
     ) -> Result<RunId, RequestRefusal> {
         self.is_commissioned()?;
+        self.is_idle_for("measure a touch again")?;
         let known = self.known(&self.log.store().reader()?, order.run)?;
         let (plan, sweeps) = (known.only(&order.step)?, known.rest()?.sweeps);
         let admitted = self.engine.admit(Command::Run(Box::new(plan.clone())));
