@@ -90,6 +90,8 @@ pub(super) struct SensorModel {
     /// The last contact that was held by friction, at rest from the beginning, and the part of the
     /// tangential stiffness that it had.
     held: Option<(WorldContact, f64)>,
+    /// The last contact deeper than its model, without its depth, and the largest depth of the model, mm.
+    deepest: Option<(WorldContact, f64)>,
 }
 
 /// The scenes are those of contacts up to the paper's largest angle.
@@ -98,8 +100,8 @@ const TILT_MAX_DEG: f64 = 45.0;
 /// Beyond this angle the model of a half space has long lost its sense, and the probe lies flat.
 const STEEPEST_DEG: f64 = 80.0;
 
-/// Depths that are tried for a contact deeper than its model, each half the one before.
-const DEPTHS: i32 = 40;
+/// Bisections of the largest depth of a model: a crash of 50 mm is found within a nanometre.
+const HALVINGS: u32 = 36;
 
 impl SensorModel {
     /// The cheapest model of the sensor for samples of up to this stiffness, indented by up to this much.
@@ -113,6 +115,15 @@ impl SensorModel {
             Choice { tier: Tier::Reference, difference_hz: 0.0, tolerance_hz: scene.tolerance_hz };
         // Deeper than its law a contact does not grow.
         let limit_mm = scene.law.depth_limit_rel() * scene.design.probe_radius_mm;
+        if limit_mm < deepest_mm {
+            let law = scene.law.name();
+            tracing::info!(
+                law,
+                limit_mm,
+                deepest_mm,
+                "a contact deeper than its law grows no further"
+            );
+        }
         let deepest_mm = deepest_mm.min(limit_mm);
         // A scene that the reference does not take in whole is left to it, as far as it does.
         let choice = scene.tissue(stiffest_mpa).ok().and_then(|stiffest| {
@@ -129,7 +140,13 @@ impl SensorModel {
         });
         let choice = choice.unwrap_or(reference);
         tracing::info!(%choice, "the model of the sensor");
-        Ok(Self { scene, models: Models::new(&sensor, scene.law), choice, held: None })
+        Ok(Self {
+            scene,
+            models: Models::new(&sensor, scene.law),
+            choice,
+            held: None,
+            deepest: None,
+        })
     }
 
     /// The circuit without contact or in contact, with the free resonance shifted by `shift_hz`.
@@ -149,6 +166,41 @@ impl SensorModel {
     }
 
     fn touching(&mut self, touched: WorldContact) -> Circuit {
+        if let Ok(circuit) = self.pressed(&touched) {
+            return circuit;
+        }
+        // Deeper than the law holds, or with more force than the sensor bears: the contact grows no further.
+        let deepest_mm = self.deepest_mm(&touched);
+        let deepest = WorldContact { indentation_mm: deepest_mm, ..touched };
+        self.pressed(&deepest).unwrap_or_else(|_| self.models.free_circuit())
+    }
+
+    /// The largest depth along the probe that the model takes, mm, up to that of the contact. All else is that of the
+    /// contact.
+    fn deepest_mm(&mut self, touched: &WorldContact) -> f64 {
+        let of = WorldContact { indentation_mm: 0.0, ..*touched };
+        if let Some((known, deepest_mm)) = self.deepest
+            && known == of
+            && deepest_mm < touched.indentation_mm
+        {
+            return deepest_mm;
+        }
+        let (mut low_mm, mut high_mm) = (0.0, touched.indentation_mm);
+        for _ in 0..HALVINGS {
+            let indentation_mm = 0.5 * (low_mm + high_mm);
+            let tried = WorldContact { indentation_mm, ..*touched };
+            let side = if self.pressed(&tried).is_ok() { &mut low_mm } else { &mut high_mm };
+            *side = indentation_mm;
+        }
+        self.deepest = Some((of, low_mm));
+        low_mm
+    }
+
+    /// The circuit in contact.
+    ///
+    /// # Errors
+    /// [`Refusal`] of a contact outside the law or the model.
+    fn pressed(&mut self, touched: &WorldContact) -> Result<Circuit, Refusal> {
         let tissue = self.scene.tissue(touched.stiffness_mpa).expect("stiffness was checked");
         let specimen = self.scene.specimen(touched.thickness_mm).expect("thickness was checked");
         let direction = match touched.orientation {
@@ -160,30 +212,15 @@ impl SensorModel {
         let angle_deg = touched.contact_deg.abs().min(STEEPEST_DEG);
         let pose = Pose::leaning(direction, angle_deg.to_radians()).expect("the angle is acute");
         let scene = self.scene;
-        let law = scene.law;
         let depth = depth(&scene, touched.indentation_mm);
-        let pressed = Contact { pose, depth, law, friction: friction(&scene) };
-        let load = self.at_rest(&touched, &pressed, &specimen).and_then(|rested| {
-            let tangential_ratio =
-                scene.tangential_ratio * self.held_part(&touched, &tissue, &pressed)?;
-            let friction = Friction::Elastic { tangential_ratio };
-            let contact = Contact { friction, ..rested };
-            self.models.sensor().load_on(&tissue, &contact, &specimen)
-        });
-        let circuit = load
-            .and_then(|load| self.models.circuit_of_load(self.choice.tier, &tissue, &pose, &load));
-        circuit.unwrap_or_else(|_| {
-            // Deeper than the law holds, or with more force than the sensor bears, as in a crash: the
-            // contact grows no further.
-            let limit_mm = law.depth_limit_rel() * scene.design.probe_radius_mm;
-            let crashed = (0..DEPTHS).find_map(|halved| {
-                let along_probe_mm = limit_mm * 0.5_f64.powi(halved);
-                let depth = Depth::Indentation { along_probe_mm };
-                let deepest = Contact { pose: Pose::UPRIGHT, depth, ..pressed };
-                self.models.circuit(Tier::Reference, &tissue, &deepest).ok()
-            });
-            crashed.unwrap_or_else(|| self.models.free_circuit())
-        })
+        let pressed = Contact { pose, depth, law: scene.law, friction: friction(&scene) };
+        let rested = self.at_rest(touched, &pressed, &specimen)?;
+        let tangential_ratio =
+            scene.tangential_ratio * self.held_part(touched, &tissue, &pressed)?;
+        let friction = Friction::Elastic { tangential_ratio };
+        let contact = Contact { friction, ..rested };
+        let load = self.models.sensor().load_on(&tissue, &contact, &specimen)?;
+        self.models.circuit_of_load(self.choice.tier, &tissue, &pose, &load)
     }
 
     /// The contact with the indentation that it has come to while the tissue relaxed: a sensor that
@@ -355,6 +392,46 @@ mod tests {
         assert!(front_hz - back_hz > 5.0, "{front_hz} {back_hz}");
         let crash_hz = circuit(false, 20.0, 45.0).series_resonance_hz;
         assert!(crash_hz.is_finite() && crash_hz > front_hz, "{crash_hz}");
+    }
+
+    /// At the law's largest depth the resonance goes on as it was: pose, friction, relaxation and thickness stay.
+    #[test]
+    fn a_contact_deeper_than_its_law_stays_as_it_was_at_the_largest_depth() {
+        let scene = crate::scene::paper().sensor;
+        let thin = SensorScene { friction_coefficient: f64::INFINITY, ..scene };
+        let held = SensorScene { deflects: false, ..scene };
+        for (scene, contact_deg, thickness_mm, rested_s) in [
+            (scene, -30.0, f64::INFINITY, 0.0),
+            (scene, -30.0, f64::INFINITY, 5.0),
+            (scene, 45.0, f64::INFINITY, 0.0),
+            (scene, 0.0, f64::INFINITY, 3.0),
+            (held, -30.0, f64::INFINITY, 0.0),
+            (thin, 10.0, 2.0, 0.0),
+        ] {
+            let mut model = SensorModel::new(scene, 0.649, 1.0).unwrap();
+            let mut at = |indentation_mm| {
+                let orientation = Orientation::FrontBack;
+                let stiffness_mpa = 0.045;
+                let touched = WorldContact {
+                    stiffness_mpa,
+                    indentation_mm,
+                    contact_deg,
+                    orientation,
+                    rested_s,
+                    thickness_mm,
+                };
+                model.circuit(Some(touched), 0.0).series_resonance_hz
+            };
+            let hz: Vec<f64> = (0..=140).map(|step| at(0.3 + 0.005 * f64::from(step))).collect();
+            let told = format!("{contact_deg}°, {thickness_mm} mm, {rested_s} s");
+            let first_hz = hz[1] - hz[0];
+            let steps_hz = || hz.windows(2).map(|pair| pair[1] - pair[0]);
+            let most_hz = steps_hz().fold(0.0, f64::max);
+            assert!(most_hz < 1.5 * first_hz, "{told}: {most_hz} {first_hz}");
+            assert!(steps_hz().all(|step_hz| -1e-6 < step_hz), "{told}");
+            let last_hz = hz[140];
+            assert!((at(5.0) - last_hz).abs() < 1e-4, "{told}: {} {last_hz}", at(5.0));
+        }
     }
 
     /// The end of the beam turns by 2.3° for each millimetre that it moves, so that a ball further from the
