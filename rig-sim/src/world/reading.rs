@@ -6,8 +6,9 @@
 //! thousandth of the impedance, against a noise of a hundredth in two cycles
 //! (`the_pieces_of_a_reading_agree_with_fine_ones`).
 //!
-//! The reading is computed while time passes, not in advance: a command that stops the probe in the middle of a
-//! reading is in it.
+//! Such a reading is computed while time passes: a command that stops the probe in the middle of a reading is in it.
+//! A reading that begins at rest is computed at once, because most of them end as they began. The plant is kept as
+//! it was; when anything changes before the end, the reading starts again from there and goes on in pieces.
 
 use std::{f64::consts::TAU, time::Duration};
 
@@ -15,7 +16,7 @@ use num_complex::Complex64;
 use rig_model::RigTime;
 
 use super::{RINGS, World};
-use crate::clock::after;
+use crate::{clock::after, plant::Plant};
 
 /// Length of a piece of the way in contact.
 const PIECE: Duration = Duration::from_micros(250);
@@ -23,7 +24,7 @@ const PIECE: Duration = Duration::from_micros(250);
 const DISPERSION_FROM_HZ: f64 = 140.0;
 
 /// A reading that is under way.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct OpenReading {
     done: RigTime,
     /// Noise and phase error of the analyzer, as a factor of the impedance.
@@ -33,11 +34,18 @@ pub(super) struct OpenReading {
     value: Value,
 }
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 enum Value {
-    /// The probe rests: the impedance is known from the beginning, ohm.
-    Whole(Complex64),
-    /// The probe moves.
+    /// The probe rests: the impedance is known from the beginning, if nothing changes before the end.
+    Whole {
+        impedance_ohm: Complex64,
+        /// The plant at the beginning, and the time of it.
+        plant: Plant,
+        began: RigTime,
+        /// The time of the whole cycles, s.
+        duration_s: f64,
+    },
+    /// The probe moves, or something has changed.
     Moving {
         /// The drive at the beginning, V.
         drive: Complex64,
@@ -47,6 +55,14 @@ enum Value {
         integrated_s: f64,
         duration_s: f64,
     },
+}
+
+impl Value {
+    /// Of a reading that begins with the plant as it is.
+    fn from_now(plant: &Plant, duration_s: f64) -> Self {
+        let drive = plant.drive();
+        Self::Moving { drive, charge: Complex64::ZERO, integrated_s: 0.0, duration_s }
+    }
 }
 
 impl World {
@@ -64,14 +80,14 @@ impl World {
         let duration_s = f64::from(cycles) / self.plant.frequency_hz();
         let done = after(now, duration_s);
         let value = if is_moving {
-            let drive = self.plant.drive();
-            Value::Moving { drive, charge: Complex64::ZERO, integrated_s: 0.0, duration_s }
+            Value::from_now(&self.plant, duration_s)
         } else {
+            let (plant, began) = (self.plant.clone(), now);
             let impedance_ohm = self.plant.measure(cycles);
             // The plant has moved on by exactly its cycles; the clock rounds them up.
             self.plant.advance((done.since(now).as_secs_f64() - duration_s).max(0.0));
             self.plant_at = done;
-            Value::Whole(impedance_ohm)
+            Value::Whole { impedance_ohm, plant, began, duration_s }
         };
         let sigma = self.scene.nuisances.impedance_rel * (10.0 / f64::from(cycles)).sqrt();
         let noise = Complex64::new(self.noise.normal(), self.noise.normal());
@@ -89,7 +105,7 @@ impl World {
         self.glide(done);
         let OpenReading { factor, dispersion_siemens, value, .. } = self.reading.take()?;
         let impedance_ohm = match value {
-            Value::Whole(impedance_ohm) => impedance_ohm,
+            Value::Whole { impedance_ohm, .. } => impedance_ohm,
             Value::Moving { drive, charge, duration_s, .. } => drive * duration_s / charge,
         };
         Some(impedance_ohm / (1.0 + impedance_ohm * dispersion_siemens) * factor)
@@ -108,12 +124,22 @@ impl World {
         (self.end_reading().unwrap_or(Complex64::ZERO), done)
     }
 
-    /// Brings a reading of a moving probe up to `now`, before anything changes.
+    /// Brings an open reading up to `now`, before anything changes.
     pub(super) fn glide(&mut self, now: RigTime) {
-        let Some(OpenReading { done, value: Value::Moving { .. }, .. }) = self.reading else {
-            return;
-        };
-        self.glide_piecewise(now.min(done));
+        let Some(reading) = &mut self.reading else { return };
+        let done = reading.done;
+        match &reading.value {
+            Value::Moving { .. } => self.glide_piecewise(now.min(done)),
+            Value::Whole { .. } if done <= now => {}
+            Value::Whole { plant, began, duration_s, .. } => {
+                self.plant.clone_from(plant);
+                self.plant_at = *began;
+                reading.value = Value::from_now(&self.plant, *duration_s);
+                // Nothing has changed since the beginning.
+                self.integrate(now.since(self.plant_at).as_secs_f64());
+                self.plant_at = self.plant_at.max(now);
+            }
+        }
     }
 
     /// Lets the plant follow the moving probe up to `now`.
@@ -234,6 +260,71 @@ mod tests {
         let (late, _) = stopped(Some(0.0135));
         assert!(shallow_mm + 0.008 < deep_mm, "{shallow_mm} {deep_mm}");
         assert!((going - at_once).norm() > 3.0 * (going - late).norm());
+    }
+
+    /// A bench with the probe at rest, 0.05 mm deep in sample 3 since long.
+    fn resting() -> World {
+        let mut world = World::new(Scene { nuisances: Nuisances::NONE, ..matched() }, 1).unwrap();
+        world.place_sample(RigTime::ZERO, "3").unwrap();
+        world.set_frequency(RigTime::ZERO, 140.4);
+        let target = world.scene().place.surface_mm - 0.05;
+        let fast = Profile { speed: 50.0, acceleration: 1000.0, deceleration: 1000.0 };
+        world.drive(at(0.0), AxisId::Linear).start(at(0.0), target, &fast);
+        world
+    }
+
+    #[test]
+    fn a_move_that_begins_within_a_reading_at_rest_is_in_it() {
+        let deeper = Profile { speed: 2.0, acceleration: 200.0, deceleration: 200.0 };
+        let moved_at = |after_s: Option<f64>| {
+            let mut world = resting();
+            let now = at(10.0);
+            let done = world.begin_reading(now, 20);
+            if let Some(seconds) = after_s {
+                let moment = now + Duration::from_secs_f64(seconds);
+                let target = world.scene().place.surface_mm - 0.45;
+                world.drive(moment, AxisId::Linear).start(moment, target, &deeper);
+            }
+            (world.end_reading().unwrap(), done)
+        };
+        let (rest, done) = moved_at(None);
+        let differs = |after_s| (moved_at(Some(after_s)).0 - rest).norm() / rest.norm();
+        let (early, late) = (differs(0.02), differs(0.12));
+        assert!(0.05 < early && late < 0.5 * early, "{early} {late}");
+        // A move that begins with the end of the reading leaves it as it is.
+        let at_end = differs(done.since(at(10.0)).as_secs_f64());
+        assert!(at_end == 0.0, "{at_end}");
+    }
+
+    /// The pieces of an undisturbed reading make the same impedance as the closed form.
+    #[test]
+    fn a_disturbance_without_effect_leaves_a_reading_at_rest_as_it_is() {
+        let reading = |is_disturbed: bool| {
+            let mut world = resting();
+            // Still ringing after the step of the frequency.
+            world.set_frequency(at(9.99), 141.0);
+            world.begin_reading(at(10.0), 20);
+            if is_disturbed {
+                world.drive(at(10.05), AxisId::Rotary).stop(at(10.05), 100.0);
+            }
+            world.end_reading().unwrap()
+        };
+        let (whole, pieces) = (reading(false), reading(true));
+        assert!((whole - pieces).norm() < 1e-9 * whole.norm(), "{whole} {pieces}");
+    }
+
+    #[test]
+    fn a_reading_at_rest_that_is_given_up_leaves_the_plant_in_the_present() {
+        let mut world = resting();
+        let done = world.begin_reading(at(10.0), 2000);
+        world.set_frequency(at(10.2), 150.0);
+        let given_up = world.measure(at(10.3), 2).0;
+        assert!(at(20.0) < done);
+        let mut other = resting();
+        other.set_frequency(at(10.2), 150.0);
+        let expected = other.measure(at(10.3), 2).0;
+        // The phase of the new frequency is that of the same moment.
+        assert!((given_up - expected).norm() < 1e-9 * expected.norm(), "{given_up} {expected}");
     }
 
     #[test]
