@@ -93,13 +93,17 @@ impl Rig {
     pub fn new(scene: Scene, wiring: &Wiring, seed: u64) -> Result<Self, SceneError> {
         let per_command = Duration::from_secs_f64(scene.nuisances.analyzer_command_s);
         let [linear, rotary] = [scene.linear.assembly, scene.rotary.assembly];
-        let world = World::new(scene, seed)?;
+        let mut world = World::new(scene, seed)?;
         let analyzer: Box<dyn Analyzer> = match wiring.analyzer {
-            AnalyzerMake::HiokiIm3536 => Box::new(Meter::<Hioki>::new(per_command)),
-            AnalyzerMake::KeysightE4980a => Box::new(Meter::<Lcr<E4980a>>::new(per_command)),
-            AnalyzerMake::Hp4284a => Box::new(Meter::<Lcr<Hp4284a>>::new(per_command)),
-            AnalyzerMake::TonghuiTh283x => Box::new(Meter::<Lcr<Th2832>>::new(per_command)),
-            AnalyzerMake::KeysightE4990a => Box::new(Meter::<E4990a>::new(per_command)),
+            AnalyzerMake::HiokiIm3536 => Box::new(Meter::<Hioki>::new(per_command, &mut world)),
+            AnalyzerMake::KeysightE4980a => {
+                Box::new(Meter::<Lcr<E4980a>>::new(per_command, &mut world))
+            }
+            AnalyzerMake::Hp4284a => Box::new(Meter::<Lcr<Hp4284a>>::new(per_command, &mut world)),
+            AnalyzerMake::TonghuiTh283x => {
+                Box::new(Meter::<Lcr<Th2832>>::new(per_command, &mut world))
+            }
+            AnalyzerMake::KeysightE4990a => Box::new(Meter::<E4990a>::new(per_command, &mut world)),
         };
         let drive = |axis, wiring: AxisWiring| (wiring.unit_id, Drive::new(axis, wiring, &world));
         let units = vec![

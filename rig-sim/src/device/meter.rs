@@ -49,6 +49,11 @@ pub(crate) type ClientId = u64;
 /// Residual level at the terminals when the level is zero, V.
 const LEAKAGE_V: f64 = 1e-6;
 
+/// The level at the terminals, V. A level of zero still leaves what leaks through.
+const fn terminal_v(drive: Drive) -> f64 {
+    drive.level_v.max(LEAKAGE_V)
+}
+
 /// Numbers of 64 bits in a block, the most significant byte first unless they are swapped.
 fn binary(numbers: impl Iterator<Item = f64>, is_swapped: bool) -> Value {
     let bytes = |number: f64| if is_swapped { number.to_le_bytes() } else { number.to_be_bytes() };
@@ -103,8 +108,14 @@ pub(crate) struct Meter<M: Model> {
 }
 
 impl<M: Model> Meter<M> {
-    /// An instrument that was just switched on and drives its terminals.
-    pub(crate) fn new(per_command: Duration) -> Self {
+    /// An instrument that is switched on with the bench and drives its terminals.
+    pub(crate) fn new(per_command: Duration, world: &mut World) -> Self {
+        let meter = Self::switched_on(per_command);
+        world.switch_on_level(terminal_v(meter.model.drive()));
+        meter
+    }
+
+    fn switched_on(per_command: Duration) -> Self {
         Self {
             instrument: Instrument::new(M::commands(), M::dialect()),
             model: M::default(),
@@ -160,7 +171,7 @@ impl<M: Model> Meter<M> {
     /// Switches the instrument off and on again.
     pub(crate) fn restart(&mut self, now: RigTime, world: &mut World) {
         let before = self.model.drive();
-        *self = Self { free_at: now, ..Self::new(self.per_command) };
+        *self = Self { free_at: now, ..Self::switched_on(self.per_command) };
         self.apply_drive(now, before, world);
     }
 
@@ -270,9 +281,7 @@ impl<M: Model> Meter<M> {
             world.set_frequency(at, drive.frequency_hz);
         }
         if drive.level_v != before.level_v {
-            // A level of zero still leaves what leaks through.
-            let volt = |drive: Drive| drive.level_v.max(LEAKAGE_V);
-            world.scale_drive(at, volt(drive) / volt(before));
+            world.set_level(at, terminal_v(drive));
         }
     }
 

@@ -83,6 +83,8 @@ pub struct World {
     placings: u64,
     drift: DriftPath,
     plant: Plant,
+    /// The level of the drive, V.
+    level_v: f64,
     /// The time up to which the plant has been followed.
     plant_at: RigTime,
     /// Whether the plant has the circuit of a probe in the sample.
@@ -175,6 +177,7 @@ impl World {
             placings: 0,
             drift,
             plant,
+            level_v: 1.0,
             plant_at: RigTime::ZERO,
             is_plant_loaded: false,
             reading: None,
@@ -313,13 +316,19 @@ impl World {
         }
     }
 
-    /// Changes the amplitude of the drive by a factor now.
-    pub(crate) fn scale_drive(&mut self, now: RigTime, factor: f64) {
+    /// Sets the level of the drive now, V, without a jump of its phase.
+    pub(crate) fn set_level(&mut self, now: RigTime, level_v: f64) {
         self.follow_plant(now);
-        self.plant.scale_drive(factor);
+        self.switch_on_level(level_v);
         if self.scene.nuisances.level_hz_per_v2 != 0.0 {
             self.follow_plant(now);
         }
+    }
+
+    /// The level, V, of an analyzer that is switched on with the bench.
+    pub(crate) fn switch_on_level(&mut self, level_v: f64) {
+        self.plant.scale_drive(level_v / self.level_v);
+        self.level_v = level_v;
     }
 
     /// Sets or clears a fault of the contact sense.

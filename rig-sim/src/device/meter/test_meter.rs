@@ -17,9 +17,14 @@ pub(crate) struct TestMeter<M: Model> {
 
 impl<M: Model> TestMeter<M> {
     pub(crate) fn new() -> Self {
-        let scene = Scene { nuisances: Nuisances::NONE, ..matched() };
-        let world = World::new(scene, 1).unwrap();
-        Self { meter: Meter::new(Duration::ZERO), world, now: RigTime::ZERO }
+        Self::on(Nuisances::NONE)
+    }
+
+    /// A meter on a bench with these nuisances.
+    pub(crate) fn on(nuisances: Nuisances) -> Self {
+        let mut world = World::new(Scene { nuisances, ..matched() }, 1).unwrap();
+        let meter = Meter::new(Duration::ZERO, &mut world);
+        Self { meter, world, now: RigTime::ZERO }
     }
 
     /// Sends a line and waits until nothing more will happen.

@@ -1,5 +1,9 @@
 use super::*;
-use crate::device::meter::test_meter;
+use crate::{
+    device::meter::test_meter,
+    world::{Drift, Nuisances},
+};
+use rig_model::RigTime;
 
 type TestMeter = test_meter::TestMeter<E4990a>;
 
@@ -33,6 +37,30 @@ fn a_sweep_is_waited_for_and_read_trace_by_trace() {
     assert_eq!((r.len(), r[5], x[5]), (10, 0.0, 0.0));
     assert!((r[4] / expected.re - 1.0).abs() < 1e-6 && (x[4] / expected.im - 1.0).abs() < 1e-6);
     assert_eq!(meter.say("SYST:ERR?"), "+0,\"No error\"\n");
+}
+
+/// The resonance moves with the square of the level itself, not of the level over that at power-on.
+#[test]
+fn the_level_moves_the_resonance_by_its_square() {
+    const HZ_PER_V2: f64 = 4.0;
+    let swept = |nuisances, level: &str| -> Vec<f64> {
+        let mut meter = TestMeter::on(nuisances);
+        meter.now = RigTime::from_micros(100_000_000);
+        meter.say(&SET_UP.replace("VOLT;VOLT 1;", &format!("VOLT;{level}")));
+        meter.say(":TRIG:SING");
+        let line = meter.say(":CALC1:PAR1:SEL;:CALC1:DATA:FDAT?");
+        line.trim_end().split(',').map(|field| field.parse().unwrap()).collect()
+    };
+    // 0.5 V is that at power-on.
+    for (level, level_v) in [("", 0.5), ("VOLT 0.25;", 0.25), ("VOLT 1;", 1.0)] {
+        let found = swept(Nuisances { level_hz_per_v2: HZ_PER_V2, ..Nuisances::NONE }, level);
+        // Warmth and level scale the resonance alike.
+        let drift = Drift { warm_up_hz: HZ_PER_V2 * level_v * level_v, ..Nuisances::NONE.drift };
+        let expected = swept(Nuisances { drift, ..Nuisances::NONE }, level);
+        for (found, expected) in found.iter().zip(&expected) {
+            assert!((found - expected).abs() <= 1e-4 * expected.abs(), "{level_v} V: {found}");
+        }
+    }
 }
 
 #[test]
