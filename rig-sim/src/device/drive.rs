@@ -131,8 +131,12 @@ mod test_drive {
 
     impl TestDrive {
         pub(super) fn new(make: DriveMake) -> Self {
-            let scene = Scene { nuisances: Nuisances::NONE, ..matched() };
-            let world = World::new(scene, 1).unwrap();
+            Self::on(make, Nuisances::NONE)
+        }
+
+        /// A drive on a bench with these nuisances.
+        pub(super) fn on(make: DriveMake, nuisances: Nuisances) -> Self {
+            let world = World::new(Scene { nuisances, ..matched() }, 1).unwrap();
             let wiring = AxisWiring::new(make, 1, 0.01);
             let drive = Drive::new(AxisId::Linear, wiring, &world);
             Self { drive, world, now: RigTime::ZERO }

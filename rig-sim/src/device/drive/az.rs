@@ -144,7 +144,6 @@ pub(crate) struct Az {
     history: [u8; HISTORY],
     /// An alarm that the present move will end in.
     alarm_at_end: Option<u8>,
-    is_homing: bool,
     is_homed: bool,
 }
 
@@ -156,8 +155,8 @@ impl Unit for Az {
         if let Some(code) = self.alarm_at_end.take() {
             self.set_alarm(code);
         }
-        if std::mem::take(&mut self.is_homing) {
-            self.is_homed = true;
+        if let Some(is_home) = self.motor.end_homing(now, world) {
+            self.is_homed = is_home;
         }
     }
 
@@ -218,7 +217,6 @@ impl Az {
             alarm: 0,
             history: [0; HISTORY],
             alarm_at_end: None,
-            is_homing: false,
             // The absolute encoder keeps its home without power.
             is_homed: true,
         }
@@ -382,8 +380,7 @@ impl Az {
         let speed = f64::from(self.settings[&item::HOME_SPEED]);
         if rising & input::HOME != 0 && self.can_move() {
             self.is_homed = false;
-            self.is_homing = true;
-            self.start(now, -self.preset, speed, world);
+            self.go_home(now, speed, world);
         } else if rising & input::FORWARD != 0 {
             self.start(now, f64::INFINITY, speed, world);
         } else if rising & input::REVERSE != 0 {
@@ -395,7 +392,6 @@ impl Az {
         let deceleration = f64::from(self.settings[&item::DECELERATION]);
         self.motor.stop(now, deceleration, world);
         self.alarm_at_end = None;
-        self.is_homing = false;
     }
 
     fn is_triggered(&self, written: &[(u16, i32)]) -> bool {
@@ -435,12 +431,24 @@ impl Az {
         }
         let (target, alarm) = self.within_limits(target, world);
         self.alarm_at_end = alarm;
-        let pace = Pace {
-            speed,
-            acceleration: f64::from(self.settings[&item::ACCELERATION]),
-            deceleration: f64::from(self.settings[&item::DECELERATION]),
-        };
-        self.motor.go(now, target, pace, world);
+        self.motor.go(now, target, self.pace(speed), world);
+    }
+
+    /// Sends the motor to zero of the position counter.
+    fn go_home(&mut self, now: RigTime, speed: f64, world: &mut World) {
+        let (target, alarm) = self.within_limits(-self.preset, world);
+        self.alarm_at_end = alarm;
+        match alarm {
+            None => self.motor.home_at(now, target, self.pace(speed), world),
+            // It ends at a limit, which is not its home.
+            Some(_) => self.motor.go(now, target, self.pace(speed), world),
+        }
+    }
+
+    fn pace(&self, speed: f64) -> Pace {
+        let rate = |item| f64::from(self.settings[&item]);
+        let (acceleration, deceleration) = (rate(item::ACCELERATION), rate(item::DECELERATION));
+        Pace { speed, acceleration, deceleration }
     }
 
     /// The target that will be reached, and the alarm that then comes.

@@ -131,9 +131,11 @@ pub(crate) struct Iai {
 
 impl Unit for Iai {
     fn notice_end(&mut self, now: RigTime, world: &World) {
-        if self.is_homing && !self.motor.is_moving(now, world) {
+        if self.paused.is_none()
+            && let Some(is_home) = self.motor.end_homing(now, world)
+        {
             self.is_homing = false;
-            self.is_homed = !world.is_stop_pressed();
+            self.is_homed = is_home && !world.is_stop_pressed();
         }
     }
 
@@ -355,13 +357,13 @@ impl Iai {
         if !was && is && self.motor.is_moving(now, world) {
             let (target, pace) =
                 (self.motor.target(), self.pace(f64::from(self.long(order::SPEED))));
-            self.motor.stop(now, pace.deceleration, world);
+            self.motor.pause(now, pace.deceleration, world);
             self.paused = Some((target, pace));
         } else if was
             && !is
             && let Some((target, pace)) = self.paused.take()
         {
-            self.motor.go(now, target, pace, world);
+            self.motor.go_on(now, target, pace, world);
         }
     }
 

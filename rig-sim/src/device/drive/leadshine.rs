@@ -105,14 +105,12 @@ pub(crate) struct Leadshine {
     preset: f64,
     alarm: u16,
     is_homed: bool,
-    is_homing: bool,
 }
 
 impl Unit for Leadshine {
     fn notice_end(&mut self, now: RigTime, world: &World) {
-        if self.is_homing && !self.motor.is_moving(now, world) {
-            self.is_homing = false;
-            self.is_homed = true;
+        if let Some(is_home) = self.motor.end_homing(now, world) {
+            self.is_homed = is_home;
         }
     }
 
@@ -163,7 +161,7 @@ impl Leadshine {
         )]
         let pulses = motor.steps_per_revolution() as u16;
         settings.insert(register::PULSES_PER_REVOLUTION, pulses);
-        Self { motor, settings, preset: 0.0, alarm: 0, is_homed: false, is_homing: false }
+        Self { motor, settings, preset: 0.0, alarm: 0, is_homed: false }
     }
 
     fn raise(&mut self, now: RigTime, code: u16, world: &mut World) {
@@ -249,7 +247,6 @@ impl Leadshine {
             _ if !self.is_enabled() => {}
             HOME => {
                 self.is_homed = false;
-                self.is_homing = true;
                 self.preset = 0.0;
                 let rpm = self.settings[&register::HOME_SPEED];
                 let pace = self.pace(rpm, 100, 100);
@@ -290,7 +287,6 @@ impl Leadshine {
         let ms = self.settings[&register::STOP_TIME];
         let deceleration = self.pace(1, ms, ms).deceleration;
         self.motor.stop(now, deceleration, world);
-        self.is_homing = false;
     }
 
     /// Speed in revolutions a minute, and the milliseconds for a change of 1000 of them.

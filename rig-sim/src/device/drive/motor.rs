@@ -19,7 +19,20 @@ pub(super) struct Motor {
     wired_zero: f64,
     steps_per_revolution: f64,
     commanded: f64,
+    homing: Option<Homing>,
 }
+
+/// A homing under way.
+#[derive(Debug, Clone, Copy)]
+struct Homing {
+    /// Position of the axis at which it ends.
+    place: f64,
+    /// Position of the axis at count zero from its end on, if it finds that anew.
+    zero: Option<f64>,
+}
+
+/// A homed motor stands within this part of a count of its home.
+const HOME_COUNTS: f64 = 1e-3;
 
 /// The profile of a move, in counts and seconds.
 #[derive(Debug, Clone, Copy)]
@@ -40,6 +53,7 @@ impl Motor {
             wired_zero: zero,
             steps_per_revolution,
             commanded: 0.0,
+            homing: None,
         };
         motor.commanded = motor.counts_at(world.stage(axis).target());
         motor
@@ -53,7 +67,7 @@ impl Motor {
     /// The motor after its drive was switched off, when the brake held it, and on again.
     pub(super) fn power_cycled(self, now: RigTime, world: &mut World) -> Self {
         world.drive(now, self.axis).halt(now);
-        Self { commanded: self.encoder(now, world), ..self }
+        Self { commanded: self.encoder(now, world), homing: None, ..self }
     }
 
     /// Position of the encoder, counts.
@@ -87,26 +101,66 @@ impl Motor {
         (a.min(b), a.max(b))
     }
 
+    /// Sends the motor to a target. It ends a homing that is under way.
     pub(super) fn go(&mut self, now: RigTime, target: f64, pace: Pace, world: &mut World) {
+        self.homing = None;
+        self.go_on(now, target, pace, world);
+    }
+
+    /// Sends the motor on to a target after a pause. A homing goes on.
+    pub(super) fn go_on(&mut self, now: RigTime, target: f64, pace: Pace, world: &mut World) {
+        self.commanded = target;
+        self.send(now, self.place_of(target), pace, world);
+    }
+
+    /// Finds the zero again, and goes there. It counts from there when it has arrived.
+    pub(super) fn home(&mut self, now: RigTime, pace: Pace, world: &mut World) {
+        let place = self.wired_zero + world.homing_error(self.axis);
+        self.homing = Some(Homing { place, zero: Some(place) });
+        self.commanded = self.counts_at(place);
+        self.send(now, place, pace, world);
+    }
+
+    /// Goes home to a count that the drive has kept.
+    pub(super) fn home_at(&mut self, now: RigTime, target: f64, pace: Pace, world: &mut World) {
+        self.homing = Some(Homing { place: self.place_of(target), zero: None });
+        self.go_on(now, target, pace, world);
+    }
+
+    fn send(&self, now: RigTime, place: f64, pace: Pace, world: &mut World) {
         let scale = self.units_per_count.abs();
         let profile = Profile {
             speed: pace.speed * scale,
             acceleration: pace.acceleration * scale,
             deceleration: pace.deceleration * scale,
         };
-        self.commanded = target;
-        let place = self.zero + target * self.units_per_count;
         world.drive(now, self.axis).start(now, place, &profile);
     }
 
-    /// Finds the zero again, and goes there.
-    pub(super) fn home(&mut self, now: RigTime, pace: Pace, world: &mut World) {
-        self.zero = self.wired_zero + world.homing_error(self.axis);
-        self.go(now, 0.0, pace, world);
+    /// Whether a homing has ended at home, once the motor is at rest. `None` while it is under way, and if there
+    /// is none.
+    pub(super) fn end_homing(&mut self, now: RigTime, world: &World) -> Option<bool> {
+        if self.is_moving(now, world) {
+            return None;
+        }
+        let Homing { place, zero } = self.homing.take()?;
+        let off = (self.encoder(now, world) - self.counts_at(place)).abs();
+        let is_home = off <= HOME_COUNTS;
+        if let Some(zero) = zero.filter(|_| is_home) {
+            self.commanded += (self.zero - zero) / self.units_per_count;
+            self.zero = zero;
+        }
+        Some(is_home)
     }
 
-    /// Slows the motor down to rest.
+    /// Slows the motor down to rest. It ends a homing that is under way.
     pub(super) fn stop(&mut self, now: RigTime, deceleration: f64, world: &mut World) {
+        self.homing = None;
+        self.pause(now, deceleration, world);
+    }
+
+    /// Slows the motor down to rest, from where it may [go on](Self::go_on).
+    pub(super) fn pause(&mut self, now: RigTime, deceleration: f64, world: &mut World) {
         if self.is_moving(now, world) {
             let stage = world.drive(now, self.axis);
             stage.stop(now, deceleration * self.units_per_count.abs());
@@ -137,6 +191,10 @@ impl Motor {
         }
     }
 
+    fn place_of(&self, counts: f64) -> f64 {
+        self.zero + counts * self.units_per_count
+    }
+
     fn counts_at(&self, place: f64) -> f64 {
         (place - self.zero) / self.units_per_count
     }
@@ -152,4 +210,89 @@ pub(super) fn counts(value: f64) -> i32 {
 pub(super) fn word(value: i32, is_upper: bool) -> u16 {
     let [a, b, c, d] = value.to_be_bytes();
     u16::from_be_bytes(if is_upper { [a, b] } else { [c, d] })
+}
+
+#[cfg(test)]
+mod tests {
+    use rig_model::DriveMake;
+
+    use super::*;
+    use crate::{device::drive::test_drive::TestDrive, world::Nuisances};
+
+    const MAKES: [DriveMake; 3] = [DriveMake::OrientalAz, DriveMake::IaiRc, DriveMake::LeadshinePr];
+
+    /// A drive that was just sent home, 40 mm away.
+    fn homing(make: DriveMake, nuisances: Nuisances) -> TestDrive {
+        let mut test_drive = TestDrive::on(make, nuisances);
+        match make {
+            DriveMake::OrientalAz => test_drive.set(0x007D, 1 << 4),
+            DriveMake::IaiRc => [0x0427, 0x0403, 0x040B].map(|it| test_drive.coil(it, true))[0],
+            DriveMake::LeadshinePr => test_drive.set(0x6002, 0x0020),
+        }
+        test_drive
+    }
+
+    fn is_homed(test_drive: &mut TestDrive, make: DriveMake) -> bool {
+        let (address, bit) = match make {
+            DriveMake::OrientalAz => (0x007F, 1 << 4),
+            DriveMake::IaiRc => (0x9005, 1 << 4),
+            DriveMake::LeadshinePr => (0x1003, 1 << 6),
+        };
+        test_drive.read(address, 1)[0] & bit != 0
+    }
+
+    #[test]
+    fn a_homing_that_does_not_arrive_is_not_done() {
+        for make in MAKES {
+            let faults = [
+                None,
+                Some(DeviceFault::Stall),
+                Some(DeviceFault::Jam),
+                Some(DeviceFault::LimitSwitch),
+            ];
+            for fault in faults {
+                let mut test_drive = homing(make, Nuisances::NONE);
+                test_drive.wait(0.3);
+                assert!(!is_homed(&mut test_drive, make), "{make:?} is on its way");
+                if let Some(fault) = fault {
+                    test_drive.drive.apply_fault(test_drive.now, fault, &mut test_drive.world);
+                }
+                test_drive.wait(30.0);
+                assert_eq!(is_homed(&mut test_drive, make), fault.is_none(), "{make:?} {fault:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_drive_counts_from_a_new_zero_when_it_has_arrived_there() {
+        let nuisances = Nuisances { homing_mm: 0.5, ..Nuisances::NONE };
+        for (make, address) in [(DriveMake::IaiRc, 0x9000), (DriveMake::LeadshinePr, 0x602C)] {
+            let mut test_drive = homing(make, nuisances);
+            assert_eq!(test_drive.read_long(address), 4000, "{make:?} is on its way");
+            let mut stalled = homing(make, nuisances);
+            for (it, stalls) in [(&mut test_drive, false), (&mut stalled, true)] {
+                it.wait(0.3);
+                if stalls {
+                    it.drive.apply_fault(it.now, DeviceFault::Stall, &mut it.world);
+                }
+                it.wait(30.0);
+                let counted_mm = f64::from(it.read_long(address)) * 0.01;
+                let off_mm = it.world.stage(AxisId::Linear).motor(it.now) - counted_mm;
+                assert_eq!(off_mm.abs() > 0.02, !stalls, "{make:?}: {off_mm} mm");
+                assert_eq!(counted_mm == 0.0, !stalls, "{make:?}: {counted_mm} mm");
+            }
+        }
+    }
+
+    #[test]
+    fn a_move_takes_the_place_of_a_homing() {
+        let mut test_drive = homing(DriveMake::OrientalAz, Nuisances::NONE);
+        test_drive.wait(0.3);
+        // All of 2000 steps at 5000 a second.
+        let data = [0, 0, 0, 1, 0, 2000, 0, 5000, 0x000F, 0x4240, 0x000F, 0x4240, 0, 1000, 0, 1];
+        test_drive.write(0x0058, &data);
+        test_drive.wait(30.0);
+        assert_eq!(test_drive.read_long(0x00C6), 2000);
+        assert!(!is_homed(&mut test_drive, DriveMake::OrientalAz));
+    }
 }

@@ -97,6 +97,33 @@ fn a_pause_holds_the_move_and_a_stop_ends_it() {
 }
 
 #[test]
+fn a_homing_that_is_paused_is_done_when_it_has_gone_on() {
+    for is_given_up in [false, true] {
+        let mut test_drive = TestDrive::new(DriveMake::IaiRc);
+        for coil in [coil::MODBUS_COMMANDS, coil::SERVO_ON, coil::HOME] {
+            test_drive.coil(coil, true);
+        }
+        test_drive.wait(0.5);
+        test_drive.coil(coil::PAUSE, true);
+        test_drive.wait(5.0);
+        let words = test_drive.read(monitor::FIRST, 10);
+        assert_eq!(words[5] & status::HOMED, 0);
+        assert_eq!(words[7] & status::HOMING, status::HOMING);
+        if is_given_up {
+            // Under a pause, the reset of an alarm cancels the rest of the way.
+            test_drive.coil(coil::ALARM_RESET, true);
+            test_drive.coil(coil::ALARM_RESET, false);
+        }
+        test_drive.coil(coil::PAUSE, false);
+        test_drive.wait(5.0);
+        let words = test_drive.read(monitor::FIRST, 10);
+        assert_eq!(words[5] & status::HOMED != 0, !is_given_up);
+        assert_eq!(words[7] & status::HOMING, 0);
+        assert_eq!(words[1] == 0, !is_given_up);
+    }
+}
+
+#[test]
 fn the_status_can_be_read_as_bits_too() {
     let mut test_drive = ready();
     let bits = |test_drive: &mut TestDrive, address, count| match test_drive
