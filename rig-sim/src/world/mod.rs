@@ -559,7 +559,7 @@ impl World {
             indentation_mm,
             contact_deg: self.contact_deg(now),
             orientation: self.orientation,
-            rested_s: now.since(self.linear.rests_from().min(now)).as_secs_f64(),
+            rested_s: now.since(self.linear.arrived().min(now)).as_secs_f64(),
             thickness_mm: self.scene.samples[mounted.sample].thickness_mm,
         })
     }

@@ -36,11 +36,18 @@ pub(super) struct Motion {
     began: RigTime,
     segments: Vec<MotionSegment>,
     target: f64,
+    /// The end of the last way before this motion.
+    arrived_before: RigTime,
 }
 
 impl Motion {
     pub(super) fn resting_at(position: f64) -> Self {
-        Self { began: RigTime::ZERO, segments: Vec::new(), target: position }
+        Self {
+            began: RigTime::ZERO,
+            segments: Vec::new(),
+            target: position,
+            arrived_before: RigTime::ZERO,
+        }
     }
 
     /// From here to `target`. A motor that is under way stops first: the direction may change.
@@ -78,12 +85,12 @@ impl Motion {
         let segment = MotionSegment { duration_s, start, speed, acceleration };
         let target = segment.position(duration_s);
         let segments = if speed == 0.0 { Vec::new() } else { vec![segment] };
-        Self { began: now, segments, target }
+        Self { began: now, segments, target, arrived_before: self.arrived().min(now) }
     }
 
     /// To rest at once, as against a wall.
     pub(super) fn halt(&self, now: RigTime) -> Self {
-        Self::resting_at(self.state(now).0)
+        Self { arrived_before: self.arrived().min(now), ..Self::resting_at(self.state(now).0) }
     }
 
     pub(super) fn target(&self) -> f64 {
@@ -102,6 +109,11 @@ impl Motion {
     pub(super) fn ends(&self) -> RigTime {
         let seconds: f64 = self.segments.iter().map(|segment| segment.duration_s).sum();
         after(self.began, seconds)
+    }
+
+    /// The end of the last way that the motor went or goes. A command that moves nothing does not change it.
+    pub(super) fn arrived(&self) -> RigTime {
+        if self.segments.is_empty() { self.arrived_before } else { self.ends() }
     }
 
     /// Turning point of the motor, if it has turned round by `now`.
@@ -157,6 +169,20 @@ mod tests {
             assert!(steepest <= 100.1, "{target}: {steepest}");
             assert_eq!(motion.position(motion.ends()), target);
         }
+    }
+
+    #[test]
+    fn a_command_that_moves_nothing_is_no_way_and_a_halt_ends_one() {
+        let motion = Motion::resting_at(0.0).start(at(1.0), 5.0, &PROFILE);
+        let arrived = motion.ends();
+        assert_eq!(motion.arrived(), arrived);
+        assert_eq!(motion.start(at(9.0), 5.0, &PROFILE).arrived(), arrived);
+        assert_eq!(motion.stop(at(9.0), 50.0).stop(at(10.0), 50.0).arrived(), arrived);
+        assert_eq!(motion.halt(at(9.0)).arrived(), arrived);
+        assert_eq!(motion.halt(at(1.2)).arrived(), at(1.2));
+        assert_eq!(motion.halt(at(1.2)).halt(at(2.0)).arrived(), at(1.2));
+        let stopped = motion.stop(at(1.2), 50.0);
+        assert_eq!(stopped.arrived(), stopped.ends());
     }
 
     #[test]

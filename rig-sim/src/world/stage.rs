@@ -111,6 +111,12 @@ impl Stage {
         self.motion.ends()
     }
 
+    /// The end of the last way of the motor, past or future. A halt ends a way, and a command that moves nothing is
+    /// none.
+    pub(super) fn arrived(&self) -> RigTime {
+        self.motion.arrived()
+    }
+
     /// Target of the motor, or its position after a halt.
     pub fn target(&self) -> f64 {
         self.motion.target()

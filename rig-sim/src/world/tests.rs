@@ -35,6 +35,39 @@ fn resonance_hz(depth_mm: f64, debris_mm: f64, edge_mm: f64) -> f64 {
     world.truth(at(5.0)).resonance_hz
 }
 
+/// A tissue relaxes from the end of the last way on, however it ended, and not from a command that moves nothing.
+#[test]
+fn a_tissue_relaxes_from_the_end_of_the_last_way() {
+    let scene = crate::scene::paper();
+    let mut world = World::new(Scene { nuisances: Nuisances::NONE, ..scene }, 1).unwrap();
+    world.place_sample(RigTime::ZERO, "5").unwrap();
+    let target = below(&world, 0.4);
+    world.drive(RigTime::ZERO, AxisId::Linear).start(RigTime::ZERO, target, &FAST);
+    let arrived_s = world.stage(AxisId::Linear).rests_from().as_seconds();
+    let fresh_hz = world.truth(at(arrived_s)).resonance_hz;
+    let crept_hz = world.truth(at(60.0)).resonance_hz;
+    assert!(fresh_hz + 0.5 < crept_hz, "{fresh_hz} {crept_hz}");
+    let idle: [fn(&mut Stage); 4] = [
+        |stage| stage.start(at(60.0), stage.target(), &FAST),
+        |stage| stage.stop(at(60.0), 100.0),
+        |stage| stage.halt(at(60.0)),
+        |stage| stage.set_jammed(at(60.0), true),
+    ];
+    for command in idle {
+        command(world.drive(at(60.0), AxisId::Linear));
+        let now_hz = world.truth(at(60.0)).resonance_hz;
+        assert!((now_hz - crept_hz).abs() < 1e-6, "{now_hz} {crept_hz}");
+    }
+    // A way that a jam has ended leaves a tissue that has not relaxed yet.
+    world.clear_faults(at(70.0));
+    world.drive(at(70.0), AxisId::Linear).start(at(70.0), target - 0.05, &FAST);
+    let halted = at(70.008);
+    world.drive(halted, AxisId::Linear).set_jammed(halted, true);
+    let fresh_hz = world.truth(halted).resonance_hz;
+    let crept_hz = world.truth(at(130.0)).resonance_hz;
+    assert!(fresh_hz + 0.5 < crept_hz, "{fresh_hz} {crept_hz}");
+}
+
 #[test]
 fn debris_is_felt_above_the_sample_and_not_in_it() {
     let far = f64::INFINITY;
