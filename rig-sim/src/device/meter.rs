@@ -74,6 +74,7 @@ struct RunningMeasurement<C> {
     command: C,
     busy_bits: u16,
     phase: Phase,
+    began: RigTime,
     until: RigTime,
     readings: Vec<FinishedPoint>,
 }
@@ -203,10 +204,12 @@ impl<M: Model> Meter<M> {
     }
 
     fn next_call_of(&mut self, id: ClientId) -> Option<Call<M::Command>> {
-        let blocking = self.blocking_client();
+        if self.blocking_client() == Some(id) && !self.interrupts(id) {
+            return None;
+        }
         let is_measuring = self.running.is_some();
         let client = self.clients.get_mut(&id)?;
-        if blocking == Some(id) || (is_measuring && client.held.is_some()) {
+        if is_measuring && client.held.is_some() {
             return None;
         }
         if let Some(call) = client.held.take() {
@@ -218,6 +221,19 @@ impl<M: Model> Meter<M> {
             self.collect(id, answered_at);
         }
         call
+    }
+
+    /// Whether the client of a blocking measurement has sent a command since that ends it.
+    fn interrupts(&self, id: ClientId) -> bool {
+        let Some(running) = self.running.as_ref().filter(|running| !running.job.is_answered) else {
+            return false;
+        };
+        let heard_since = |client: &&Client<_>| running.began < client.heard_at;
+        let Some(client) = self.clients.get(&id).filter(heard_since) else { return false };
+        // Only a reader of the message knows its next command: a copy of the instrument reads ahead.
+        let mut copy = self.instrument.clone();
+        copy.turn_to(&mut client.session.clone());
+        copy.poll().is_some_and(|call| M::may_interrupt(call.command))
     }
 
     /// The client that does nothing else until the measurement is over.
@@ -259,8 +275,11 @@ impl<M: Model> Meter<M> {
             }
             Ok(Outcome::Measure(job)) => self.begin(id, at, call.command, job, world),
             Ok(Outcome::Done(values)) => self.reply(id, at, Ok(values)),
-            Ok(Outcome::Abort) => {
+            Ok(outcome @ (Outcome::Abort | Outcome::Reset)) => {
                 self.abort(at);
+                if matches!(outcome, Outcome::Reset) {
+                    self.readings.clear();
+                }
                 self.reply(id, at, Ok(Vec::new()));
             }
             // There is nothing to wait for: the data are stale.
@@ -293,7 +312,7 @@ impl<M: Model> Meter<M> {
         job: Job,
         world: &mut World,
     ) {
-        if !(job.is_blocking || job.is_answered) {
+        if !job.is_answered {
             self.reply(client, at, Ok(Vec::new()));
         }
         let busy_bits = self.model.busy_bits();
@@ -304,6 +323,7 @@ impl<M: Model> Meter<M> {
             command,
             busy_bits,
             phase: Phase::Waiting,
+            began: at,
             until: at,
             readings: Vec::new(),
         });
@@ -322,8 +342,6 @@ impl<M: Model> Meter<M> {
         self.free_at = at;
         if job.is_answered {
             self.reply(client, at, Err(ScpiError::new(-230)));
-        } else if job.is_blocking {
-            self.reply(client, at, Ok(Vec::new()));
         }
     }
 
@@ -356,8 +374,6 @@ impl<M: Model> Meter<M> {
         if ended.job.is_answered {
             let values = self.model.answer(ended.command, &self.readings);
             self.reply(ended.client, at, Ok(values));
-        } else if ended.job.is_blocking {
-            self.reply(ended.client, at, Ok(Vec::new()));
         }
     }
 

@@ -1,7 +1,9 @@
 //! The HP 4284A and the LCR meters that follow it: Keysight's E4980A and Tonghui's `TH283x`.
 //!
 //! A trigger measures once, or once at every frequency of the list when the list page is shown. The
-//! answer is two values and a status, in fixed widths; a list adds a fourth field to each point.
+//! answer is two values and a status, in fixed widths; a list adds a fourth field to each point. A trigger is taken
+//! while triggers are continuous, as after power-on and a preset, or after `INITiate`; `*RST` leaves the trigger system
+//! idle.
 //!
 //! # Source
 //! Keysight, E4980A/AL User's Guide: `FETCh?` and its data format (p. 183, 261, 265); measurement
@@ -58,6 +60,8 @@ pub(crate) struct Lcr<M> {
     function: usize,
     source: Source,
     is_continuous: bool,
+    /// One trigger was enabled while they are not continuous.
+    is_armed: bool,
     trigger_delay_s: f64,
     step_delay_s: f64,
     has_comparator: bool,
@@ -89,7 +93,8 @@ impl<M> Default for Lcr<M> {
             averages: 1,
             function: 0,
             source: Source::Internal,
-            is_continuous: false,
+            is_continuous: true,
+            is_armed: false,
             trigger_delay_s: 0.0,
             step_delay_s: 0.0,
             has_comparator: false,
@@ -136,14 +141,27 @@ impl<M: Make> Model for Lcr<M> {
         let done = |values| Ok(Outcome::Done(values));
         let Memory { readings, is_measuring } = memory;
         match call.command {
-            LcrCommand::Reset => {
-                *self = Self::default();
+            LcrCommand::Reset | LcrCommand::Preset => {
+                // A preset leaves the trigger system on, as at power-on.
+                let is_continuous = call.command == LcrCommand::Preset;
+                *self = Self { is_continuous, ..Self::default() };
+                Ok(Outcome::Reset)
+            }
+            LcrCommand::Abort => {
+                self.is_armed = false;
                 Ok(Outcome::Abort)
             }
-            LcrCommand::Abort => Ok(Outcome::Abort),
             LcrCommand::Options => done(vec![Value::Verbatim(M::OPTIONS.into())]),
-            LcrCommand::TriggerAndRead if self.source == Source::Bus => Ok(self.measure(true)),
-            LcrCommand::Trigger if self.source != Source::Internal => Ok(self.measure(false)),
+            // A trigger system that is idle ignores a trigger.
+            LcrCommand::Trigger | LcrCommand::TriggerAndRead if !self.takes_trigger() => {
+                Err(ScpiError::new(-211))
+            }
+            LcrCommand::TriggerAndRead if self.source == Source::Bus => {
+                Ok(self.triggered(true, is_measuring))
+            }
+            LcrCommand::Trigger if self.source != Source::Internal => {
+                Ok(self.triggered(false, is_measuring))
+            }
             LcrCommand::Trigger | LcrCommand::TriggerAndRead => Err(ScpiError::new(-211)),
             LcrCommand::Monitor(Monitor::Vdc | Monitor::Idc)
             | LcrCommand::FetchMonitor(Monitor::Vdc | Monitor::Idc)
@@ -153,15 +171,22 @@ impl<M: Make> Model for Lcr<M> {
             }
             // While it triggers itself, the next measurement is the one to read.
             LcrCommand::Fetch | LcrCommand::FetchImpedance | LcrCommand::FetchMonitor(_)
-                if self.source == Source::Internal =>
+                if self.source == Source::Internal && self.takes_trigger() =>
             {
-                Ok(self.measure(true))
+                Ok(self.triggered(true, is_measuring))
             }
-            LcrCommand::Fetch if is_measuring && !M::FETCH_WAITS => done(self.not_yet()),
+            LcrCommand::Fetch if is_measuring && !M::FETCH_WAITS => {
+                done(self.not_yet(call.command))
+            }
             LcrCommand::Fetch | LcrCommand::FetchImpedance | LcrCommand::FetchMonitor(_)
-                if is_measuring || readings.is_empty() =>
+                if is_measuring =>
             {
                 Ok(Outcome::Wait)
+            }
+            LcrCommand::Fetch | LcrCommand::FetchImpedance | LcrCommand::FetchMonitor(_)
+                if readings.is_empty() =>
+            {
+                done(self.not_yet(call.command))
             }
             LcrCommand::Fetch | LcrCommand::FetchImpedance | LcrCommand::FetchMonitor(_) => {
                 done(self.answer(call.command, readings))
@@ -176,7 +201,10 @@ impl<M: Make> Model for Lcr<M> {
                 self.list_hz.clear();
                 done(Vec::new())
             }
-            LcrCommand::Init => done(Vec::new()),
+            LcrCommand::Init => {
+                self.is_armed = true;
+                done(Vec::new())
+            }
             _ if call.is_query => self.ask(call, readings).and_then(done),
             _ => self.set(call).map(|()| Outcome::Done(Vec::new())),
         }
@@ -195,7 +223,7 @@ impl<M: Make> Model for Lcr<M> {
     }
 
     fn may_interrupt(command: LcrCommand) -> bool {
-        matches!(command, LcrCommand::Abort | LcrCommand::Reset)
+        matches!(command, LcrCommand::Abort | LcrCommand::Reset | LcrCommand::Preset)
     }
 }
 
@@ -236,6 +264,17 @@ impl<M: Make> Lcr<M> {
 
     fn delay() -> Limits {
         Limits { min: 0.0, max: M::MAX_DELAY_S, default: 0.0 }
+    }
+
+    /// Whether the trigger system waits for a trigger.
+    const fn takes_trigger(&self) -> bool {
+        self.is_continuous || self.is_armed
+    }
+
+    /// Takes a trigger, unless a measurement is under way, which it does not interrupt.
+    fn triggered(&mut self, is_answered: bool, is_measuring: bool) -> Outcome {
+        self.is_armed &= is_measuring;
+        self.measure(is_answered)
     }
 
     fn measure(&self, is_answered: bool) -> Outcome {

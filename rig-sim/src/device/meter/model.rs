@@ -71,6 +71,8 @@ pub(crate) enum Outcome {
     Wait,
     /// It ends the measurement that is under way.
     Abort,
+    /// It ends the measurement that is under way, and no points are left.
+    Reset,
 }
 
 /// A measurement in progress.

@@ -76,10 +76,14 @@ impl<M: Make> Lcr<M> {
         pair.into_iter().chain([Field::Status(status)]).chain(bin)
     }
 
-    /// The answer while there is no reading.
-    pub(super) fn not_yet(&self) -> Vec<Value> {
+    /// The answer to a command that fetches while there is no reading.
+    pub(super) fn not_yet(&self, command: LcrCommand) -> Vec<Value> {
         let value = Field::Value(NO_VALUE);
-        self.in_format([value, value, Field::Status(-1)].into_iter())
+        match command {
+            LcrCommand::FetchMonitor(_) => vec![self.real(NO_VALUE)],
+            LcrCommand::FetchImpedance => vec![self.real(NO_VALUE), self.real(NO_VALUE)],
+            _ => self.in_format([value, value, Field::Status(-1)].into_iter()),
+        }
     }
 
     /// The fields as text, or as one block.

@@ -1,5 +1,9 @@
 mod drivers;
 
+use std::time::Duration;
+
+use rig_model::RigTime;
+
 use super::*;
 use crate::device::meter::test_meter;
 
@@ -13,7 +17,7 @@ fn every_command_has_its_place_in_the_tree() {
 #[test]
 fn a_bus_trigger_measures_and_the_answer_has_fixed_widths() {
     let mut meter = TestMeter::new();
-    meter.say("*RST;:FUNC:IMP RX;:TRIG:SOUR BUS;:FREQ 140.04;:VOLT 5;:TRIG:TDEL 3");
+    meter.say("*RST;:FUNC:IMP RX;:TRIG:SOUR BUS;:INIT:CONT ON;:FREQ 140.04;:VOLT 5;:TRIG:TDEL 3");
     assert_eq!(meter.say("FREQ?;VOLT?"), "+1.400000000E+02;+5.000000000E+00\n");
     let line = meter.say("*TRG");
     let fields: Vec<&str> = line.trim_end().split(',').collect();
@@ -60,7 +64,6 @@ fn a_list_runs_while_the_status_is_asked_for_and_has_four_fields_a_point() {
 fn what_is_not_there_yet_and_what_cannot_be_is_told() {
     let mut meter = TestMeter::new();
     let rows = [
-        (":TRIG:SOUR BUS;:FETC?", "-230"),
         ("VOLT 21", "-222"),
         ("FREQ 10", "-222"),
         ("TRIG:SOUR INT;:TRIG", "-211"),
@@ -77,6 +80,63 @@ fn what_is_not_there_yet_and_what_cannot_be_is_told() {
         assert!(told.starts_with(number), "{line}: {told}");
     }
     assert_eq!(meter.say("*OPT?;FREQ? MAX;:APER?"), "001;+2.000000000E+06;MED,1\n");
+}
+
+#[test]
+fn a_trigger_is_taken_while_the_trigger_system_waits_for_it() {
+    let mut meter = TestMeter::new();
+    meter.say("*RST;:TRIG:SOUR BUS");
+    for trigger in ["TRIG", "*TRG"] {
+        assert_eq!(meter.say(trigger), "");
+        assert!(meter.say("SYST:ERR?").starts_with("-211"), "{trigger} after *RST");
+    }
+    assert_eq!(meter.say("INIT:CONT?"), "0\n");
+    // INITiate takes one.
+    assert!(meter.say("INIT;*TRG").ends_with(",+0\n"));
+    assert_eq!(meter.say("*TRG"), "");
+    assert!(meter.say("SYST:ERR?").starts_with("-211"));
+    for line in ["INIT:CONT ON", "SYST:PRES;:TRIG:SOUR BUS"] {
+        meter.say(line);
+        assert!(meter.say("*TRG").ends_with(",+0\n"), "{line}");
+        assert!(meter.say("*TRG").ends_with(",+0\n"), "{line}");
+    }
+    assert_eq!(meter.say("SYST:ERR?"), "+0,\"No error\"\n");
+}
+
+#[test]
+fn without_data_the_status_says_so_and_a_reset_clears_them() {
+    let mut meter = TestMeter::new();
+    const NONE: &str = "+9.90000E+37,+9.90000E+37,-1\n";
+    assert_eq!(meter.say("TRIG:SOUR BUS;:FETC?"), NONE);
+    assert_eq!(meter.say("FETC:IMP:CORR?"), "+9.90000E+37,+9.90000E+37\n");
+    assert_eq!(meter.say("FETC:SMON:VAC?"), "+9.90000E+37\n");
+    for reset in ["*RST", "SYST:PRES"] {
+        meter.say("TRIG:SOUR BUS;:INIT:CONT ON;:TRIG");
+        assert!(meter.say("FETC?").ends_with(",+0\n"));
+        assert_eq!(meter.say(&format!("{reset};:TRIG:SOUR BUS;:FETC?")), NONE, "{reset}");
+    }
+    // After *RST the instrument does not trigger itself either.
+    assert_eq!(meter.say("*RST;:FETC?"), NONE);
+    assert_eq!(meter.say("SYST:ERR?"), "+0,\"No error\"\n");
+}
+
+#[test]
+fn a_client_may_end_what_it_has_triggered_itself() {
+    let mut meter = TestMeter::new();
+    meter.say("FUNC:IMP RX;:TRIG:SOUR BUS;:TRIG:TDEL 999");
+    meter.send("TRIG");
+    meter.now = RigTime::from_micros(1_000_000);
+    // What is no end waits for the measurement.
+    meter.send("*IDN?");
+    assert_eq!(meter.heard(), "");
+    assert!(meter.say("").starts_with("Keysight"));
+    assert!(999.0 < meter.now.as_seconds());
+    meter.send("TRIG");
+    meter.now = meter.now + Duration::from_secs(1);
+    meter.send("ABOR");
+    assert_eq!(meter.meter.deadline(), None);
+    assert_eq!(meter.say("TRIG:TDEL 0;:TRIG;:SYST:ERR?"), "+0,\"No error\"\n");
+    assert!(meter.say("FETC?").ends_with(",+0\n"));
 }
 
 #[test]
