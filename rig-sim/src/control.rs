@@ -2,7 +2,7 @@
 //!
 //! It also shows the true state, which no instrument shows. The commands are in [`HELP`].
 
-use std::{fmt::Write, str::FromStr, time::Duration};
+use std::{fmt::Write, ops::RangeInclusive, str::FromStr, time::Duration};
 
 use rig_model::{Orientation, RigTime};
 
@@ -16,7 +16,7 @@ use crate::{
 /// The answer to `help`: every command with its arguments.
 pub const HELP: &str = "\
 help
-place NAME             put a sample under the probe
+place NAME             put a sample under the probe; the name may have spaces
 take-away              take the sample away
 turn front/back|left   turn the sensor about its axis
 truth                  the true state of the bench
@@ -73,8 +73,10 @@ pub fn execute(now: RigTime, rig: &mut Rig, line: &str) -> Result<String, Contro
     match command {
         "help" => Ok(HELP.to_owned()),
         "place" => {
-            let name = word("the name of a sample")?;
-            rig.world().place_sample(now, name)?;
+            word("the name of a sample")?;
+            // All of the line: a name may have spaces.
+            let (_, name) = line.split_once(command).unwrap_or_default();
+            rig.world().place_sample(now, name.trim())?;
             done()
         }
         "take-away" => {
@@ -129,10 +131,44 @@ impl Options<'_> {
         value.map(read).transpose()
     }
 
+    /// A value in this range.
+    fn within<T: FromStr + PartialOrd>(
+        &self,
+        key: &'static str,
+        range: RangeInclusive<T>,
+        what: &'static str,
+    ) -> Result<T, ControlError> {
+        let value = self.need(key)?;
+        if range.contains(&value) {
+            return Ok(value);
+        }
+        let written = self.0.iter().find(|word| word.starts_with(key)).copied();
+        Err(ControlError::Word { what, word: written.unwrap_or(key).to_owned() })
+    }
+
+    /// A time, ms.
+    fn milliseconds(&self) -> Result<Duration, ControlError> {
+        self.within("ms", 0..=MOST_MS, "time of up to a day").map(Duration::from_millis)
+    }
+
+    /// A distance, mm or degrees.
+    fn distance(&self) -> Result<f64, ControlError> {
+        self.within("by", -MOST_WAY..=MOST_WAY, "distance from -1000 to 1000")
+    }
+
     fn need<T: FromStr>(&self, key: &'static str) -> Result<T, ControlError> {
         self.get(key)?.ok_or(ControlError::Missing { what: key })
     }
 }
+
+/// The longest time of a fault, ms: a day.
+const MOST_MS: u64 = 24 * 3600 * 1000;
+
+/// The largest distance of a fault, mm or degrees: more than a bench has.
+const MOST_WAY: f64 = 1000.0;
+
+/// The largest knock, Hz: a sensor has about 140 Hz.
+const MOST_KNOCK_HZ: f64 = 50.0;
 
 /// The exception code of a busy Modbus unit.
 const BUSY: u8 = 6;
@@ -146,9 +182,9 @@ fn fault_kind(kind: &str, options: &Options<'_>) -> Result<FaultKind, ControlErr
         "busy" => request(RequestFault::Exception(BUSY)),
         "exception" => request(RequestFault::Exception(options.need("code")?)),
         "disconnect" => request(RequestFault::Disconnect),
-        "unplug" => request(RequestFault::Unplug(Duration::from_millis(options.need("ms")?))),
+        "unplug" => request(RequestFault::Unplug(options.milliseconds()?)),
         "drop-reply" => reply(ReplyFault::Drop),
-        "delay" => reply(ReplyFault::Delay(Duration::from_millis(options.need("ms")?))),
+        "delay" => reply(ReplyFault::Delay(options.milliseconds()?)),
         "duplicate" => reply(ReplyFault::Duplicate),
         "corrupt" => reply(ReplyFault::Corrupt),
         "truncate" => reply(ReplyFault::Truncate),
@@ -160,15 +196,18 @@ fn fault_kind(kind: &str, options: &Options<'_>) -> Result<FaultKind, ControlErr
         "alarm" => device(DeviceFault::Alarm(options.need("code")?)),
         "stall" => device(DeviceFault::Stall),
         "jam" => device(DeviceFault::Jam),
-        "lose-steps" => device(DeviceFault::LoseSteps(options.need("by")?)),
-        "miscount" => device(DeviceFault::Miscount(options.need("by")?)),
+        "lose-steps" => device(DeviceFault::LoseSteps(options.distance()?)),
+        "miscount" => device(DeviceFault::Miscount(options.distance()?)),
         "limit-switch" => device(DeviceFault::LimitSwitch),
         "emergency-stop" => device(DeviceFault::EmergencyStop),
         "overload" => device(DeviceFault::Overload),
         "blind-contact" => device(DeviceFault::BlindContact),
         "stuck-contact" => device(DeviceFault::StuckContact),
         "stuck-frequency" => device(DeviceFault::StuckFrequency),
-        "knock" => device(DeviceFault::Knock(options.need("by")?)),
+        "knock" => {
+            let range = -MOST_KNOCK_HZ..=MOST_KNOCK_HZ;
+            device(DeviceFault::Knock(options.within("by", range, "shift from -50 to 50 Hz")?))
+        }
         word => Err(ControlError::Word { what: "kind of fault", word: word.to_owned() }),
     }
 }
@@ -188,10 +227,12 @@ fn inject(
     }
     let kind = fault_kind(kind, options)?;
     let unit = options.get("unit")?;
-    let trigger = match (options.get("nth")?, options.get("next")?, options.get("rate")?) {
+    let trigger = match (options.get("nth")?, options.get("next")?, options.get::<f64>("rate")?) {
         (Some(nth), None, None) => FaultTrigger::Nth(nth),
         (None, Some(next), None) => FaultTrigger::Next(next),
-        (None, None, Some(rate)) => FaultTrigger::Rate(rate),
+        (None, None, Some(_)) => {
+            FaultTrigger::Rate(options.within("rate", 0.0..=1.0, "probability from 0 to 1")?)
+        }
         (None, None, None) => {
             if let FaultKind::Device(fault) = kind {
                 rig.apply_fault(now, port, unit, fault);
@@ -258,6 +299,17 @@ mod tests {
     }
 
     #[test]
+    fn a_sample_may_have_spaces_in_its_name() {
+        let mut scene = matched();
+        scene.samples[0].name = "a b".to_owned();
+        let wiring = Wiring::paper(LineTransport::Serial { baud: 115_200 });
+        let mut rig = Rig::new(scene, &wiring, 1).unwrap();
+        assert_eq!(execute(RigTime::ZERO, &mut rig, " place  a b ").as_deref(), Ok("ok"));
+        let truth = execute(RigTime::ZERO, &mut rig, "truth").unwrap();
+        assert!(truth.starts_with("sample=a b orientation"), "{truth}");
+    }
+
+    #[test]
     fn every_fault_of_the_menu_can_be_said() {
         let mut rig = rig();
         let options = "code=4 ms=100 bytes=5 as=7 by=-0.5";
@@ -316,6 +368,17 @@ mod tests {
             ("fault bus explode", "\"explode\" is no kind of fault; say help"),
             ("fault bus delay", "ms is missing; say help"),
             ("fault bus delay ms=soon", "\"ms=soon\" is no number; say help"),
+            ("fault bus miscount by=nan", "\"by=nan\" is no distance from -1000 to 1000; say help"),
+            (
+                "fault bus lose-steps by=inf",
+                "\"by=inf\" is no distance from -1000 to 1000; say help",
+            ),
+            ("fault analyzer knock by=1e9", "\"by=1e9\" is no shift from -50 to 50 Hz; say help"),
+            ("fault bus echo rate=nan", "\"rate=nan\" is no probability from 0 to 1; say help"),
+            (
+                "fault bus delay ms=18446744073709551615",
+                "\"ms=18446744073709551615\" is no time of up to a day; say help",
+            ),
             ("fault bus echo soon", "\"soon\" is no option; say help"),
             (
                 "fault bus echo nth=1 rate=0.5",

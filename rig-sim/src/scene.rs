@@ -1,6 +1,8 @@
 //! Scene files. The comments in `config/scenes/paper.toml` are the manual of their keys; those of adhesion and
 //! thickness are in `matched.toml`, those of a bench that is not as its rig file describes it in `new-bench.toml`.
 
+use std::ops::RangeInclusive;
+
 use rig_contact::{Friction, SensorDesign, Specimen};
 use rig_files::{
     Complaint, Faults,
@@ -104,6 +106,33 @@ const BALL_OFFSET_MAX_MM: f64 = 5.0;
 /// Largest height of debris on the tip, mm.
 const DEBRIS_MAX_MM: f64 = 1.0;
 
+/// Furthest place on a bench, mm: a bench is smaller than a metre.
+const BENCH_MM: RangeInclusive<f64> = -1000.0..=1000.0;
+
+/// Tilts that a table may have, degrees: beyond a quarter turn the probe is below the sample.
+const TILT_DEG: RangeInclusive<f64> = -90.0..=90.0;
+
+/// Largest play, scatter of a height and error of a screw, mm or degrees.
+const PLAY_MAX: f64 = 10.0;
+
+/// Lengths over which the error of a screw changes, mm: from less than a step to more than a bench.
+const SCREW_LENGTH_MM: RangeInclusive<f64> = 1e-3..=1e4;
+
+/// Largest standard deviation of a slope, degrees. A slope of four of them is nearly a wall.
+const SLOPE_MAX_DEG: f64 = 20.0;
+
+/// Largest jitter of an encoder, steps.
+const ENCODER_MAX_STEPS: f64 = 1e4;
+
+/// Longest time of an analyzer for one command, s.
+const COMMAND_MAX_S: f64 = 10.0;
+
+/// Largest shift of the resonance by warmth and by the walk of an hour, Hz: a sensor has about 140 Hz.
+const DRIFT_MAX_HZ: f64 = 20.0;
+
+/// Largest shift of the resonance for a square volt, Hz/V². An analyzer has up to 20 V.
+const LEVEL_MAX_HZ_PER_V2: f64 = 0.1;
+
 /// Reads the sensor. A rig file describes a ball on the axis of its probe, a scene may have it beside.
 fn design(table: &mut Table<'_>) -> DesignKeys {
     let mut keys = DesignKeys::read(table, Presence::Required, None);
@@ -152,9 +181,9 @@ fn contact(table: &mut Table<'_>) -> SensorScene {
 }
 
 fn place(table: &mut Table<'_>) -> TrueGeometry {
-    let edge = table.number("edge_mm").optional();
-    let pin = table.number("pin_mm").above(0.0).optional();
-    let mut number = |key| table.number(key).required().value;
+    let edge = table.number("edge_mm").range(BENCH_MM).optional();
+    let pin = table.number("pin_mm").above(0.0).at_most(*BENCH_MM.end()).optional();
+    let mut number = |key| table.number(key).range(BENCH_MM).required().value;
     TrueGeometry {
         edge_mm: edge.map_or(f64::INFINITY, |edge| edge.value),
         pin_mm: pin.map(|pin| pin.value),
@@ -170,24 +199,43 @@ struct StageKeys {
     travel: &'static str,
     step: &'static str,
     zero: &'static str,
+    /// Where the stage may be.
+    range: RangeInclusive<f64>,
 }
 
-const LINEAR: StageKeys =
-    StageKeys { start: "start_mm", travel: "travel_mm", step: "mm_per_step", zero: "zero_mm" };
-const ROTARY: StageKeys =
-    StageKeys { start: "start_deg", travel: "travel_deg", step: "deg_per_step", zero: "zero_deg" };
+const LINEAR: StageKeys = StageKeys {
+    start: "start_mm",
+    travel: "travel_mm",
+    step: "mm_per_step",
+    zero: "zero_mm",
+    range: BENCH_MM,
+};
+const ROTARY: StageKeys = StageKeys {
+    start: "start_deg",
+    travel: "travel_deg",
+    step: "deg_per_step",
+    zero: "zero_deg",
+    range: TILT_DEG,
+};
+
+/// Largest step of a drive, mm or degrees.
+const STEP_MAX: f64 = 10.0;
+
+/// Furthest zero of a drive, mm or degrees: a counter may have wound on.
+const ZERO_MAX: f64 = 1e5;
 
 fn mechanics(table: &mut Table<'_>, keys: &StageKeys) -> Mechanics {
-    let step = table.number(keys.step).optional();
+    let step = table.number(keys.step).range(-STEP_MAX..=STEP_MAX).optional();
     let units_per_step = step.and_then(|step| {
         if step.value == 0.0 {
             table.refuse(&step, &NoStep { key: keys.step });
         }
         step.sound().copied().filter(|step| *step != 0.0)
     });
-    let zero = table.number(keys.zero).optional().map(|zero| zero.value);
+    let zero = table.number(keys.zero).range(-ZERO_MAX..=ZERO_MAX).optional();
+    let zero = zero.map(|zero| zero.value);
     let start = table.number(keys.start).required();
-    let travel = table.number(keys.travel).interval().required();
+    let travel = table.number(keys.travel).range(keys.range.clone()).interval().required();
     if let (Some(place), Some((min, max))) = (start.sound(), travel.sound())
         && !(min..=max).contains(&place)
     {
@@ -210,7 +258,8 @@ fn person(table: &mut Table<'_>) -> PersonScene {
 
 fn nuisances(table: &mut Table<'_>) -> Nuisances {
     let none = Nuisances::NONE;
-    let screw_length_mm = table.number("screw_length_mm").above(0.0).or(none.screw_length_mm).value;
+    let length = table.number("screw_length_mm").range(SCREW_LENGTH_MM);
+    let screw_length_mm = length.or(none.screw_length_mm).value;
     let drift = table.section("drift", drift).or(none.drift).value;
     let mut share = |key| table.number(key).range(0.0..=1.0).or(0.0).value;
     let (stiffness_rel, impedance_rel) = (share("stiffness_rel"), share("impedance_rel"));
@@ -218,36 +267,40 @@ fn nuisances(table: &mut Table<'_>) -> Nuisances {
     let capacitance_slope = table.number("capacitance_slope").range(-0.2..=0.2).or(0.0).value;
     let debris_mm = table.number("debris_mm").range(0.0..=DEBRIS_MAX_MM).or(0.0).value;
     let position_age_s = table.number("position_age_s").range(0.0..=0.1).or(0.0).value;
-    let level_hz_per_v2 = table.number("level_hz_per_v2").or(0.0).value;
-    let mut size = |key| table.number(key).at_least(0.0).or(0.0).value;
+    let level = -LEVEL_MAX_HZ_PER_V2..=LEVEL_MAX_HZ_PER_V2;
+    let level_hz_per_v2 = table.number("level_hz_per_v2").range(level).or(0.0).value;
+    let mut size = |key, most| table.number(key).range(0.0..=most).or(0.0).value;
     Nuisances {
-        mounting_mm: size("mounting_mm"),
-        slope_deg: size("slope_deg"),
+        mounting_mm: size("mounting_mm", PLAY_MAX),
+        slope_deg: size("slope_deg", SLOPE_MAX_DEG),
         stiffness_rel,
-        screw_mm: size("screw_mm"),
+        screw_mm: size("screw_mm", PLAY_MAX),
         screw_length_mm,
-        linear_backlash_mm: size("linear_backlash_mm"),
-        rotary_backlash_deg: size("rotary_backlash_deg"),
-        homing_mm: size("homing_mm"),
-        homing_deg: size("homing_deg"),
-        encoder_steps: size("encoder_steps"),
+        linear_backlash_mm: size("linear_backlash_mm", PLAY_MAX),
+        rotary_backlash_deg: size("rotary_backlash_deg", PLAY_MAX),
+        homing_mm: size("homing_mm", PLAY_MAX),
+        homing_deg: size("homing_deg", PLAY_MAX),
+        encoder_steps: size("encoder_steps", ENCODER_MAX_STEPS),
         position_age_s,
         drift,
         level_hz_per_v2,
         impedance_rel,
         analyzer_phase_deg,
         capacitance_slope,
-        analyzer_command_s: size("analyzer_command_s"),
+        analyzer_command_s: size("analyzer_command_s", COMMAND_MAX_S),
         debris_mm,
     }
 }
 
 fn drift(table: &mut Table<'_>) -> Drift {
     let none = Nuisances::NONE.drift;
+    let warm_up_hz = table.number("warm_up_hz").range(-DRIFT_MAX_HZ..=DRIFT_MAX_HZ);
+    let warm_up_hz = warm_up_hz.or(none.warm_up_hz).value;
+    let walk = table.number("walk_hz_per_sqrt_hour").range(0.0..=DRIFT_MAX_HZ);
     Drift {
-        warm_up_hz: table.number("warm_up_hz").or(none.warm_up_hz).value,
+        warm_up_hz,
+        walk_hz_per_sqrt_hour: walk.or(0.0).value,
         warm_up_s: table.number("warm_up_s").above(0.0).or(none.warm_up_s).value,
-        walk_hz_per_sqrt_hour: table.number("walk_hz_per_sqrt_hour").at_least(0.0).or(0.0).value,
     }
 }
 
@@ -403,6 +456,41 @@ mod tests {
         let misread = text.replacen("wrong_answers = 0.1", "wrong_answers = 1.5", 1);
         let faults = read("s.toml", &misread).unwrap_err().to_string();
         assert!(faults.contains("wrong_answers = 1.5"), "{faults}");
+    }
+
+    #[test]
+    fn a_value_that_no_bench_has_is_refused() {
+        for (written, key, value) in [
+            ("analyzer_command_s = 50e-6", "analyzer_command_s", "1e20"),
+            ("warm_up_hz = 0.3", "warm_up_hz", "-1e6"),
+            ("walk_hz_per_sqrt_hour = 0.1", "walk_hz_per_sqrt_hour", "1e9"),
+            ("slope_deg = 1", "slope_deg", "1000"),
+            ("mounting_mm = 0.06", "mounting_mm", "1e9"),
+            ("screw_length_mm = 0.3", "screw_length_mm", "1e-300"),
+            ("encoder_steps = 0.3", "encoder_steps", "1e12"),
+            ("linear_backlash_mm = 0.002", "linear_backlash_mm", "1e9"),
+            ("surface_mm = 10.03", "surface_mm", "1e308"),
+            ("probe_beside_pivot_mm = 0.32", "probe_beside_pivot_mm", "-1e5"),
+            ("travel_mm = [0, 50]", "travel_mm", "[0, 1e9]"),
+            ("travel_deg = [-60, 60]", "travel_deg", "[-170, 170]"),
+            ("seed = 2020", "nuisances.level_hz_per_v2", "1"),
+        ] {
+            let text = include_str!("../../config/scenes/matched.toml");
+            let text = match key.strip_prefix("nuisances.") {
+                Some(key) => format!("{}\n[nuisances]\n{key} = {value}\n", without_nuisances(text)),
+                None => text.replacen(written, &format!("{key} = {value}"), 1),
+            };
+            assert!(text.contains(&format!(" = {value}")), "{written}");
+            let faults = read("s.toml", &text).unwrap_err();
+            let told: Vec<_> = faults.iter().map(ToString::to_string).collect();
+            let key = key.strip_prefix("nuisances.").unwrap_or(key);
+            assert!(told.iter().all(|told| told.contains(key)), "{told:?}");
+            assert!(told.iter().any(|told| told.contains(" the limit of ")), "{told:?}");
+        }
+    }
+
+    fn without_nuisances(text: &str) -> &str {
+        &text[..text.find("[nuisances]").unwrap()]
     }
 
     #[test]
