@@ -50,7 +50,8 @@ impl Motion {
         }
     }
 
-    /// From here to `target`. A motor that is under way stops first: the direction may change.
+    /// From here to `target`. A motor that is under way stops first: the direction may change. Without speed or
+    /// acceleration it stays there.
     pub(super) fn start(&self, now: RigTime, target: f64, profile: &Profile) -> Self {
         let mut next = self.stop(now, profile.deceleration);
         let start = next.target;
@@ -58,7 +59,10 @@ impl Motion {
         let Profile { speed, acceleration, deceleration } = *profile;
         let reach = 2.0 * distance.abs() * acceleration * deceleration;
         let top = speed.min((reach / (acceleration + deceleration)).sqrt());
-        if top > 0.0 && distance != 0.0 {
+        if distance != 0.0 {
+            if !(0.0 < top && top.is_finite()) {
+                return next;
+            }
             let sign = distance.signum();
             let (up_s, down_s) = (top / acceleration, top / deceleration);
             let cruise_s = (distance.abs() / top - 0.5 * (up_s + down_s)).max(0.0);
@@ -80,12 +84,15 @@ impl Motion {
     /// To rest, as fast as `deceleration` allows.
     pub(super) fn stop(&self, now: RigTime, deceleration: f64) -> Self {
         let (start, speed) = self.state(now);
+        let arrived_before = self.arrived().min(now);
+        if speed == 0.0 {
+            return Self { began: now, segments: Vec::new(), target: start, arrived_before };
+        }
         let duration_s = speed.abs() / deceleration;
         let acceleration = -speed.signum() * deceleration;
         let segment = MotionSegment { duration_s, start, speed, acceleration };
         let target = segment.position(duration_s);
-        let segments = if speed == 0.0 { Vec::new() } else { vec![segment] };
-        Self { began: now, segments, target, arrived_before: self.arrived().min(now) }
+        Self { began: now, segments: vec![segment], target, arrived_before }
     }
 
     /// To rest at once, as against a wall.
@@ -168,6 +175,21 @@ mod tests {
             assert!((place - target).abs() < 2e-3, "{target}: {place}");
             assert!(steepest <= 100.1, "{target}: {steepest}");
             assert_eq!(motion.position(motion.ends()), target);
+        }
+    }
+
+    #[test]
+    fn a_move_without_speed_or_acceleration_stays_where_it_is() {
+        let still = [
+            Profile { speed: 0.0, ..PROFILE },
+            Profile { acceleration: 0.0, ..PROFILE },
+            Profile { deceleration: 0.0, ..PROFILE },
+            Profile { speed: f64::NAN, acceleration: f64::NAN, ..PROFILE },
+        ];
+        for profile in still {
+            let motion = Motion::resting_at(1.0).start(at(1.0), 5.0, &profile);
+            let found = (motion.position(at(9.0)), motion.target(), motion.ends());
+            assert_eq!(found, (1.0, 1.0, at(1.0)), "{profile:?}");
         }
     }
 

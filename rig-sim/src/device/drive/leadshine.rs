@@ -245,6 +245,8 @@ impl Leadshine {
             SET_ZERO => self.preset = -self.motor.command(now, world),
             // Without its motor a drive ignores commands.
             _ if !self.is_enabled() => {}
+            // Without speed it goes nowhere.
+            HOME if self.settings[&register::HOME_SPEED] == 0 => {}
             HOME => {
                 self.is_homed = false;
                 self.preset = 0.0;
@@ -342,6 +344,18 @@ mod tests {
         test_drive.wait(1.0);
         assert_eq!(test_drive.read_long(register::POSITION), 1500);
         assert_eq!(test_drive.read(register::PATH_TRIGGER, 1), [0]);
+    }
+
+    #[test]
+    fn a_homing_without_speed_goes_nowhere() {
+        let mut test_drive = TestDrive::new(DriveMake::LeadshinePr);
+        test_drive.set(register::HOME_SPEED, 0);
+        test_drive.set(register::TRIGGER, HOME);
+        for seconds in [0.0, 5.0] {
+            test_drive.wait(seconds);
+            assert_eq!(test_drive.read_long(register::POSITION), 4000);
+            assert_eq!(test_drive.read(register::STATUS, 1)[0] & status::HOMED, 0);
+        }
     }
 
     #[test]
