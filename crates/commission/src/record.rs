@@ -24,9 +24,15 @@ const BEGUN: &str = "begun";
 /// How long a calibration holds, s: a year. What changes on the bench ends it earlier.
 const HOLDS_S: i64 = 365 * 86_400;
 
+/// How far a clock is set back by the service that keeps it right, s, at most.
+const CLOCK_S: i64 = 60;
+
 /// When, where and by whom a calibration was made.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Circumstances {
+    /// Its number among the records of its data directory, from 1. The order of records is that of their numbers, because a clock
+    /// may be set back.
+    pub sequence: u64,
     /// Time of its end, s since 1970.
     pub unix_s: i64,
     /// Time of its end as a person reads it, UTC.
@@ -72,6 +78,9 @@ pub struct Calibration {
     /// Why it failed, or what was changed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
+    /// Its number among the records of its data directory, from 1; 0 in a record of an earlier version.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    sequence: u64,
     made: String,
     made_unix_s: i64,
     expires_unix_s: i64,
@@ -162,6 +171,7 @@ impl Calibration {
             kind,
             verdict: verdict.to_owned(),
             reason,
+            sequence: around.sequence,
             made: around.made,
             made_unix_s: around.unix_s,
             expires_unix_s: around.unix_s + HOLDS_S,
@@ -296,6 +306,26 @@ impl Calibration {
     pub const fn made_unix_s(&self) -> i64 {
         self.made_unix_s
     }
+
+    /// Its number among the records of its data directory, from 1; 0 in a record of an earlier version.
+    pub const fn sequence(&self) -> u64 {
+        self.sequence
+    }
+
+    /// What orders records: their numbers, and those of earlier versions by their times.
+    pub(crate) const fn order(&self) -> (u64, i64) {
+        (self.sequence, self.made_unix_s)
+    }
+
+    /// Whether its time is later than now.
+    pub(crate) const fn is_of_later(&self, unix_s: i64) -> bool {
+        unix_s + CLOCK_S < self.made_unix_s
+    }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it so")]
+const fn is_zero(sequence: &u64) -> bool {
+    *sequence == 0
 }
 
 /// The name of the file of a calibration made at this time, UTC, such as `scale-20261125T153000Z.toml`. The names
@@ -356,6 +386,7 @@ mod tests {
         }];
         let change = Change { key: "linear.mm_per_step", from: 0.001, to: 0.00102 };
         let around = Circumstances {
+            sequence: 3,
             unix_s: 1_795_000_000,
             made: "2026-11-18T09:06:40Z".to_owned(),
             person: "ada".to_owned(),

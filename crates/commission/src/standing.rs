@@ -21,6 +21,8 @@ pub enum Why {
     Changed,
     /// It was begun, and has not ended.
     Begun,
+    /// Its record is accepted, and has a time that is later than now: its age is not known.
+    Later,
 }
 
 impl Why {
@@ -37,6 +39,7 @@ impl Why {
             Self::Expired => "expired",
             Self::Changed => "the bench was changed since",
             Self::Begun => "begun, and not ended",
+            Self::Later => "its record is dated later than the clock of this computer says now",
         }
     }
 }
@@ -97,9 +100,9 @@ pub fn holding<'a>(
         let is_change = record.is_void() && record.is_of_bench(basis);
         is_change || record.has_drives_of(basis) && record.has_keys_of(basis)
     });
-    // Of two within one second, the later one in the order of the names.
-    let last = fitting.max_by_key(|record| record.made_unix_s()).ok_or_else(|| {
-        match of_kind().max_by_key(|record| record.made_unix_s()) {
+    // Of two with the same number, the later one in the order of the names.
+    let last = fitting.max_by_key(|record| record.order()).ok_or_else(|| {
+        match of_kind().max_by_key(|record| record.order()) {
             None => Why::Never,
             Some(last) if last.has_drives_of(basis) => Why::OtherKeys,
             Some(_) => Why::OtherDrives,
@@ -107,6 +110,8 @@ pub fn holding<'a>(
     })?;
     if last.is_expired(unix_s) {
         Err(Why::Expired)
+    } else if last.is_accepted() && last.is_of_later(unix_s) {
+        Err(Why::Later)
     } else if last.is_accepted() {
         Ok(last)
     } else if last.is_void() {
@@ -126,7 +131,7 @@ pub fn is_homing_begun(records: &[Calibration], basis: &Basis) -> bool {
     let of_drives =
         records.iter().filter(|record| record.kind == Kind::Homing && record.has_drives_of(basis));
     // Keys of the rig file that were changed meanwhile do not bring a zero back.
-    of_drives.max_by_key(|record| record.made_unix_s()).is_some_and(Calibration::is_begun)
+    of_drives.max_by_key(|record| record.order()).is_some_and(Calibration::is_begun)
 }
 
 /// The last record that a change of the bench has voided what was shown of a kind with these drives.
@@ -138,7 +143,7 @@ pub fn last_change<'a>(
     let is_change = |record: &&Calibration| {
         record.kind == kind && record.is_of_bench(basis) && record.is_void()
     };
-    records.iter().filter(is_change).max_by_key(|record| record.made_unix_s())
+    records.iter().filter(is_change).max_by_key(|record| record.order())
 }
 
 /// The last accepted record of a kind with these keys and drives, since the bench was changed; whether it has expired, or
@@ -149,14 +154,14 @@ pub fn last_accepted<'a>(
     basis: &Basis,
 ) -> Option<&'a Calibration> {
     let is_after = |record: &&Calibration, since: Option<&Calibration>| {
-        since.is_none_or(|since| since.made_unix_s() < record.made_unix_s())
+        since.is_none_or(|since| since.order() < record.order())
     };
     let since = last_change(kind, records, basis);
     let of_kind = records.iter().filter(|record| record.kind == kind);
     of_kind
         .filter(|record| record.has_drives_of(basis) && record.has_keys_of(basis))
         .filter(|record| record.is_accepted() && is_after(record, since))
-        .max_by_key(|record| record.made_unix_s())
+        .max_by_key(|record| record.order())
 }
 
 /// The daily checks since the bench was changed, the oldest first: those with the present keys and drives, and with
@@ -173,11 +178,11 @@ pub fn checks<'a>(
     let mut found: Vec<_> = records.iter().filter(is_of_bench).collect();
     // The names of the files are in the order of time within a second.
     found.sort_by_key(|record| record.made_unix_s());
-    let begin = found.iter().rposition(|record| record.is_void()).map_or(0, |void| void + 1);
-    let mut found = found.split_off(begin);
+    let since = found.iter().filter(|record| record.is_void()).map(|record| record.order()).max();
     found.retain(|record| {
+        let is_after = !record.is_void() && since.is_none_or(|since| since < record.order());
         let has_protocols = |sha256| record.has_protocols(sha256);
-        record.has_keys_of(basis) && protocols.is_none_or(has_protocols)
+        is_after && record.has_keys_of(basis) && protocols.is_none_or(has_protocols)
     });
     found
 }
@@ -201,6 +206,7 @@ mod tests {
 
     fn around(unix_s: i64) -> Circumstances {
         Circumstances {
+            sequence: 0,
             unix_s,
             made: "2026-11-25T00:00:00Z".to_owned(),
             person: "ada".to_owned(),
@@ -268,6 +274,54 @@ mod tests {
         let mut records = vec![accepted(kind, &simulated, 10)];
         records.push(Calibration::void(kind, BenchChange::Probe, &one, around(20)));
         assert_eq!(holding(kind, &records, &simulated, 31).map(drop), Ok(()));
+    }
+
+    /// A record as it is, with this number.
+    fn numbered(sequence: u64, record: Calibration) -> Calibration {
+        let text = record.to_toml().unwrap();
+        let made = format!("sequence = {sequence}\nmade = ");
+        Calibration::read(&text.replacen("made = ", &made, 1)).unwrap()
+    }
+
+    #[test]
+    fn a_record_that_follows_another_one_decides_also_after_the_clock_was_set_back() {
+        let basis = basis("0.001");
+        let kind = Kind::Homing;
+        let failed = Finding::failed("it slips".to_owned());
+        for (later, expected) in [
+            (Calibration::void(kind, BenchChange::Drive, &basis, around(20)), Err(Why::Changed)),
+            (Calibration::new(kind, failed, &basis, around(20)), Err(Why::Failed)),
+            (Calibration::begun(kind, &basis, around(20)), Err(Why::Begun)),
+            (accepted(kind, &basis, 20), Ok(20)),
+        ] {
+            // The first one was made while the clock was an hour ahead.
+            for first in [numbered(1, accepted(kind, &basis, 3600)), accepted(kind, &basis, 3600)] {
+                let records = [first, numbered(2, later.clone())];
+                let found = holding(kind, &records, &basis, 21).map(Calibration::made_unix_s);
+                assert_eq!(found, expected);
+                assert_eq!(is_homing_begun(&records, &basis), expected == Err(Why::Begun));
+                let change = last_change(kind, &records, &basis).is_some();
+                assert_eq!(change, expected == Err(Why::Changed));
+                assert_eq!(last_accepted(kind, &records, &basis).is_none(), change);
+            }
+        }
+        let check = accepted(Kind::Check, &basis, 3600);
+        let void = Calibration::void(Kind::Check, BenchChange::Probe, &basis, around(20));
+        let records = [numbered(1, check), numbered(2, void)];
+        assert_eq!(checks(&records, &basis, None), Vec::<&Calibration>::new());
+    }
+
+    #[test]
+    fn an_accepted_record_of_later_than_now_does_not_hold() {
+        let basis = basis("0.001");
+        let records = [accepted(Kind::Scale, &basis, 3600)];
+        let held = |unix_s| holding(Kind::Scale, &records, &basis, unix_s).map(drop);
+        assert_eq!((held(20), held(3600)), (Err(Why::Later), Ok(())));
+        // A clock that is kept right goes back a little.
+        assert_eq!(held(3599), Ok(()));
+        let said = Standing::of(&records, &basis, 20).to_string();
+        let why = "scale (its record is dated later than the clock of this computer says now)";
+        assert!(said.contains(why), "{said}");
     }
 
     #[test]

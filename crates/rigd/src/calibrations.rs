@@ -320,7 +320,9 @@ fn keep_at(
     record: impl FnOnce(Circumstances) -> Calibration,
 ) -> Result<PathBuf, CalibrationsError> {
     let Witness { person, journal, temperature_c } = witness;
+    let last = read(data)?.iter().map(Calibration::sequence).max().unwrap_or(0);
     let calibration = record(Circumstances {
+        sequence: last + 1,
         unix_s: made.as_second(),
         made: made.strftime("%Y-%m-%dT%H:%M:%SZ").to_string(),
         person,

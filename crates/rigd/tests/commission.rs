@@ -14,6 +14,9 @@ use rig_store::{CitedCalibration, Digest, Reader, Record};
 use sha2::{Digest as _, Sha256};
 use tempfile::TempDir;
 
+#[path = "support/commissioned.rs"]
+mod commissioned;
+
 /// What a bench is in truth.
 #[derive(Debug, Clone, Copy)]
 struct Truth {
@@ -168,6 +171,36 @@ fn nothing_moves_on_a_bench_that_nobody_has_commissioned() {
     let long = jog("0.3");
     assert_eq!(long.status.code(), Some(2));
     assert!(stderr(&long).contains("0.300 mm is more than the 0.200 mm"), "{}", stderr(&long));
+}
+
+#[test]
+fn a_change_of_the_bench_holds_also_after_the_clock_was_set_back() {
+    let bench = Bench::new(DESCRIBED, 1, 0.0);
+    let data = bench.folder.path().join("data");
+    let rig = fs::read_to_string(bench.folder.path().join("rig.toml")).unwrap();
+    commissioned::commission(&rig, &data);
+    let said = |args: &[&str]| String::from_utf8(bench.rigd(args).stdout).unwrap();
+    let show = ["commission", "show", "--json"];
+    assert!(!said(&show).contains("why"));
+    // The clock was an hour ahead when they were made.
+    for entry in fs::read_dir(data.join("calibrations")).unwrap() {
+        let path = entry.unwrap().path();
+        let text = fs::read_to_string(&path).unwrap();
+        let later = |line: &str| match line.strip_prefix("made_unix_s = ") {
+            Some(made) => format!("made_unix_s = {}", made.parse::<i64>().unwrap() + 3600),
+            None => line.to_owned(),
+        };
+        let text: Vec<_> = text.lines().map(later).collect();
+        fs::write(&path, text.join("\n")).unwrap();
+    }
+    let shown = said(&show);
+    let why = "its record is dated later than the clock of this computer says now";
+    assert_eq!(shown.matches(why).count(), 6, "{shown}");
+    let home = bench.rigd(&["home"]);
+    assert_eq!(home.status.code(), Some(4), "{}", stderr(&home));
+    assert!(bench.rigd(&["commission", "changed", "stop"]).status.success());
+    let shown = said(&show);
+    assert!(shown.contains("the bench was changed since"), "{shown}");
 }
 
 #[test]

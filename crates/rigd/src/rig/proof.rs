@@ -76,8 +76,8 @@ impl Proof {
         Self { proven: Proven::Nothing, missing, unproven: None }
     }
 
-    /// The same for the way out of contact, which needs no disk: where calibrations cannot be read, or have expired only, the
-    /// rig may have been in service.
+    /// The same for the way out of contact, which needs no disk: where calibrations cannot be read, or only their times do not
+    /// fit the clock, the rig may have been in service.
     pub(super) fn for_way_out(rig: &LoadedRig, data: &Path) -> Self {
         if rig.is_put_together_as_described() {
             return Self::COMPLETE;
@@ -89,9 +89,9 @@ impl Proof {
         }
     }
 
-    /// What expired while the rig was in service does not keep its probe in the sample.
+    /// What expired while the rig was in service, and a clock that was set back, do not keep its probe in the sample.
     fn of_way_out(standing: &Standing) -> Self {
-        if standing.missing().all(|(_, why)| why == Why::Expired) {
+        if standing.missing().all(|(_, why)| matches!(why, Why::Expired | Why::Later)) {
             return Self::COMPLETE;
         }
         Self::from(standing)
@@ -176,6 +176,9 @@ mod tests {
     fn expired_calibrations_keep_no_probe_in_the_sample() {
         let expired = Step::ALL.map(|step| (step, Err(Why::Expired)));
         let mut standing = Standing { steps: expired.into() };
+        assert_eq!(Proof::of_way_out(&standing).missing, None);
+        // A clock that was set back makes them later than now.
+        standing.steps[1].1 = Err(Why::Later);
         assert_eq!(Proof::of_way_out(&standing).missing, None);
         assert!(Proof::from(&standing).missing.is_some());
         for why in [Why::Never, Why::OtherDrives, Why::Failed, Why::Changed, Why::Begun] {

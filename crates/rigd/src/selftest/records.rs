@@ -158,6 +158,7 @@ mod tests {
         let value = |name, value| Value { name, value, standard_uncertainty: 0.001, unit: "mm" };
         let values = vec![value("touches.scatter", 0.03), value("touches.trend", -0.002)];
         let around = Circumstances {
+            sequence: 1,
             unix_s: 10,
             made: "2026-11-26T00:00:00Z".to_owned(),
             person: "ada".to_owned(),
