@@ -71,8 +71,10 @@ pub enum Order {
     Step(Jog),
     /// Clear the alarm that a limit has set off. Nothing moves.
     ClearAlarm(JogAxis),
-    /// Find its zero by itself. The axis may go over its whole travel.
+    /// Find its zero by itself, the linear stage upwards. The axis may go over its whole travel.
     Home(JogAxis),
+    /// The same of a linear stage that may home downwards.
+    HomeDown,
 }
 
 impl Order {
@@ -81,7 +83,13 @@ impl Order {
         match self {
             Self::Step(jog) => jog.axis,
             Self::ClearAlarm(axis) | Self::Home(axis) => axis,
+            Self::HomeDown => JogAxis::Linear,
         }
+    }
+
+    /// Whether a drive finds its zero, over a way that nobody knows before.
+    pub const fn is_homing(self) -> bool {
+        matches!(self, Self::Home(_) | Self::HomeDown)
     }
 
     /// Whether the axis may move.
@@ -89,7 +97,7 @@ impl Order {
         match self {
             Self::Step(jog) => jog.by != 0.0,
             Self::ClearAlarm(_) => false,
-            Self::Home(_) => true,
+            Self::Home(_) | Self::HomeDown => true,
         }
     }
 }
@@ -107,6 +115,11 @@ impl std::fmt::Display for Order {
             ),
             Self::ClearAlarm(_) => write!(f, "the alarm of the {axis} is cleared. Nothing moves."),
             Self::Home(JogAxis::Linear) => write!(
+                f,
+                "the drive of the {axis} finds its zero upwards, at its own speed. Nothing is below the probe, and a hand is at the \
+                 stop."
+            ),
+            Self::HomeDown => write!(
                 f,
                 "the drive of the {axis} finds its zero, at its own speed. Table, holder and dish are taken away: nothing is \
                  below the probe, down to the end of its travel, and a hand is at the stop."

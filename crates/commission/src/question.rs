@@ -29,6 +29,8 @@ pub enum Asked {
     LetGo,
     /// How far the carriage can still go down, by a rule.
     WayDown,
+    /// Take away the table, because the linear stage homes downwards.
+    TableAway,
     /// Set one test indicator against the carriage and one against the edge of the table, both to zero.
     SetIndicators,
     /// Take the power from both drives, and give it back.
@@ -159,6 +161,10 @@ impl Asked {
                 "Set a test indicator with divisions of 1 µm against the carriage of the probe, and a second one against the edge \
                  of the table on the side of the tip of the bimorph, 20 mm from its axis. Set both to zero. Is it done?"
             }
+            Self::TableAway => {
+                "The drive of the linear stage may look for its zero downwards. Take table, holder and dish away, and leave the \
+                 indicator at the carriage as it is. Is nothing below the probe, down to the end of its travel?"
+            }
             Self::PowerCycle => {
                 "Switch the power of both drives off, wait ten seconds, and switch it on again. Is it on?"
             }
@@ -195,6 +201,7 @@ impl Asked {
             | Self::HoldSwitch
             | Self::LetGo
             | Self::SetIndicators
+            | Self::TableAway
             | Self::PowerCycle => &[Choice::Yes, Choice::No],
             Self::ProbeWent => &[Choice::Up, Choice::Down, Choice::Nowhere],
             Self::EdgeSank => &[Choice::Tip, Choice::Clamp, Choice::Neither],

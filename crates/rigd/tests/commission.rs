@@ -448,6 +448,29 @@ fn a_drive_that_forgets_its_place_is_homed_and_one_that_homes_badly_is_refused()
     }
 }
 
+#[test]
+fn no_homing_is_let_happen_by_yes_alone() {
+    let bench = Bench::new(DESCRIBED, 1, 0.0);
+    bench.edit(
+        "rig.toml",
+        &[
+            ("register_map = \"oriental-az\"", "register_map = \"leadshine-pr\""),
+            ("person = \"answers\"", "person = \"waits\""),
+        ],
+    );
+    let rig = fs::read_to_string(bench.folder.path().join("rig.toml")).unwrap();
+    commissioned::commission(&rig, &bench.folder.path().join("data"));
+    let answers = ["--answer", "yes"].repeat(3);
+    let again = [&["commission", "again", "homing", "--yes"][..], &answers].concat();
+    let said = bench.rigd(&again);
+    assert_eq!(said.status.code(), Some(1), "{}", stderr(&said));
+    let why = "the input ended before this was answered: whether a drive may find its zero, which `--yes` does not answer";
+    assert!(stderr(&said).contains(why), "{}", stderr(&said));
+    let said = bench.rigd(&[&again[..], &["--answer", "no"]].concat());
+    let why = "rotary stage: its drive was not let find its zero";
+    assert!(stderr(&said).contains(why), "{}", stderr(&said));
+}
+
 /// A bench that needs no step of commissioning, with these values of its scene.
 fn described(seed: u64, nuisances: &[(&str, &str)]) -> Bench {
     let truth = Truth { mm_per_step: 0.001, zero_mm: 0.0, deg_per_step: 0.01, zero_deg: 0.0 };

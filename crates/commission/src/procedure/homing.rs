@@ -3,6 +3,10 @@
 //!
 //! Test indicators show it, and no drive. They are set to zero before the power goes, so that a zero that moves shows
 //! too: signs, scale and geometry were found with the old one.
+//!
+//! A linear stage that homes downwards has no room for the table with its indicator. The rotary axis is shown first then, and the
+//! linear stage stands still. Then the table is taken away, and the linear stage is shown by the indicator that was set at the
+//! begin.
 
 use rig_files::rig_file::RigFile;
 use rig_model::{Axis, Unit};
@@ -44,6 +48,8 @@ struct Place {
     away: f64,
     readings: Vec<f64>,
     is_homing: bool,
+    /// How its drive is told to find its zero.
+    home: Order,
 }
 
 pub(super) async fn carry_out<B: Bench>(
@@ -51,18 +57,35 @@ pub(super) async fn carry_out<B: Bench>(
     bench: &mut B,
 ) -> Result<Finding, Early<B::Trouble>> {
     confirm(bench, Asked::NoSample).await?;
-    let mut places = [
-        Place::of(bench, JogAxis::Linear, &rig.limits.linear).await?,
-        Place::of(bench, JogAxis::Rotary, &rig.limits.rotary).await?,
-    ];
+    let mut linear = Place::of(bench, JogAxis::Linear, &rig.limits.linear).await?;
+    let mut rotary = Place::of(bench, JogAxis::Rotary, &rig.limits.rotary).await?;
     confirm(bench, Asked::SetIndicators).await?;
     bench.homing_begins().await?;
-    for cycle in 0..HOMINGS {
+    if rig.linear.is_homing_up {
+        find_again(bench, &mut [&mut linear, &mut rotary], 0).await?;
+    } else {
+        find_again(bench, &mut [&mut rotary], 0).await?;
+        confirm(bench, Asked::TableAway).await?;
+        linear.home = Order::HomeDown;
+        // The power of its drive was off meanwhile, and the axis stood still.
+        linear.come_back(bench, 0.0).await?;
+        find_again(bench, &mut [&mut linear], 1).await?;
+    }
+    Ok(judge([linear.kept(), rotary.kept()]))
+}
+
+/// Takes the power away and has the drives find their axes again, from the cycle `first` on.
+async fn find_again<B: Bench>(
+    bench: &mut B,
+    places: &mut [&mut Place],
+    first: usize,
+) -> Result<(), Early<B::Trouble>> {
+    for cycle in first..HOMINGS {
         let is_power = cycle < POWER_CYCLES;
         if !is_power && places.iter().all(|place| !place.is_homing) {
             break;
         }
-        for place in &places {
+        for place in places.iter() {
             let way = WAYS[part(place.axis)][cycle % 5];
             if is_power || place.is_homing {
                 go_to(bench, place.axis, place.at + place.away * way).await?;
@@ -71,15 +94,14 @@ pub(super) async fn carry_out<B: Bench>(
         if is_power {
             confirm(bench, Asked::PowerCycle).await?;
         }
-        for place in &mut places {
+        for place in places.iter_mut() {
             if is_power || place.is_homing {
                 let way = WAYS[part(place.axis)][cycle % 5];
                 place.come_back(bench, way).await?;
             }
         }
     }
-    let [linear, rotary] = &places;
-    Ok(judge([linear.kept(), rotary.kept()]))
+    Ok(())
 }
 
 const fn part(axis: JogAxis) -> usize {
@@ -111,7 +133,7 @@ impl Place {
         let at = position(bench, axis).await?;
         let longest = WAYS[part(axis)][4];
         let away = if at + longest < limits.soft().max.value() { 1.0 } else { -1.0 };
-        Ok(Self { axis, at, away, readings: vec![0.0], is_homing: false })
+        Ok(Self { axis, at, away, readings: vec![0.0], is_homing: false, home: Order::Home(axis) })
     }
 
     fn kept(&self) -> Kept<'_> {
@@ -128,7 +150,7 @@ impl Place {
         let found = self.started(bench).await?;
         if self.is_homing || !found.is_homed {
             self.is_homing = true;
-            order(bench, Order::Home(axis)).await?;
+            order(bench, self.home).await?;
         } else if (found.at - place - away * way).abs() > KEPT {
             let (name, unit) = (axis.name(), axis.unit());
             return Err(Early::Failed(format!(

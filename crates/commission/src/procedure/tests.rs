@@ -13,7 +13,12 @@ use crate::Verdict;
 /// A bench whose axes go where they are told, up to an end, and whose answers are given.
 struct Scripted {
     answers: VecDeque<(Asked, Choice)>,
+    /// What is read whenever it is asked for.
+    readings: Vec<(Asked, f64)>,
     at: [f64; 2],
+    /// Whether the drives find their zero again after their power was off.
+    is_forgetting: bool,
+    is_homed: [bool; 2],
     /// What was said, and each motion.
     said: Vec<String>,
 }
@@ -28,14 +33,24 @@ impl Bench for Scripted {
         let is_next = self.answers.front().is_some_and(|(next, _)| *next == asked);
         let next = if is_next { self.answers.pop_front() } else { None };
         self.said.push(format!("{asked:?}"));
+        if asked == Asked::PowerCycle && self.is_forgetting {
+            self.is_homed = [false; 2];
+        }
+        if let Some((_, reading)) = self.readings.iter().find(|(of, _)| *of == asked) {
+            return Ok(Answer::Reading(*reading));
+        }
         Ok(Answer::Choice(next.map_or(Choice::No, |(_, choice)| choice)))
     }
 
     async fn drive(&mut self, order: Order) -> Result<Result<Jogged, String>, Infallible> {
         let axis = usize::from(order.axis() == JogAxis::Rotary);
-        let from = self.at[axis];
+        let (from, is_homed) = (self.at[axis], self.is_homed[axis]);
         let Order::Step(jog) = order else {
-            return Ok(Ok(Jogged { from, at: from, is_homed: true }));
+            if order.is_homing() {
+                self.said.push(format!("{order:?}"));
+                self.is_homed[axis] = true;
+            }
+            return Ok(Ok(Jogged { from, at: from, is_homed }));
         };
         self.at[axis] = (from + jog.by).clamp(-ENDS[axis], ENDS[axis]);
         if jog.by != 0.0 {
@@ -43,7 +58,7 @@ impl Bench for Scripted {
         }
         let at = self.at[axis];
         let is_stopped = (at - from - jog.by).abs() > 1e-9;
-        let made = Jogged { from, at, is_homed: true };
+        let made = Jogged { from, at, is_homed };
         Ok(if is_stopped { Err("stopped".to_owned()) } else { Ok(made) })
     }
 
@@ -60,12 +75,26 @@ impl Bench for Scripted {
     }
 }
 
+const RIG: &str = include_str!("../../../../config/rigs/simulated.toml");
+
+fn scripted(answers: &[(Asked, Choice)]) -> Scripted {
+    Scripted {
+        answers: answers.iter().copied().collect(),
+        readings: Vec::new(),
+        at: [25.0, 0.0],
+        is_forgetting: false,
+        is_homed: [true; 2],
+        said: Vec::new(),
+    }
+}
+
 /// Makes a step with these answers, a no where they do not fit, and returns what was said and moved.
 fn play(step: Step, answers: &[(Asked, Choice)]) -> (Finding, Vec<String>) {
-    let text = include_str!("../../../../config/rigs/simulated.toml");
-    let rig = RigFile::read("rig.toml", text).unwrap();
-    let answers = answers.iter().copied().collect();
-    let mut bench = Scripted { answers, at: [25.0, 0.0], said: Vec::new() };
+    play_on(step, RIG, scripted(answers))
+}
+
+fn play_on(step: Step, rig: &str, mut bench: Scripted) -> (Finding, Vec<String>) {
+    let rig = RigFile::read("rig.toml", rig).unwrap();
     let found = {
         let mut step = pin!(carry_out(step, &rig, &mut bench));
         let Poll::Ready(Ok(found)) = step.as_mut().poll(&mut Context::from_waker(Waker::noop()))
@@ -113,4 +142,49 @@ fn a_stop_that_is_not_pressed_yet_is_asked_for_again_and_nothing_moves() {
     let (found, said) = play(Step::Stop, &begin);
     assert!(matches!(found.verdict, Verdict::Failed(_)), "{found:?}");
     assert_eq!(said.iter().filter(|one| *one == asked).count(), TIMES);
+}
+
+/// Plays a homing of drives that forget their places.
+fn play_homing(rig: &str) -> Vec<String> {
+    let cycles = [(Asked::PowerCycle, Choice::Yes); 3];
+    let begin = [(Asked::NoSample, Choice::Yes), (Asked::SetIndicators, Choice::Yes)];
+    let away = [(Asked::TableAway, Choice::Yes)];
+    let answers = if rig == RIG {
+        [&begin[..], &cycles, &away, &cycles[..2]].concat()
+    } else {
+        [&begin[..], &cycles].concat()
+    };
+    let bench = Scripted { is_forgetting: true, ..scripted(&answers) };
+    let (found, said) = play_on(Step::Homing, rig, bench);
+    assert_eq!(found.verdict, Verdict::Accepted, "{said:#?}");
+    said
+}
+
+#[test]
+fn a_stage_that_homes_downwards_homes_with_the_table_away_and_stands_still_before() {
+    let said = play_homing(RIG);
+    let index = |what: &str| said.iter().position(|one| one == what).unwrap();
+    let (set, away) = (index("SetIndicators"), index("TableAway"));
+    let (before, after) = (&said[set..away], &said[away..]);
+    let count = |said: &[String], what: &str| said.iter().filter(|one| *one == what).count();
+    for of_linear in ["linear stage moves", "HomeDown", "Home(Linear)", "Indicator"] {
+        assert_eq!(count(before, of_linear), 0, "{of_linear}");
+    }
+    for of_rotary in ["rotary stage moves", "Home(Rotary)", "EdgeIndicator"] {
+        assert_eq!(count(after, of_rotary), 0, "{of_rotary}");
+    }
+    assert_eq!((count(before, "Home(Rotary)"), count(after, "HomeDown")), (10, 10));
+    assert_eq!((count(before, "EdgeIndicator"), count(after, "Indicator")), (10, 10));
+}
+
+#[test]
+fn a_stage_that_homes_upwards_leaves_the_table_with_its_indicator() {
+    let upwards = RIG.replacen("# homes = \"up\"", "homes = \"up\"", 1);
+    assert_ne!(upwards, RIG);
+    let said = play_homing(&upwards);
+    let count = |what: &str| said.iter().filter(|one| *one == what).count();
+    assert_eq!((count("TableAway"), count("HomeDown")), (0, 0));
+    assert_eq!((count("Home(Linear)"), count("Home(Rotary)")), (10, 10));
+    let told = Order::Home(JogAxis::Linear).to_string();
+    assert!(told.contains("upwards") && !told.contains("Table"), "{told}");
 }

@@ -90,7 +90,7 @@ struct WalkArgs {
     /// Answer to the next question, in their order; repeat it. The terminal is asked for the others
     #[arg(long, value_name = "ANSWER", allow_hyphen_values = true)]
     answer: Vec<String>,
-    /// Make each step of an axis without asking for Enter
+    /// Make each step of an axis without asking for Enter. Whether a drive may find its zero is asked all the same
     #[arg(long)]
     yes: bool,
     /// Temperature at the bench, for the records
@@ -172,6 +172,8 @@ pub(super) enum CommissionFailure {
     Block(#[from] BlockRunError),
     #[error("{axis}: {trouble}")]
     NoStep { axis: &'static str, trouble: NotMade },
+    #[error("{axis}: its drive was not let find its zero, so that nothing is recorded of it")]
+    NotLet { axis: &'static str },
 }
 
 impl From<NoRecord> for CommissionFailure {

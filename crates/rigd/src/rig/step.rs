@@ -41,7 +41,7 @@ pub(super) async fn make(
                     speed_mm_per_s: JogAxis::Linear.speed_per_s(),
                 },
                 Order::ClearAlarm(_) => PortCommand::ClearLinear,
-                Order::Home(_) => PortCommand::SeekLinear,
+                Order::Home(_) | Order::HomeDown => PortCommand::SeekLinear,
             };
             along(linear, gate, command, (order, *is_homing_up), stop).await
         }
@@ -53,7 +53,7 @@ pub(super) async fn make(
                     speed_deg_per_s: JogAxis::Rotary.speed_per_s(),
                 },
                 Order::ClearAlarm(_) => PortCommand::ClearRotary,
-                Order::Home(_) => PortCommand::SeekRotary,
+                Order::Home(_) | Order::HomeDown => PortCommand::SeekRotary,
             };
             along(rotary, gate, command, (order, false), stop).await
         }
@@ -77,7 +77,7 @@ async fn along<U: Unit>(
     let done = match order {
         Order::Step(Jog { by, axis }) => stage.jog(by, axis.speed_per_s(), stop).await,
         Order::ClearAlarm(_) => stage.reset_alarm().await.map(|status| status.position),
-        Order::Home(_) => stage.home_unproven(is_homing_up, stop).await,
+        Order::Home(_) | Order::HomeDown => stage.home_unproven(is_homing_up, stop).await,
     };
     let outcome = match &done {
         Ok(_) => Outcome::Done,

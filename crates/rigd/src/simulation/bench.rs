@@ -80,7 +80,7 @@ impl BenchPerson {
     pub(crate) fn answer(&mut self, asked: Asked) -> Answer {
         let person = &mut self.0;
         let choice = match asked {
-            Asked::NoSample | Asked::ClearWay => Choice::Yes,
+            Asked::NoSample | Asked::ClearWay | Asked::TableAway => Choice::Yes,
             Asked::AtLimit => yes(person.is_at_limit()),
             Asked::HoldSwitch | Asked::LetGo => {
                 person.hold_lower_switch(asked == Asked::HoldSwitch);

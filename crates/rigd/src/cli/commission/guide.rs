@@ -2,7 +2,7 @@
 
 use std::{collections::VecDeque, path::PathBuf};
 
-use rig_commission::{Answer, Asked, Basis, Bench, Jog, JogAxis, Jogged, Order};
+use rig_commission::{Answer, Asked, Basis, Bench, Choice, Jog, JogAxis, Jogged, Order};
 use rig_engine::Command;
 
 use super::CommissionFailure;
@@ -21,6 +21,9 @@ use crate::{
 /// The name in the record of a step that the simulated person has answered.
 const SIMULATED_PERSON: &str = "simulated person";
 
+/// What is not answered by `--yes`.
+const HOMING: &str = "whether a drive may find its zero, which `--yes` does not answer";
+
 /// What its records rest on, and where they are.
 pub(super) struct Records {
     pub(super) basis: Basis,
@@ -38,7 +41,7 @@ pub(super) struct Guide {
     terminal: Terminal,
     /// Answers from the command line, in their order.
     given: VecDeque<String>,
-    /// Steps of the axes need no Enter.
+    /// Steps of the axes need no Enter. A homing needs an answer all the same.
     is_confirmed: bool,
     /// The simulated person has answered.
     is_simulated: bool,
@@ -72,7 +75,9 @@ impl Guide {
     /// Has a drive do something, once the person lets it.
     async fn order(&mut self, order: Order) -> Result<Result<Jogged, NotMade>, Failure> {
         let (axis, unit) = (order.axis().name(), order.axis().unit());
-        if order.may_move() && !self.is_confirmed && !self.is_simulated {
+        if order.is_homing() && !self.is_simulated {
+            self.let_home(order).await?;
+        } else if order.may_move() && !self.is_confirmed && !self.is_simulated {
             self.line("whether the axis may move", format!("Press Enter: {order}")).await?;
         }
         let (handle, operator) = (self.handle.clone(), self.operator.clone());
@@ -96,6 +101,27 @@ impl Guide {
             Err(trouble) => say_clearly(&indented(&format!("{axis}: {trouble}"), 0)),
         }
         Ok(jogged)
+    }
+
+    /// Asks whether a drive may find its zero: what was said of the bench before says nothing of that way.
+    async fn let_home(&mut self, order: Order) -> Result<(), Failure> {
+        let text = format!("When you answer yes: {order} May it?");
+        let asked = Asked::NoSample;
+        let answer = if let Some(given) = self.given.pop_front() {
+            asked.read(&given).map_err(CommissionFailure::from)?
+        } else {
+            loop {
+                let line = self.line(HOMING, format!("{text} [{}]", asked.expected())).await?;
+                match asked.read(&line) {
+                    Ok(answer) => break answer,
+                    Err(error) => say_clearly(&error.to_string()),
+                }
+            }
+        };
+        if answer == Answer::Choice(Choice::Yes) {
+            return Ok(());
+        }
+        Err(CommissionFailure::NotLet { axis: order.axis().name() }.into())
     }
 
     /// Who answered.

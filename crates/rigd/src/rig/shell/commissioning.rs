@@ -52,7 +52,7 @@ impl Shell {
         let action = match order {
             Order::Step(Jog { by, .. }) => format!("step the {axis} by {by:+.3} {unit}"),
             Order::ClearAlarm(_) => format!("clear the alarm of the {axis}"),
-            Order::Home(_) => format!("have the {axis} find its zero"),
+            Order::Home(_) | Order::HomeDown => format!("have the {axis} find its zero"),
         };
         self.put_on_record(action, by)?;
         if let Some(person) = &mut self.person {
