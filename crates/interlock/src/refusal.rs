@@ -178,6 +178,16 @@ pub enum Refusal {
         /// Unit of the axis.
         unit: &'static str,
     },
+    /// A step that leads too far down, where table and sample are.
+    #[error("{what}: it would lead down to {to:.3} mm, below the lower soft limit of {min:.3} mm")]
+    BelowSoftLimit {
+        /// The command.
+        what: &'static str,
+        /// End of the step, mm.
+        to: f64,
+        /// The limit, mm.
+        min: f64,
+    },
     /// A command without an operator.
     #[error("a command without the name of an operator")]
     Anonymous,

@@ -21,6 +21,8 @@ const WINDOWS: usize = 4;
 const WINDOW_MM: f64 = 0.7;
 /// The part of the way before each window, in the same direction: it takes up the play of the screw, mm.
 const PLAY_MM: f64 = 0.5;
+/// The way that the step needs in its direction, mm: a scale that is still unknown to [`COARSE_REL`] makes it longer.
+const REACH_MM: f64 = (PLAY_MM + WAY_MM + (WINDOWS - 1) as f64 * WINDOW_MM) * (1.0 + COARSE_REL);
 /// Windows agree within this, mm: the errors of a rolled screw at both ends, and of two readings.
 const SCATTER_MM: f64 = 0.12;
 /// Standard deviation of the difference of a rolled screw at two places, mm.
@@ -66,9 +68,8 @@ pub(super) async fn carry_out<B: Bench>(
 type Found = (Vec<Value>, Vec<Change>);
 
 async fn linear<B: Bench>(rig: &RigFile, bench: &mut B) -> Result<Found, Early<B::Trouble>> {
-    let travel = rig.limits.linear.travel();
     let at = jog(bench, JogAxis::Linear, 0.0).await?.at;
-    let inwards = if at > 0.5 * (travel.min.value() + travel.max.value()) { -1.0 } else { 1.0 };
+    let sense = direction(rig, at).map_err(Early::Failed)?;
     let found = |value: f64, sigma: f64, digits| {
         let keys = ["linear.mm_per_step", "linear.zero_mm"];
         let changes = stretched(&rig.linear.scale, at, (value, digits), keys);
@@ -76,7 +77,7 @@ async fn linear<B: Bench>(rig: &RigFile, bench: &mut B) -> Result<Found, Early<B
         (Value { name, value, standard_uncertainty: sigma, unit: "1" }, changes)
     };
     for way in COARSE_WAYS_MM {
-        let there = jog(bench, JogAxis::Linear, inwards * way).await?.way();
+        let there = jog(bench, JogAxis::Linear, sense * way).await?.way();
         let agreement = Agreement::new(READINGS, 2.0 * DIAL_STEP_MM);
         let read = agreed(bench, Asked::Dial, agreement).await?;
         let scale = ratio(JogAxis::Linear, read, there);
@@ -84,18 +85,18 @@ async fn linear<B: Bench>(rig: &RigFile, bench: &mut B) -> Result<Found, Early<B
         if scale.as_ref().is_ok_and(|scale| is_close(*scale)) {
             bench.seen(JogAxis::Linear).await?;
         }
-        jog(bench, JogAxis::Linear, -inwards * way).await?;
+        jog(bench, JogAxis::Linear, -sense * way).await?;
         let scale = scale?;
         if !is_close(scale) {
             let (value, changes) = found(scale, DIAL_STEP_MM / way, 2);
             return Ok((vec![value], changes.into()));
         }
     }
-    let excess = excess(bench, inwards).await?;
+    let excess = excess(bench, sense).await?;
     let gauge = DIAL_LIMIT_MM.hypot(DIAL_STEP_MM / 2.0) / 3.0_f64.sqrt();
     // A few windows may agree by chance.
     let screw = excess.sigma.max(SCREW_MM / (WINDOWS as f64).sqrt());
-    let scale = 1.0 + excess.value / (inwards * WAY_MM);
+    let scale = 1.0 + excess.value / (sense * WAY_MM);
     if (scale - 1.0).abs() > 2.0 * COARSE_REL {
         return Err(Early::Failed(format!(
             "over {WAY_MM} mm the probe goes {scale:.3} times as far as its drive says, and over {} mm it did not",
@@ -109,19 +110,42 @@ async fn linear<B: Bench>(rig: &RigFile, bench: &mut B) -> Result<Found, Early<B
 
 /// How much further than the drive says the probe goes over the whole way, mm, in windows that begin at several
 /// places: an error of the screw at one end is not that at another.
-async fn excess<B: Bench>(bench: &mut B, inwards: f64) -> Result<Mean, Early<B::Trouble>> {
+async fn excess<B: Bench>(bench: &mut B, sense: f64) -> Result<Mean, Early<B::Trouble>> {
     let mut agreement = Agreement::new(WINDOWS, SCATTER_MM);
-    jog(bench, JogAxis::Linear, inwards * PLAY_MM).await?;
-    loop {
-        let there = jog(bench, JogAxis::Linear, inwards * WAY_MM).await?.way();
+    jog(bench, JogAxis::Linear, sense * PLAY_MM).await?;
+    for window in 1.. {
+        let there = jog(bench, JogAxis::Linear, sense * WAY_MM).await?.way();
         let read = reading(bench, Asked::Dial).await?;
-        jog(bench, JogAxis::Linear, inwards * (WINDOW_MM - WAY_MM - PLAY_MM)).await?;
-        jog(bench, JogAxis::Linear, inwards * PLAY_MM).await?;
+        jog(bench, JogAxis::Linear, sense * (WINDOW_MM - WAY_MM - PLAY_MM)).await?;
+        if window % WINDOWS == 0 {
+            // Further windows are the same ones again: there is no room for others.
+            jog(bench, JogAxis::Linear, -sense * WINDOWS as f64 * WINDOW_MM).await?;
+        }
+        jog(bench, JogAxis::Linear, sense * PLAY_MM).await?;
         match agreement.add(read - there) {
             Progress::Settled(mean) => return Ok(mean),
             Progress::More { contradicts } => doubt(bench, contradicts),
-            Progress::Failed => return Err(contradictory(Asked::Dial)),
+            Progress::Failed => break,
         }
+    }
+    Err(contradictory(Asked::Dial))
+}
+
+/// The direction in which the step has room: upwards, or else downwards as far as neither the lower soft limit nor the surface
+/// is reached.
+fn direction(rig: &RigFile, at: f64) -> Result<f64, String> {
+    let soft = rig.limits.linear.soft();
+    let surface = rig.limits.geometry.surface.value();
+    let (top, floor) = (soft.max.value(), soft.min.value().max(surface));
+    if at + REACH_MM <= top {
+        Ok(1.0)
+    } else if floor <= at - REACH_MM {
+        Ok(-1.0)
+    } else {
+        Err(format!(
+            "the linear stage stands at {at:.3} mm, and the step needs {REACH_MM:.1} mm up to the upper soft limit of {top} mm, or \
+             down to {floor} mm, the higher one of surface and lower soft limit"
+        ))
     }
 }
 

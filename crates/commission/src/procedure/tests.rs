@@ -19,6 +19,10 @@ struct Scripted {
     /// Whether the drives find their zero again after their power was off.
     is_forgetting: bool,
     is_homed: [bool; 2],
+    /// The last way of the linear stage, and what a dial gauge says of it, with the number of its reading from 0.
+    moved: f64,
+    dial: fn(usize, f64) -> f64,
+    dials: usize,
     /// What was said, and each motion.
     said: Vec<String>,
 }
@@ -35,6 +39,15 @@ impl Bench for Scripted {
         self.said.push(format!("{asked:?}"));
         if asked == Asked::PowerCycle && self.is_forgetting {
             self.is_homed = [false; 2];
+        }
+        let gauge = match asked {
+            Asked::Dial => Some((self.dial)(self.dials, self.moved)),
+            Asked::Gauge => Some(self.at[1]),
+            _ => None,
+        };
+        self.dials += usize::from(asked == Asked::Dial);
+        if let Some(reading) = gauge {
+            return Ok(Answer::Reading(reading));
         }
         if let Some((_, reading)) = self.readings.iter().find(|(of, _)| *of == asked) {
             return Ok(Answer::Reading(*reading));
@@ -54,7 +67,10 @@ impl Bench for Scripted {
         };
         self.at[axis] = (from + jog.by).clamp(-ENDS[axis], ENDS[axis]);
         if jog.by != 0.0 {
-            self.said.push(format!("{} moves", jog.axis.name()));
+            self.said.push(format!("{} moves {}", jog.axis.name(), jog.by));
+            if jog.axis == JogAxis::Linear {
+                self.moved = self.at[axis] - from;
+            }
         }
         let at = self.at[axis];
         let is_stopped = (at - from - jog.by).abs() > 1e-9;
@@ -84,6 +100,9 @@ fn scripted(answers: &[(Asked, Choice)]) -> Scripted {
         at: [25.0, 0.0],
         is_forgetting: false,
         is_homed: [true; 2],
+        moved: 0.0,
+        dial: |_, way| way,
+        dials: 0,
         said: Vec::new(),
     }
 }
@@ -115,7 +134,7 @@ fn an_axis_that_something_else_stopped_moves_again_only_when_the_way_is_free() {
     assert_eq!(said.last().unwrap(), "ClearWay", "{said:#?}");
     let (_, said) = play(Step::Limits, &[&begin[..], &[(Asked::ClearWay, Choice::Yes)]].concat());
     let cleared = said.iter().position(|one| one == "ClearWay").unwrap();
-    assert_eq!(said[cleared + 1], "linear stage moves");
+    assert!(said[cleared + 1].starts_with("linear stage moves"));
     assert!(!said.iter().any(|one| one.contains("contradicts")), "{said:#?}");
 }
 
@@ -138,7 +157,7 @@ fn a_stop_that_is_not_pressed_yet_is_asked_for_again_and_nothing_moves() {
     let (_, said) = play(Step::Stop, &[&begin[..], &[(Asked::PressStop, Choice::Yes)]].concat());
     let asked = "PressStop";
     assert_eq!(said[..4], ["NoSample", asked, "Nothing moves before it is done.", asked]);
-    assert_eq!(said[4], "linear stage moves");
+    assert!(said[4].starts_with("linear stage moves"));
     let (found, said) = play(Step::Stop, &begin);
     assert!(matches!(found.verdict, Verdict::Failed(_)), "{found:?}");
     assert_eq!(said.iter().filter(|one| *one == asked).count(), TIMES);
@@ -166,11 +185,13 @@ fn a_stage_that_homes_downwards_homes_with_the_table_away_and_stands_still_befor
     let index = |what: &str| said.iter().position(|one| one == what).unwrap();
     let (set, away) = (index("SetIndicators"), index("TableAway"));
     let (before, after) = (&said[set..away], &said[away..]);
-    let count = |said: &[String], what: &str| said.iter().filter(|one| *one == what).count();
-    for of_linear in ["linear stage moves", "HomeDown", "Home(Linear)", "Indicator"] {
+    let count = |said: &[String], what: &str| {
+        said.iter().filter(|one| one.split(" moves").next() == Some(what)).count()
+    };
+    for of_linear in ["linear stage", "HomeDown", "Home(Linear)", "Indicator"] {
         assert_eq!(count(before, of_linear), 0, "{of_linear}");
     }
-    for of_rotary in ["rotary stage moves", "Home(Rotary)", "EdgeIndicator"] {
+    for of_rotary in ["rotary stage", "Home(Rotary)", "EdgeIndicator"] {
         assert_eq!(count(after, of_rotary), 0, "{of_rotary}");
     }
     assert_eq!((count(before, "Home(Rotary)"), count(after, "HomeDown")), (10, 10));
@@ -187,4 +208,45 @@ fn a_stage_that_homes_upwards_leaves_the_table_with_its_indicator() {
     assert_eq!((count("Home(Linear)"), count("Home(Rotary)")), (10, 10));
     let told = Order::Home(JogAxis::Linear).to_string();
     assert!(told.contains("upwards") && !told.contains("Table"), "{told}");
+}
+
+/// Heights of the probe at which a step has stood, from where it began.
+fn heights(said: &[String], begin: f64) -> Vec<f64> {
+    let mut at = begin;
+    let moved = said.iter().filter_map(|one| one.strip_prefix("linear stage moves "));
+    moved
+        .map(|by| {
+            at += by.parse::<f64>().unwrap();
+            at
+        })
+        .collect()
+}
+
+#[test]
+fn a_scale_goes_up_where_there_is_room_and_never_below_surface_and_soft_limit() {
+    let low = RIG.replacen("soft_limits_mm = [8, 45]", "soft_limits_mm = [8, 34]", 1);
+    for (rig, begin, range) in
+        [(RIG, 24.0, Some(23.0..=45.0)), (RIG, 40.0, Some(10.0..=41.0)), (&low, 24.0, None)]
+    {
+        let bench = Scripted {
+            at: [begin, 0.0],
+            dial: |_, way| way,
+            ..scripted(&[(Asked::NoSample, Choice::Yes)])
+        };
+        let (found, said) = play_on(Step::Scale, rig, bench);
+        let heights = heights(&said, begin);
+        match range {
+            Some(range) => {
+                assert_eq!(found.verdict, Verdict::Accepted, "{begin}");
+                assert!(heights.iter().all(|at| range.contains(at)), "{begin}: {heights:?}");
+            }
+            None => {
+                let Verdict::Failed(why) = found.verdict else { panic!("{found:?}") };
+                assert!(
+                    why.starts_with("the linear stage stands at") && heights.is_empty(),
+                    "{why}"
+                );
+            }
+        }
+    }
 }

@@ -75,6 +75,8 @@ pub struct Commission {
     stated_at: Option<RigTime>,
     linear: Span<Mm>,
     rotary: Span<Deg>,
+    /// The lower soft limit of the linear stage, which protects table and sample.
+    lowest: Position<Mm>,
     linear_steps: Steps,
     rotary_steps: Steps,
 }
@@ -84,7 +86,15 @@ impl Commission {
     pub const fn new(limits: &RigLimits, proven: Proven) -> Self {
         let (linear, rotary) = (limits.linear.travel(), limits.rotary.travel());
         let none = Steps { last: 0.0, seen: 0.0 };
-        Self { proven, stated_at: None, linear, rotary, linear_steps: none, rotary_steps: none }
+        Self {
+            proven,
+            stated_at: None,
+            linear,
+            rotary,
+            lowest: limits.linear.soft().min,
+            linear_steps: none,
+            rotary_steps: none,
+        }
     }
 
     pub(crate) const fn prove(&mut self, proven: Proven) {
@@ -116,7 +126,8 @@ impl Commission {
                 self.admit_step(now, what, (&LINEAR, self.linear_steps), step)?;
                 let Span { min, max } = self.linear;
                 let beyond = Span::new(min.value(), max.value() + BEYOND_MM);
-                self.stay_inside(what, from.offset(by_mm), self.linear, beyond)
+                self.stay_inside(what, from.offset(by_mm), self.linear, beyond)?;
+                self.stay_above(what, from, by_mm)
             }
             PortCommand::JogRotary { from, by_deg, speed_deg_per_s } => {
                 let step = (by_deg, speed_deg_per_s);
@@ -195,6 +206,20 @@ impl Commission {
         }
         let (min, max) = (travel.min.value(), travel.max.value());
         Err(Refusal::BeyondTravel { what, to: to.value(), min, max, unit: U::SYMBOL })
+    }
+
+    /// No step leads down below the lower soft limit. One that leads up from there is admitted.
+    fn stay_above(
+        &self,
+        what: &'static str,
+        from: Position<Mm>,
+        by_mm: f64,
+    ) -> Result<(), Refusal> {
+        let to = from.offset(by_mm);
+        if self.proven == Proven::Nothing || 0.0 < by_mm || self.lowest <= to.offset(ROUNDING) {
+            return Ok(());
+        }
+        Err(Refusal::BelowSoftLimit { what, to: to.value(), min: self.lowest.value() })
     }
 
     pub(crate) const fn begun(&mut self, command: &PortCommand) {

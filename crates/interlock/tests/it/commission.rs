@@ -88,6 +88,19 @@ fn a_step_is_as_long_and_as_fast_as_what_is_shown_allows() {
     check(Proven::Scales, near(high - 1.0, 2.1), false);
     check(Proven::Signs, near(high, 0.1), false);
     check(Proven::Scales, near(low, -0.1), false);
+    // Nor does a step lead down below the lower soft limit. One that leads up from there is admitted.
+    let soft = limits().linear.soft().min.value();
+    for proven in [Proven::Signs, Proven::Scales] {
+        check(proven, near(soft + 0.2, -0.2), true);
+        check(proven, near(soft + 0.1, -0.2), false);
+        check(proven, near(soft - 0.5, -0.1), false);
+        check(proven, near(soft - 0.5, 0.2), true);
+    }
+    let refusal = confirmed(Proven::Scales, near(soft, -0.2)).unwrap_err().to_string();
+    assert!(
+        refusal.ends_with("down to 0.800 mm, below the lower soft limit of 1.000 mm"),
+        "{refusal}"
+    );
     let high = limits().rotary.travel().max.value();
     let out =
         |by_deg| PortCommand::JogRotary { from: Position::new(high), by_deg, speed_deg_per_s: 5.0 };
