@@ -60,7 +60,9 @@ impl Step {
                 "three answers for each axis agree with each other and with the rig file"
             }
             Self::Scale => "10 mm on a dial gauge within 0.3 %; ±30° on an angle gauge within 0.3°",
-            Self::Geometry => "three lengths within 0.5 mm of the rig file",
+            Self::Geometry => {
+                "three lengths are within 0.5 mm of the rig file, and the surface by them within surface_tolerance_mm at each tilt"
+            }
             Self::Limits => {
                 "three stops at an end lie within 0.05 mm or 0.3°, and the soft limits 2 mm or 2° inside of them"
             }

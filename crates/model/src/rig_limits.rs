@@ -75,7 +75,7 @@ impl Geometry {
 
     /// The linear position at which the tip is expected to touch the sample when the rotary stage
     /// is at `tilt`. See [`Geometry::surface_at`].
-    pub(crate) fn surface_at_tilt(&self, tilt: Position<Deg>) -> Position<Mm> {
+    pub fn surface_at_tilt(&self, tilt: Position<Deg>) -> Position<Mm> {
         let tilt = tilt.value().to_radians();
         let (d, r) = (self.surface_above_pivot_mm, self.probe_radius_mm);
         let height = match self.pin_radius_mm {

@@ -250,3 +250,26 @@ fn a_scale_goes_up_where_there_is_room_and_never_below_surface_and_soft_limit() 
         }
     }
 }
+
+/// Lengths that a person measures with the probe at 25 mm, where the rig file has a gap of 15 mm, 4 mm and 0.3 mm.
+fn measured(gap: f64, above: f64, beside: f64) -> Finding {
+    let readings =
+        vec![(Asked::Gap, gap), (Asked::AbovePivot, above), (Asked::BesidePivot, beside)];
+    play_on(Step::Geometry, RIG, Scripted { readings, ..scripted(&[]) }).0
+}
+
+#[test]
+fn errors_of_the_geometry_that_add_up_at_a_tilt_are_not_accepted() {
+    let keys = |finding: Finding| match finding.verdict {
+        Verdict::RigFile(changes) => changes.iter().map(|change| change.key).collect(),
+        Verdict::Accepted => Vec::new(),
+        Verdict::Failed(why) => panic!("{why}"),
+    };
+    let (above, beside) = ("geometry.surface_above_pivot_mm", "geometry.probe_beside_pivot_mm");
+    assert_eq!(keys(measured(15.0, 4.0, 0.3)), Vec::<&str>::new());
+    assert_eq!(keys(measured(15.1, 4.1, 0.2)), Vec::<&str>::new());
+    // Each is below 0.5 mm. At 50° the surface is 0.36 mm, 0.48 mm and 0.22 mm off by them.
+    assert_eq!(keys(measured(15.0, 4.0, 0.7)), [beside]);
+    assert_eq!(keys(measured(14.9, 4.4, -0.1)), [above, beside]);
+    assert_eq!(keys(measured(15.4, 4.0, 0.3)), ["linear.zero_mm"]);
+}
