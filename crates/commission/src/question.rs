@@ -15,6 +15,8 @@ pub enum Asked {
     ProbeWent,
     /// Edge that sank in the last step of the table.
     EdgeSank,
+    /// Set the dial gauge to zero.
+    DialZero,
     /// How far the probe rose in the last step, by a dial gauge.
     Dial,
     /// Tilt of the table, by an angle gauge.
@@ -135,6 +137,9 @@ impl Asked {
             }
             Self::ProbeWent => "Where did the probe go?",
             Self::EdgeSank => "Which edge of the table sank?",
+            Self::DialZero => {
+                "Set the dial gauge to zero. Does its tip touch the carriage, and does it read zero?"
+            }
             Self::Dial => {
                 "Dial gauge, set to zero before the step: how far did the probe rise, in mm? Negative if it sank."
             }
@@ -202,6 +207,7 @@ impl Asked {
             | Self::LetGo
             | Self::SetIndicators
             | Self::TableAway
+            | Self::DialZero
             | Self::PowerCycle => &[Choice::Yes, Choice::No],
             Self::ProbeWent => &[Choice::Up, Choice::Down, Choice::Nowhere],
             Self::EdgeSank => &[Choice::Tip, Choice::Clamp, Choice::Neither],

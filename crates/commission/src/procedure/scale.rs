@@ -6,7 +6,7 @@ use std::ops::RangeInclusive;
 use rig_files::rig_file::RigFile;
 use rig_model::{Scale, Unit};
 
-use super::{Early, agreed, confirm, contradictory, doubt, jog, reading};
+use super::{Early, agreed, confirm, contradictory, doubt, insist, jog, reading};
 use crate::{
     Asked, Bench, Change, Finding, JogAxis, Value,
     agreement::{Agreement, Mean, Progress},
@@ -23,6 +23,8 @@ const WINDOW_MM: f64 = 0.7;
 const PLAY_MM: f64 = 0.5;
 /// The way that the step needs in its direction, mm: a scale that is still unknown to [`COARSE_REL`] makes it longer.
 const REACH_MM: f64 = (PLAY_MM + WAY_MM + (WINDOWS - 1) as f64 * WINDOW_MM) * (1.0 + COARSE_REL);
+/// The part of a way before each short step, in the same direction, mm.
+const TAKE_UP_MM: f64 = 0.2;
 /// Windows agree within this, mm: the errors of a rolled screw at both ends, and of two readings.
 const SCATTER_MM: f64 = 0.12;
 /// Standard deviation of the difference of a rolled screw at two places, mm.
@@ -42,6 +44,11 @@ const GAUGE_LIMIT_DEG: f64 = 0.1;
 /// A way agrees with what was asked within this share and two divisions: enough to go on with a longer one.
 const COARSE_REL: f64 = 0.15;
 
+/// A change of the scale beyond these factors, or with an uncertainty beyond this share of it, needs the same result twice: one slip
+/// with a gauge would make each later step many times as long as it says.
+const FACTORS: RangeInclusive<f64> = 0.5..=2.0;
+const UNCERTAIN_REL: f64 = 1.0 / 3.0;
+
 /// A gauge shows a scale if it goes the same way as the drive says, by a part of it within these limits. The sign is
 /// shown by then.
 const PLAUSIBLE: RangeInclusive<f64> = 0.02..=50.0;
@@ -59,9 +66,15 @@ pub(super) async fn carry_out<B: Bench>(
 ) -> Result<Finding, Early<B::Trouble>> {
     confirm(bench, Asked::NoSample).await?;
     let (mut values, mut changes) = linear(rig, bench).await?;
-    let (of_rotary, changes_of_rotary) = rotary(rig, bench).await?;
-    values.extend(of_rotary);
-    changes.extend(changes_of_rotary);
+    match rotary(rig, bench).await {
+        Ok((of_rotary, changes_of_rotary)) => {
+            values.extend(of_rotary);
+            changes.extend(changes_of_rotary);
+        }
+        // What was found of the linear stage is kept. The step is made again after its change, with the rotary stage.
+        Err(Early::Failed(why)) if !changes.is_empty() => bench.remark(&why),
+        Err(early) => return Err(early),
+    }
     Ok(Finding::of(values, changes))
 }
 
@@ -77,17 +90,13 @@ async fn linear<B: Bench>(rig: &RigFile, bench: &mut B) -> Result<Found, Early<B
         (Value { name, value, standard_uncertainty: sigma, unit: "1" }, changes)
     };
     for way in COARSE_WAYS_MM {
-        let there = jog(bench, JogAxis::Linear, sense * way).await?.way();
-        let agreement = Agreement::new(READINGS, 2.0 * DIAL_STEP_MM);
-        let read = agreed(bench, Asked::Dial, agreement).await?;
-        let scale = ratio(JogAxis::Linear, read, there);
-        let is_close = |scale: f64| (scale - 1.0).abs() <= COARSE_REL + 2.0 * DIAL_STEP_MM / way;
-        if scale.as_ref().is_ok_and(|scale| is_close(*scale)) {
-            bench.seen(JogAxis::Linear).await?;
-        }
-        jog(bench, JogAxis::Linear, -sense * way).await?;
-        let scale = scale?;
-        if !is_close(scale) {
+        let scale = coarse(bench, sense, way).await?;
+        if !is_close(scale, DIAL_STEP_MM / way) {
+            if is_doubtful(scale, DIAL_STEP_MM / way) {
+                bench.remark(AGAIN);
+                let again = coarse(bench, sense, way).await?;
+                is_the_same::<B::Trouble>(JogAxis::Linear, [scale, again], DIAL_STEP_MM / way)?;
+            }
             let (value, changes) = found(scale, DIAL_STEP_MM / way, 2);
             return Ok((vec![value], changes.into()));
         }
@@ -108,12 +117,83 @@ async fn linear<B: Bench>(rig: &RigFile, bench: &mut B) -> Result<Found, Early<B
     Ok((vec![value], if is_wrong { changes.into() } else { Vec::new() }))
 }
 
+/// How many times as far as its drive says the probe goes in steps over a way, by a gauge that is set to zero before each. Longer steps
+/// are admitted if it is close.
+async fn coarse<B: Bench>(bench: &mut B, sense: f64, way: f64) -> Result<f64, Early<B::Trouble>> {
+    let mut agreement = Agreement::new(READINGS, 2.0 * DIAL_STEP_MM);
+    loop {
+        jog(bench, JogAxis::Linear, -sense * TAKE_UP_MM).await?;
+        jog(bench, JogAxis::Linear, sense * TAKE_UP_MM).await?;
+        insist(bench, Asked::DialZero).await?;
+        let there = jog(bench, JogAxis::Linear, sense * way).await?.way();
+        let progress = agreement.add(reading(bench, Asked::Dial).await?);
+        let scale = match progress {
+            Progress::Settled(mean) => Some(ratio(JogAxis::Linear, mean.value, there)),
+            _ => None,
+        };
+        if let Some(Ok(scale)) = scale
+            && is_close(scale, DIAL_STEP_MM / way)
+        {
+            bench.seen(JogAxis::Linear).await?;
+        }
+        jog(bench, JogAxis::Linear, -sense * way).await?;
+        match progress {
+            Progress::Settled(_) => {}
+            Progress::More { contradicts } => doubt(bench, contradicts),
+            Progress::Failed => return Err(contradictory(Asked::Dial)),
+        }
+        if let Some(scale) = scale {
+            return scale;
+        }
+    }
+}
+
+/// How many times as far as its drive says the table turns by a step and back. Longer steps are admitted if it is close.
+async fn turn<B: Bench>(
+    bench: &mut B,
+    begin: (f64, f64),
+    way: f64,
+) -> Result<f64, Early<B::Trouble>> {
+    let there = read_tilt(bench, way).await?;
+    let ratio = ratio(JogAxis::Rotary, there.1 - begin.1, there.0 - begin.0);
+    if ratio.as_ref().is_ok_and(|ratio| is_close(*ratio, GAUGE_STEP_DEG / way)) {
+        bench.seen(JogAxis::Rotary).await?;
+    }
+    jog(bench, JogAxis::Rotary, -way).await?;
+    ratio
+}
+
+/// Whether a scale with this standard deviation is that of the drive, well enough to go on with a longer way.
+fn is_close(scale: f64, sigma: f64) -> bool {
+    (scale - 1.0).abs() <= COARSE_REL + 2.0 * sigma
+}
+
+/// Whether a scale needs the same result twice.
+fn is_doubtful(scale: f64, sigma: f64) -> bool {
+    !FACTORS.contains(&scale) || UNCERTAIN_REL * scale < sigma
+}
+
+/// What is said before that.
+const AGAIN: &str = "That is far from what the drive says. The step is repeated: set the gauge again, and look whether it stands firm.";
+
+/// Refuses a scale that another reading of the same way does not show.
+fn is_the_same<T>(axis: JogAxis, [first, again]: [f64; 2], sigma: f64) -> Result<(), Early<T>> {
+    if (again - first).abs() <= 2.0 * sigma {
+        return Ok(());
+    }
+    Err(Early::Failed(format!(
+        "the {} went {first:.2} times as far as its drive says by the gauge, and {again:.2} times when the step was repeated",
+        axis.name()
+    )))
+}
+
 /// How much further than the drive says the probe goes over the whole way, mm, in windows that begin at several
 /// places: an error of the screw at one end is not that at another.
 async fn excess<B: Bench>(bench: &mut B, sense: f64) -> Result<Mean, Early<B::Trouble>> {
     let mut agreement = Agreement::new(WINDOWS, SCATTER_MM);
     jog(bench, JogAxis::Linear, sense * PLAY_MM).await?;
     for window in 1.. {
+        insist(bench, Asked::DialZero).await?;
         let there = jog(bench, JogAxis::Linear, sense * WAY_MM).await?.way();
         let read = reading(bench, Asked::Dial).await?;
         jog(bench, JogAxis::Linear, sense * (WINDOW_MM - WAY_MM - PLAY_MM)).await?;
@@ -154,19 +234,19 @@ async fn rotary<B: Bench>(rig: &RigFile, bench: &mut B) -> Result<Found, Early<B
     let scale = &rig.rotary.scale;
     let begin = read_tilt(bench, 0.0).await?;
     for way in TURNS_DEG {
-        let there = read_tilt(bench, way).await?;
-        let ratio = ratio(JogAxis::Rotary, there.1 - begin.1, there.0 - begin.0);
-        let is_close = |ratio: f64| (ratio - 1.0).abs() <= COARSE_REL + 2.0 * GAUGE_STEP_DEG / way;
-        if ratio.as_ref().is_ok_and(|ratio| is_close(*ratio)) {
-            bench.seen(JogAxis::Rotary).await?;
-        }
-        jog(bench, JogAxis::Rotary, -way).await?;
-        let ratio = ratio?;
-        if !is_close(ratio) {
+        let ratio = turn(bench, begin, way).await?;
+        let sigma = GAUGE_STEP_DEG / way;
+        if !is_close(ratio, sigma) {
+            if is_doubtful(ratio, sigma) {
+                bench.remark(AGAIN);
+                let begin = read_tilt(bench, 0.0).await?;
+                let again = turn(bench, begin, way).await?;
+                is_the_same::<B::Trouble>(JogAxis::Rotary, [ratio, again], sigma)?;
+            }
             let value = Value {
                 name: "rotary.scale",
                 value: ratio,
-                standard_uncertainty: GAUGE_STEP_DEG / way,
+                standard_uncertainty: sigma,
                 unit: "1",
             };
             return Ok((vec![value], stretched(scale, begin.0, (ratio, 2), keys).into()));

@@ -23,6 +23,8 @@ struct Scripted {
     moved: f64,
     dial: fn(usize, f64) -> f64,
     dials: usize,
+    /// Whether the table turns as its drive says; otherwise it stands still.
+    is_tilting: bool,
     /// What was said, and each motion.
     said: Vec<String>,
 }
@@ -42,7 +44,7 @@ impl Bench for Scripted {
         }
         let gauge = match asked {
             Asked::Dial => Some((self.dial)(self.dials, self.moved)),
-            Asked::Gauge => Some(self.at[1]),
+            Asked::Gauge => Some(if self.is_tilting { self.at[1] } else { 0.0 }),
             _ => None,
         };
         self.dials += usize::from(asked == Asked::Dial);
@@ -103,6 +105,7 @@ fn scripted(answers: &[(Asked, Choice)]) -> Scripted {
         moved: 0.0,
         dial: |_, way| way,
         dials: 0,
+        is_tilting: true,
         said: Vec::new(),
     }
 }
@@ -228,11 +231,7 @@ fn a_scale_goes_up_where_there_is_room_and_never_below_surface_and_soft_limit() 
     for (rig, begin, range) in
         [(RIG, 24.0, Some(23.0..=45.0)), (RIG, 40.0, Some(10.0..=41.0)), (&low, 24.0, None)]
     {
-        let bench = Scripted {
-            at: [begin, 0.0],
-            dial: |_, way| way,
-            ..scripted(&[(Asked::NoSample, Choice::Yes)])
-        };
+        let bench = Scripted { at: [begin, 0.0], dial: |_, way| way, ..scripted(&GAUGED) };
         let (found, said) = play_on(Step::Scale, rig, bench);
         let heights = heights(&said, begin);
         match range {
@@ -268,8 +267,55 @@ fn errors_of_the_geometry_that_add_up_at_a_tilt_are_not_accepted() {
     let (above, beside) = ("geometry.surface_above_pivot_mm", "geometry.probe_beside_pivot_mm");
     assert_eq!(keys(measured(15.0, 4.0, 0.3)), Vec::<&str>::new());
     assert_eq!(keys(measured(15.1, 4.1, 0.2)), Vec::<&str>::new());
-    // Each is below 0.5 mm. At 50° the surface is 0.36 mm, 0.48 mm and 0.22 mm off by them.
+    // Each is below 0.5 mm. At 50° the height moves the surface by 0.22 mm, and the distance by 0.48 mm.
     assert_eq!(keys(measured(15.0, 4.0, 0.7)), [beside]);
     assert_eq!(keys(measured(14.9, 4.4, -0.1)), [above, beside]);
     assert_eq!(keys(measured(15.4, 4.0, 0.3)), ["linear.zero_mm"]);
+}
+
+/// A person who sets the gauge to zero whenever it is asked for.
+const GAUGED: [(Asked, Choice); 41] = {
+    let mut answers = [(Asked::DialZero, Choice::Yes); 41];
+    answers[0].0 = Asked::NoSample;
+    answers
+};
+
+#[test]
+fn one_slip_with_the_gauge_is_no_scale_and_the_same_result_twice_is_one() {
+    type Dial = fn(usize, f64) -> f64;
+    // The gauge does not touch in the first three steps.
+    let slips: Dial = |index, way| if index < 3 { 0.01 } else { way };
+    let triple: Dial = |_, way| 3.0 * way;
+    for (dial, expected) in [(slips, None), (triple, Some(0.003))] {
+        let bench = Scripted { dial, ..scripted(&GAUGED) };
+        let (found, said) = play_on(Step::Scale, RIG, bench);
+        let count = |what: &str| said.iter().filter(|one| *one == what).count();
+        // A question before each step, and a step for each reading.
+        assert_eq!((count("DialZero"), count("Dial")), (6, 6), "{said:#?}");
+        let change = match &found.verdict {
+            Verdict::RigFile(changes) => Some(changes[0].to),
+            Verdict::Failed(why) => {
+                assert!(why.contains("0.05 times") && why.contains("1.00 times"), "{why}");
+                None
+            }
+            Verdict::Accepted => panic!("{said:#?}"),
+        };
+        assert_eq!(change, expected);
+    }
+}
+
+#[test]
+fn no_step_is_made_before_the_gauge_reads_zero() {
+    let (found, said) = play(Step::Scale, &GAUGED[..1]);
+    assert!(matches!(found.verdict, Verdict::Failed(_)), "{found:?}");
+    assert!(!said.iter().any(|one| one == "Dial"), "{said:#?}");
+}
+
+#[test]
+fn a_rotary_stage_without_a_scale_leaves_the_change_of_the_linear_one() {
+    let bench = Scripted { dial: |_, way| 1.02 * way, is_tilting: false, ..scripted(&GAUGED) };
+    let (found, said) = play_on(Step::Scale, RIG, bench);
+    let Verdict::RigFile(changes) = &found.verdict else { panic!("{found:?}") };
+    assert_eq!((changes[0].key, changes[0].to), ("linear.mm_per_step", 0.00102));
+    assert!(said.iter().any(|one| one.starts_with("the drive of the rotary stage")), "{said:#?}");
 }

@@ -86,6 +86,10 @@ impl BenchPerson {
                 person.hold_lower_switch(asked == Asked::HoldSwitch);
                 Choice::Yes
             }
+            Asked::DialZero => {
+                person.look();
+                Choice::Yes
+            }
             Asked::SetIndicators => {
                 person.set_indicators();
                 Choice::Yes
