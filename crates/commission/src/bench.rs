@@ -142,6 +142,8 @@ pub struct Jogged {
     pub at: f64,
     /// Whether the drive said before it that it knows where the axis is.
     pub is_homed: bool,
+    /// The soft limits that the drive had before it, the lower one first, if it has some.
+    pub soft: Option<[f64; 2]>,
 }
 
 impl Jogged {

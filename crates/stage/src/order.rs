@@ -161,6 +161,34 @@ impl Order {
     }
 }
 
+/// The soft limits that the settings of a drive have, in counts; `None` for a drive without, or one whose other settings are not those
+/// with which it gets its limits.
+pub(crate) fn limits_in(expected: &[RegisterContent], found: &[u16]) -> Option<(i32, i32)> {
+    let (mut min, mut max, mut rest) = (None, None, found);
+    for content in expected {
+        let (value, left) = match *content {
+            RegisterContent::Of(_, Width::U16) | RegisterContent::Word(_) => {
+                let (&word, left) = rest.split_first()?;
+                (i32::from(word), left)
+            }
+            RegisterContent::Of(_, Width::I32) | RegisterContent::Long(_) => {
+                let (&[high, low], left) = rest.split_first_chunk::<2>()?;
+                ((i32::from(high.cast_signed()) << 16) | i32::from(low), left)
+            }
+        };
+        rest = left;
+        match *content {
+            RegisterContent::Of(Quantity::LimitMin, _) => min = Some(value),
+            RegisterContent::Of(Quantity::LimitMax, _) => max = Some(value),
+            RegisterContent::Word(word) if i32::from(word) != value => return None,
+            RegisterContent::Long(long) if long != value => return None,
+            _ => {}
+        }
+    }
+    // Two equal ones are those of a drive that was never given any.
+    min.zip(max).filter(|(min, max)| min < max)
+}
+
 #[expect(clippy::cast_possible_truncation, reason = "a cast from float saturates")]
 fn whole(value: f64) -> i32 {
     value.round() as i32

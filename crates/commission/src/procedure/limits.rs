@@ -44,6 +44,8 @@ pub(super) async fn carry_out<B: Bench>(
 ) -> Result<Finding, Early<B::Trouble>> {
     confirm(bench, Asked::NoSample).await?;
     let (linear, rotary) = (&rig.limits.linear, &rig.limits.rotary);
+    without_soft_limits(bench, JogAxis::Linear, linear).await?;
+    without_soft_limits(bench, JogAxis::Rotary, rotary).await?;
     let begin = free(bench, JogAxis::Linear, linear).await?;
     let turn = free(bench, JogAxis::Rotary, rotary).await?;
     let mut found = Vec::new();
@@ -111,6 +113,27 @@ impl End {
         let to = self.sense * (inside * 10.0).floor() / 10.0;
         is_outside.then(|| Change { key: self.key, from: soft, to: rounded(to, 4) })
     }
+}
+
+/// Refuses a drive with soft limits that would stop its axis before an end: it has those that rigd gave it when the rig was in service. The
+/// linear stage does not go to its lower end.
+async fn without_soft_limits<B: Bench, U: Unit>(
+    bench: &mut B,
+    axis: JogAxis,
+    limits: &Axis<U>,
+) -> Result<(), Early<B::Trouble>> {
+    let Some([low, high]) = jog(bench, axis, 0.0).await?.soft else { return Ok(()) };
+    let beyond = BEYOND[usize::from(axis == JogAxis::Rotary)];
+    let (min, max) = (limits.travel().min.value() - beyond, limits.travel().max.value() + beyond);
+    if max < high && (low < min || axis == JogAxis::Linear) {
+        return Ok(());
+    }
+    let (name, unit) = (axis.name(), axis.unit());
+    Err(Early::Failed(format!(
+        "the drive of the {name} has soft limits at {low:.3} {unit} and {high:.3} {unit}, and would stop there before an end of its \
+         travel; switch them off in the drive, or set them outside of {min} {unit} to {max} {unit}, and begin the step again: rigd gives \
+         the drive those of the rig file when the rig goes into service"
+    )))
 }
 
 /// Takes an axis a step towards the middle of its travel, and gives where it is then. An interrupted step has left it at an

@@ -19,6 +19,8 @@ struct Scripted {
     /// Whether the drives find their zero again after their power was off.
     is_forgetting: bool,
     is_homed: [bool; 2],
+    /// Soft limits that the drives have.
+    soft: [Option<[f64; 2]>; 2],
     /// The last way of the linear stage, and what a dial gauge says of it, with the number of its reading from 0.
     moved: f64,
     dial: fn(usize, f64) -> f64,
@@ -59,13 +61,13 @@ impl Bench for Scripted {
 
     async fn drive(&mut self, order: Order) -> Result<Result<Jogged, String>, Infallible> {
         let axis = usize::from(order.axis() == JogAxis::Rotary);
-        let (from, is_homed) = (self.at[axis], self.is_homed[axis]);
+        let (from, is_homed, soft) = (self.at[axis], self.is_homed[axis], self.soft[axis]);
         let Order::Step(jog) = order else {
             if order.is_homing() {
                 self.said.push(format!("{order:?}"));
                 self.is_homed[axis] = true;
             }
-            return Ok(Ok(Jogged { from, at: from, is_homed }));
+            return Ok(Ok(Jogged { from, at: from, is_homed, soft }));
         };
         self.at[axis] = (from + jog.by).clamp(-ENDS[axis], ENDS[axis]);
         if jog.by != 0.0 {
@@ -76,7 +78,7 @@ impl Bench for Scripted {
         }
         let at = self.at[axis];
         let is_stopped = (at - from - jog.by).abs() > 1e-9;
-        let made = Jogged { from, at, is_homed };
+        let made = Jogged { from, at, is_homed, soft };
         Ok(if is_stopped { Err("stopped".to_owned()) } else { Ok(made) })
     }
 
@@ -102,6 +104,7 @@ fn scripted(answers: &[(Asked, Choice)]) -> Scripted {
         at: [25.0, 0.0],
         is_forgetting: false,
         is_homed: [true; 2],
+        soft: [None; 2],
         moved: 0.0,
         dial: |_, way| way,
         dials: 0,
@@ -318,4 +321,25 @@ fn a_rotary_stage_without_a_scale_leaves_the_change_of_the_linear_one() {
     let Verdict::RigFile(changes) = &found.verdict else { panic!("{found:?}") };
     assert_eq!((changes[0].key, changes[0].to), ("linear.mm_per_step", 0.00102));
     assert!(said.iter().any(|one| one.starts_with("the drive of the rotary stage")), "{said:#?}");
+}
+
+#[test]
+fn limits_are_not_sought_with_soft_limits_that_a_drive_has_inside_the_travel() {
+    let (wide, far) = ([-1.0, 51.0], [-65.0, 65.0]);
+    for (soft, told) in [
+        ([Some([8.0, 45.0]), None], Some("linear stage has soft limits at 8.000 mm and 45.000 mm")),
+        (
+            [Some(wide), Some([-50.0, 65.0])],
+            Some("rotary stage has soft limits at -50.000 ° and 65.000 °"),
+        ),
+        ([Some([8.0, 51.0]), Some(far)], None),
+        ([None, None], None),
+    ] {
+        let bench = Scripted { soft, ..scripted(&[(Asked::NoSample, Choice::Yes)]) };
+        let (found, said) = play_on(Step::Limits, RIG, bench);
+        let Verdict::Failed(why) = &found.verdict else { panic!("{found:?}") };
+        let is_refused = !said.iter().any(|one| one.contains("moves"));
+        assert_eq!(is_refused, told.is_some(), "{why}");
+        assert!(told.is_none_or(|told| why.contains(told)), "{why}");
+    }
 }

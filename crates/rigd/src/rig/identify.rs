@@ -60,7 +60,7 @@ pub(super) async fn axes(known: [DeviceIdentity; 2], axes: &mut Axes) -> Vec<Ide
 async fn axis<U: Unit>(known: DeviceIdentity, stage: &mut Stage<U>) -> Identified {
     let DeviceIdentity { role, identity: known, .. } = known;
     match stage.look_again().await {
-        Ok(Look { has_settings: false, status }) => Identified {
+        Ok(Look { has_settings: false, status, .. }) => Identified {
             role,
             known,
             found: None,

@@ -206,7 +206,7 @@ async fn look_at_bus(
 }
 
 async fn look_at_axis<U: Unit>(mut stage: Stage<U>) -> Result<AxisFacts, StageError<U>> {
-    let Look { mut status, has_settings } = stage.look().await?;
+    let Look { mut status, has_settings, .. } = stage.look().await?;
     for _ in 0..LOOKS {
         status = stage.status().await?;
     }

@@ -4,7 +4,7 @@ use rig_commission::{Jog, JogAxis, Jogged, Order};
 use rig_interlock::{Outcome, PortCommand, Refusal};
 use rig_link::StopSignal;
 use rig_model::{Position, Unit, with_causes};
-use rig_stage::{Stage, StageError};
+use rig_stage::{Look, Stage, StageError};
 
 use super::{devices::Axes, gate::Gate};
 
@@ -67,10 +67,11 @@ async fn along<U: Unit>(
     (order, is_homing_up): (Order, bool),
     stop: &StopSignal,
 ) -> Result<Jogged, NotMade> {
-    let status = stage.look().await.map_err(|error| NotMade::of(&error))?.status;
+    let Look { status, soft, .. } = stage.look().await.map_err(|error| NotMade::of(&error))?;
     let (from, is_homed) = (status.position, status.is_homed);
+    let soft = soft.map(|soft| [soft.min.value(), soft.max.value()]);
     if let Order::Step(Jog { by: 0.0, .. }) = order {
-        return Ok(Jogged { from: from.value(), at: from.value(), is_homed });
+        return Ok(Jogged { from: from.value(), at: from.value(), is_homed, soft });
     }
     let command = command(from);
     gate.admit_step(&command)?;
@@ -86,5 +87,5 @@ async fn along<U: Unit>(
     };
     gate.step_ended(&command, &outcome);
     let at = done.map_err(|error| NotMade::of(&error))?;
-    Ok(Jogged { from: from.value(), at: at.value(), is_homed })
+    Ok(Jogged { from: from.value(), at: at.value(), is_homed, soft })
 }

@@ -1,13 +1,13 @@
 //! Whether the device at an address is the drive that it should be, before anything moves.
 
-use rig_model::Unit;
+use rig_model::{Span, Unit};
 
 use super::Stage;
 use crate::{
     AxisStatus, BusError, LineFault, Reply, Request, StageError,
     drive_reading::{number, read_request},
     line::CheckRegisters,
-    order::Order,
+    order::{Order, limits_in},
 };
 
 /// Relative difference of two resolutions that are the same: a gear ratio is of two whole numbers, and a
@@ -21,6 +21,8 @@ pub struct Look<U> {
     pub status: AxisStatus<U>,
     /// Whether its settings are those that [`Stage::identify`] gives it.
     pub has_settings: bool,
+    /// The soft limits that it has, if it has some.
+    pub soft: Option<Span<U>>,
 }
 
 impl<U: Unit> Stage<U> {
@@ -75,7 +77,15 @@ impl<U: Unit> Stage<U> {
         self.check_signature().await?;
         let found = self.ask(read_request(settings.read)).await?;
         let has_settings = found == Reply::Words(order.words(&settings.expect));
-        Ok(Look { status: self.status().await?, has_settings })
+        let soft = match &found {
+            Reply::Words(words) => limits_in(&settings.expect, words),
+            Reply::Bits(_) | Reply::Written => None,
+        };
+        let soft = soft.map(|(a, b)| {
+            let [a, b] = [a, b].map(|counts| self.scale.position(counts.into()).value());
+            Span::new(a.min(b), a.max(b))
+        });
+        Ok(Look { status: self.status().await?, has_settings, soft })
     }
 
     /// Checks, before anything is written, that the device is a drive of this make, and that it counts

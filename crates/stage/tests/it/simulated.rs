@@ -171,7 +171,13 @@ async fn a_drive_that_restarts_has_to_be_identified_again() {
             assert!(is_told, "{make}");
         }
         let status = linear.identify().await.unwrap();
-        assert!(linear.look_again().await.unwrap().has_settings, "{make}");
+        let look = linear.look_again().await.unwrap();
+        assert!(look.has_settings, "{make}");
+        // The soft limits that it was given are read back; a controller of this make has none.
+        let soft = linear.axis().soft();
+        assert_eq!(look.soft.is_none(), make == DriveMake::IaiRc, "{make}");
+        assert!(look.soft.is_none_or(|found| (found.min.value() - soft.min.value()).abs() < 0.011));
+        assert!(look.soft.is_none_or(|found| (found.max.value() - soft.max.value()).abs() < 0.011));
         if status.alarm.is_some() {
             linear.reset_alarm().await.unwrap();
         }
