@@ -184,6 +184,11 @@ impl Person {
         self.rig.with(|now, rig| rig.apply_fault(now, PortId::Bus, None, DeviceFault::Reboot));
     }
 
+    /// Homes both drives with their own program, and brings the axes back.
+    pub fn home_drives(&self) {
+        self.rig.with(|_, rig| rig.homed_by_person());
+    }
+
     /// Presses the emergency stop, or releases it.
     pub fn press_stop(&self, is_pressed: bool) {
         self.rig.with(|now, rig| rig.world().press_stop(now, is_pressed));

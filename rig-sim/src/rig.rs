@@ -244,6 +244,11 @@ impl Rig {
         }
     }
 
+    /// A person has homed all drives with their own program, and has brought the axes back.
+    pub(crate) fn homed_by_person(&mut self) {
+        self.bus.homed_by_person();
+    }
+
     /// Clears all faults: none is scheduled, nothing is jammed or stuck, and every cable is plugged in.
     /// Alarms and lost steps stay.
     pub(crate) fn clear_faults(&mut self, now: RigTime) {

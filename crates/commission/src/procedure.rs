@@ -81,6 +81,19 @@ async fn jog<B: Bench>(bench: &mut B, axis: JogAxis, by: f64) -> Result<Jogged, 
     order(bench, Order::Step(Jog { axis, by })).await
 }
 
+/// Where an axis is. A drive that does not know it has lost its zero since the steps before: it ends the step of commissioning.
+async fn located<B: Bench>(bench: &mut B, axis: JogAxis) -> Result<f64, Early<B::Trouble>> {
+    let found = jog(bench, axis, 0.0).await?;
+    if found.is_homed {
+        return Ok(found.at);
+    }
+    Err(Early::Failed(format!(
+        "{}: its drive says that it does not know where the axis is, and this step rests on that; `rigd commission changed zero` asks \
+         again for the steps that rest on its zero, and the step geometry asks for the zero itself",
+        axis.name()
+    )))
+}
+
 /// Has a drive do something. One that does not ends the step of commissioning.
 async fn order<B: Bench>(bench: &mut B, order: Order) -> Result<Jogged, Early<B::Trouble>> {
     let done = bench.drive(order).await?;

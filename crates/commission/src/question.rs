@@ -35,6 +35,8 @@ pub enum Asked {
     TableAway,
     /// Set one test indicator against the carriage and one against the edge of the table, both to zero.
     SetIndicators,
+    /// Have the drives find their zero with their own program.
+    FindZero,
     /// Take the power from both drives, and give it back.
     PowerCycle,
     /// The test indicator at the carriage.
@@ -170,6 +172,11 @@ impl Asked {
                 "The drive of the linear stage may look for its zero downwards. Take table, holder and dish away, and leave the \
                  indicator at the carriage as it is. Is nothing below the probe, down to the end of its travel?"
             }
+            Self::FindZero => {
+                "A drive says that it does not know where its axis is. With the drives' own program, have it find its zero, and bring the \
+                 axis back to the middle of its travel; before, take table, holder and dish away if the linear stage homes downwards. Is it \
+                 done?"
+            }
             Self::PowerCycle => {
                 "Switch the power of both drives off, wait ten seconds, and switch it on again. Is it on?"
             }
@@ -207,6 +214,7 @@ impl Asked {
             | Self::LetGo
             | Self::SetIndicators
             | Self::TableAway
+            | Self::FindZero
             | Self::DialZero
             | Self::PowerCycle => &[Choice::Yes, Choice::No],
             Self::ProbeWent => &[Choice::Up, Choice::Down, Choice::Nowhere],

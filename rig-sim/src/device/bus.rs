@@ -109,6 +109,13 @@ impl Bus {
         Ok(line.output.poll(now))
     }
 
+    /// A person has homed all drives with their own program, and has brought the axes back.
+    pub(crate) fn homed_by_person(&mut self) {
+        for (_, drive) in &mut self.units {
+            drive.homed_by_person();
+        }
+    }
+
     /// Injects a fault into the drive at `unit`, or into all drives.
     pub(crate) fn apply_fault(
         &mut self,

@@ -46,6 +46,9 @@ trait Unit: fmt::Debug + Send {
 
     /// Switches the drive off and on again.
     fn power_cycle(&mut self, now: RigTime, world: &mut World);
+
+    /// Takes note that a person has homed the drive with its own program, and has brought the axis back.
+    fn homed_by_person(&mut self);
 }
 
 impl Drive {
@@ -67,6 +70,11 @@ impl Drive {
         }
         self.unit.notice_end(now, world);
         Some(self.unit.answer(now, request, world))
+    }
+
+    /// A person has homed the drive with its own program, and has brought the axis back.
+    pub(crate) fn homed_by_person(&mut self) {
+        self.unit.homed_by_person();
     }
 
     /// Injects a fault into the drive.

@@ -4,7 +4,7 @@
 use rig_files::rig_file::RigFile;
 use rig_model::{Deg, Geometry, Position, Span};
 
-use super::{Early, agreed, jog};
+use super::{Early, agreed, confirm, jog};
 use crate::{
     Asked, Bench, Change, Finding, JogAxis, Value, agreement::Agreement, finding::rounded,
 };
@@ -27,6 +27,7 @@ pub(super) async fn carry_out<B: Bench>(
     bench: &mut B,
 ) -> Result<Finding, Early<B::Trouble>> {
     let geometry = &rig.limits.geometry;
+    find_zeros(bench).await?;
     let at = jog(bench, JogAxis::Linear, 0.0).await?.at;
     let zero = rig.linear.scale.zero.value();
     let measured = [
@@ -63,6 +64,32 @@ pub(super) async fn carry_out<B: Bench>(
     let changes = found.into_iter().zip(is_changed).filter(|(_, is_changed)| *is_changed);
     Ok(Finding::of(values, changes.map(|((_, change), _)| change).collect()))
 }
+
+/// Asks for the zeros of drives that do not know where their axes are. This is the first step that rests on them.
+async fn find_zeros<B: Bench>(bench: &mut B) -> Result<(), Early<B::Trouble>> {
+    const AXES: [JogAxis; 2] = [JogAxis::Linear, JogAxis::Rotary];
+    let mut is_homed = true;
+    for axis in AXES {
+        is_homed &= jog(bench, axis, 0.0).await?.is_homed;
+    }
+    if is_homed {
+        return Ok(());
+    }
+    confirm(bench, Asked::FindZero).await?;
+    bench.remark(OTHER_ZERO);
+    for axis in AXES {
+        if !jog(bench, axis, 0.0).await?.is_homed {
+            let name = axis.name();
+            return Err(Early::Failed(format!(
+                "{name}: its drive says still that it does not know where the axis is"
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// What is said of a zero that was found.
+const OTHER_ZERO: &str = "Steps that were accepted before rest on the zero that the drive had then: `rigd commission changed zero` asks for them again.";
 
 /// Which of gap, height above the rotary axis and distance beside it are to be changed, that differ from the rig file by so much, mm:
 /// those beyond the limit, and then the largest ones, until the surface is where it is expected at each tilt.

@@ -11,7 +11,7 @@
 use rig_files::rig_file::RigFile;
 use rig_model::{Axis, Unit};
 
-use super::{Early, agreed, confirm, doubt, go_to, jog, order, reading};
+use super::{Early, agreed, confirm, doubt, go_to, jog, located, order, reading};
 use crate::{
     Asked, Bench, Finding, Jog, JogAxis, Jogged, Order,
     agreement::Agreement,
@@ -128,6 +128,7 @@ impl Place {
         limits: &Axis<U>,
     ) -> Result<Self, Early<B::Trouble>> {
         let last = LAST[part(axis)];
+        located(bench, axis).await?;
         jog(bench, axis, -last).await?;
         jog(bench, axis, last).await?;
         let at = position(bench, axis).await?;

@@ -6,7 +6,7 @@
 use rig_files::rig_file::RigFile;
 use rig_model::{Axis, Unit};
 
-use super::{Early, agreed, confirm, doubt, go_to, jog, order, reading};
+use super::{Early, agreed, confirm, doubt, go_to, jog, located, order, reading};
 use crate::{
     Answer, Asked, Bench, Change, Choice, Finding, Jog, JogAxis, Order, Value,
     agreement::{Agreement, Mean, Progress},
@@ -144,7 +144,7 @@ async fn free<B: Bench, U: Unit>(
     limits: &Axis<U>,
 ) -> Result<f64, Early<B::Trouble>> {
     let middle = f64::midpoint(limits.travel().min.value(), limits.travel().max.value());
-    let at = jog(bench, axis, 0.0).await?.at;
+    let at = located(bench, axis).await?;
     let by = (middle - at).clamp(-FREE, FREE);
     if let Ok(made) = bench.drive(Order::Step(Jog { axis, by })).await? {
         return Ok(made.at);

@@ -6,7 +6,7 @@ use std::ops::RangeInclusive;
 use rig_files::rig_file::RigFile;
 use rig_model::{Scale, Unit};
 
-use super::{Early, agreed, confirm, contradictory, doubt, insist, jog, reading};
+use super::{Early, agreed, confirm, contradictory, doubt, insist, jog, located, reading};
 use crate::{
     Asked, Bench, Change, Finding, JogAxis, Value,
     agreement::{Agreement, Mean, Progress},
@@ -81,7 +81,7 @@ pub(super) async fn carry_out<B: Bench>(
 type Found = (Vec<Value>, Vec<Change>);
 
 async fn linear<B: Bench>(rig: &RigFile, bench: &mut B) -> Result<Found, Early<B::Trouble>> {
-    let at = jog(bench, JogAxis::Linear, 0.0).await?.at;
+    let at = located(bench, JogAxis::Linear).await?;
     let sense = direction(rig, at).map_err(Early::Failed)?;
     let found = |value: f64, sigma: f64, digits| {
         let keys = ["linear.mm_per_step", "linear.zero_mm"];
@@ -232,6 +232,7 @@ fn direction(rig: &RigFile, at: f64) -> Result<f64, String> {
 async fn rotary<B: Bench>(rig: &RigFile, bench: &mut B) -> Result<Found, Early<B::Trouble>> {
     let keys = ["rotary.deg_per_step", "rotary.zero_deg"];
     let scale = &rig.rotary.scale;
+    located(bench, JogAxis::Rotary).await?;
     let begin = read_tilt(bench, 0.0).await?;
     for way in TURNS_DEG {
         let ratio = turn(bench, begin, way).await?;

@@ -44,6 +44,9 @@ impl Bench for Scripted {
         if asked == Asked::PowerCycle && self.is_forgetting {
             self.is_homed = [false; 2];
         }
+        if asked == Asked::FindZero && is_next {
+            self.is_homed = [true; 2];
+        }
         let gauge = match asked {
             Asked::Dial => Some((self.dial)(self.dials, self.moved)),
             Asked::Gauge => Some(if self.is_tilting { self.at[1] } else { 0.0 }),
@@ -341,5 +344,28 @@ fn limits_are_not_sought_with_soft_limits_that_a_drive_has_inside_the_travel() {
         let is_refused = !said.iter().any(|one| one.contains("moves"));
         assert_eq!(is_refused, told.is_some(), "{why}");
         assert!(told.is_none_or(|told| why.contains(told)), "{why}");
+    }
+}
+
+#[test]
+fn no_step_that_rests_on_positions_believes_a_drive_that_has_lost_its_zero() {
+    for (step, is_homed) in [Step::Scale, Step::Limits, Step::Homing]
+        .into_iter()
+        .flat_map(|step| [[false, true], [true, false]].map(|is_homed| (step, is_homed)))
+    {
+        let bench = Scripted { is_homed, ..scripted(&GAUGED) };
+        let (found, said) = play_on(step, RIG, bench);
+        let Verdict::Failed(why) = &found.verdict else { panic!("{step:?} {is_homed:?}") };
+        let axis = if is_homed[0] { "rotary stage" } else { "linear stage" };
+        assert!(why.starts_with(&format!("{axis}: its drive says that it does not know")), "{why}");
+        let moved = format!("{axis} moves");
+        assert!(!said.iter().any(|one| one.starts_with(&moved)), "{said:#?}");
+    }
+    let readings = vec![(Asked::Gap, 15.0), (Asked::AbovePivot, 4.0), (Asked::BesidePivot, 0.3)];
+    for (answers, is_accepted) in [(&[(Asked::FindZero, Choice::Yes)][..], true), (&[], false)] {
+        let readings = readings.clone();
+        let bench = Scripted { readings, is_homed: [true, false], ..scripted(answers) };
+        let (found, said) = play_on(Step::Geometry, RIG, bench);
+        assert_eq!(found.verdict == Verdict::Accepted, is_accepted, "{said:#?}");
     }
 }

@@ -98,6 +98,10 @@ impl BenchPerson {
                 person.power_cycle_drives();
                 Choice::Yes
             }
+            Asked::FindZero => {
+                person.home_drives();
+                Choice::Yes
+            }
             Asked::PressStop | Asked::ReleaseStop => {
                 person.press_stop(asked == Asked::PressStop);
                 Choice::Yes
@@ -202,6 +206,7 @@ impl Simulation {
                 person.hold_lower_switch(asked == Asked::HoldSwitch);
             }
             Asked::PowerCycle => person.power_cycle_drives(),
+            Asked::FindZero => person.home_drives(),
             _ => {}
         }
     }

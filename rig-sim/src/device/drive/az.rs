@@ -195,6 +195,10 @@ impl Unit for Az {
     }
 
     /// The encoder keeps the position; settings that were not saved are lost.
+    fn homed_by_person(&mut self) {
+        self.is_homed = true;
+    }
+
     fn power_cycle(&mut self, now: RigTime, world: &mut World) {
         *self = Self { history: self.history, ..Self::new(self.motor.power_cycled(now, world)) };
     }

@@ -142,6 +142,10 @@ impl Unit for Leadshine {
         }
     }
 
+    fn homed_by_person(&mut self) {
+        self.is_homed = true;
+    }
+
     fn power_cycle(&mut self, now: RigTime, world: &mut World) {
         *self = Self::new(self.motor.power_cycled(now, world));
     }
