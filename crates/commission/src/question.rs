@@ -125,6 +125,13 @@ impl Choice {
     }
 }
 
+const TABLE_AWAY: &str = "The drive of the linear stage may look for its zero downwards. Take table, holder and dish away, and leave the \
+     indicator at the carriage as it is. Is nothing below the probe, down to the end of its travel?";
+
+const FIND_ZERO: &str = "A drive says that it does not know where its axis is. With the drives' own program, have it find its zero, and bring the \
+     axis back to the middle of its travel; before, take table, holder and dish away if the linear stage homes downwards. Is it \
+     done?";
+
 impl Asked {
     /// The question.
     pub const fn text(self) -> &'static str {
@@ -168,15 +175,8 @@ impl Asked {
                 "Set a test indicator with divisions of 1 µm against the carriage of the probe, and a second one against the edge \
                  of the table on the side of the tip of the bimorph, 20 mm from its axis. Set both to zero. Is it done?"
             }
-            Self::TableAway => {
-                "The drive of the linear stage may look for its zero downwards. Take table, holder and dish away, and leave the \
-                 indicator at the carriage as it is. Is nothing below the probe, down to the end of its travel?"
-            }
-            Self::FindZero => {
-                "A drive says that it does not know where its axis is. With the drives' own program, have it find its zero, and bring the \
-                 axis back to the middle of its travel; before, take table, holder and dish away if the linear stage homes downwards. Is it \
-                 done?"
-            }
+            Self::TableAway => TABLE_AWAY,
+            Self::FindZero => FIND_ZERO,
             Self::PowerCycle => {
                 "Switch the power of both drives off, wait ten seconds, and switch it on again. Is it on?"
             }
