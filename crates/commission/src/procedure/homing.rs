@@ -65,7 +65,10 @@ pub(super) async fn carry_out<B: Bench>(
         find_again(bench, &mut [&mut linear, &mut rotary], 0).await?;
     } else {
         find_again(bench, &mut [&mut rotary], 0).await?;
-        confirm(bench, Asked::TableAway).await?;
+        // A drive with an absolute encoder does not home, and needs no such way.
+        if !linear.started(bench).await?.is_homed {
+            confirm(bench, Asked::TableAway).await?;
+        }
         linear.home = Order::HomeDown;
         // The power of its drive was off meanwhile, and the axis stood still.
         linear.come_back(bench, 0.0).await?;

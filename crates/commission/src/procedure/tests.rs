@@ -208,6 +208,15 @@ fn a_stage_that_homes_downwards_homes_with_the_table_away_and_stands_still_befor
 }
 
 #[test]
+fn a_stage_with_an_absolute_encoder_leaves_the_table_with_its_indicator() {
+    let cycles = [(Asked::PowerCycle, Choice::Yes); 5];
+    let begin = [(Asked::NoSample, Choice::Yes), (Asked::SetIndicators, Choice::Yes)];
+    let (found, said) = play(Step::Homing, &[&begin[..], &cycles].concat());
+    assert_eq!(found.verdict, Verdict::Accepted, "{said:#?}");
+    assert!(!said.iter().any(|one| one == "TableAway" || one.contains("Home")), "{said:#?}");
+}
+
+#[test]
 fn a_stage_that_homes_upwards_leaves_the_table_with_its_indicator() {
     let upwards = RIG.replacen("# homes = \"up\"", "homes = \"up\"", 1);
     assert_ne!(upwards, RIG);
