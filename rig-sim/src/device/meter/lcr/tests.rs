@@ -105,8 +105,8 @@ fn a_trigger_is_taken_while_the_trigger_system_waits_for_it() {
 
 #[test]
 fn without_data_the_status_says_so_and_a_reset_clears_them() {
-    let mut meter = TestMeter::new();
     const NONE: &str = "+9.90000E+37,+9.90000E+37,-1\n";
+    let mut meter = TestMeter::new();
     assert_eq!(meter.say("TRIG:SOUR BUS;:FETC?"), NONE);
     assert_eq!(meter.say("FETC:IMP:CORR?"), "+9.90000E+37,+9.90000E+37\n");
     assert_eq!(meter.say("FETC:SMON:VAC?"), "+9.90000E+37\n");
