@@ -32,6 +32,8 @@ struct Bench {
     sim: Option<SimHandle>,
     /// How long each step of the last program has taken, by the clock of the rig.
     steps: BTreeMap<Step, Duration>,
+    /// The records are those of a bench whose drives had found their zeros.
+    has_zeros: bool,
 }
 
 /// How a program ended.
@@ -73,7 +75,7 @@ impl Bench {
             &[("../scenes/paper.toml", "scene.toml"), ("\"oriental-az\"", &format!("\"{drive}\""))],
         );
         fs::write(folder.path().join("rig.toml"), rig).unwrap();
-        Self { folder, sim: None, steps: BTreeMap::new() }
+        Self { folder, sim: None, steps: BTreeMap::new(), has_zeros: false }
     }
 
     fn data(&self) -> PathBuf {
@@ -101,6 +103,9 @@ impl Bench {
     async fn live(&mut self, kill: Option<(Step, Duration)>) -> End {
         let (handle, rig) = open_in(self.rig(), &self.data(), self.sim.clone()).await.unwrap();
         self.sim = handle.simulation().cloned();
+        if std::mem::take(&mut self.has_zeros) {
+            self.sim.as_ref().unwrap().person(0).home_drives();
+        }
         let of = Commissioned::of(&self.rig(), self.data());
         let (commissioning, steps) = (Commissioning::new(handle.clone(), of), &mut self.steps);
         steps.clear();
@@ -176,7 +181,8 @@ async fn killed(step: Step, drive: &str, seed: u64, mut check: impl AsyncFnMut(u
 
 impl Bench {
     /// Takes the records of the steps before this one from another bench.
-    fn take_records(&self, other: &Self, step: Step) {
+    fn take_records(&mut self, other: &Self, step: Step) {
+        self.has_zeros = true;
         let folder = self.data().join(calibrations::FOLDER);
         fs::create_dir_all(&folder).unwrap();
         for before in Step::ALL.into_iter().take_while(|before| *before != step) {
