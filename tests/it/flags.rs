@@ -3,14 +3,13 @@
 
 use std::fs;
 
-use rig_engine::{Command, RigState, RunPhase, RunStatus};
+use rig_engine::{Command, RigState, RunStatus};
 use rig_model::{DriveLevel, SweepMethod, SweepRequest, Window};
 use rig_store::{
     Axis, ChainCheck, ReadingFlag, ReadingRecord, Record, RunId, StoredRecord, SweepOutcome,
 };
 use rig_tests::{TestRig, forge::Forgery, shipped};
 use rig_verify::Finding;
-use rigd::rig::{Status, TouchOrder};
 
 const TCP: (&str, &str) =
     (r#"{ serial = "/dev/serial/by-id/analyzer", baud = 38400 }"#, r#"{ tcp = "127.0.0.1:5025" }"#);
@@ -185,32 +184,13 @@ async fn a_touch_whose_readings_stay_flagged_is_refused_and_the_run_goes_on() {
     }
 }
 
-/// Plays three touches on a rig whose analyzer flags this many messages from one on. The last touch may be left out while its
-/// reference is measured. Returns the no-load sweeps behind the last result, whether each was accepted.
-async fn closed_by(
-    rig: &TestRig,
-    is_left_out: bool,
-    (first, count): (usize, usize),
-) -> (RunId, RunStatus, Vec<bool>) {
+/// Plays three touches on a rig whose analyzer flags this many messages from one on. Returns the no-load sweeps behind the last
+/// result, whether each was accepted.
+async fn closed_by(rig: &TestRig, first: usize, count: usize) -> (RunId, RunStatus, Vec<bool>) {
     for nth in first..first + count {
         rig.fault(&format!("fault analyzer overload nth={nth}"));
     }
-    let run = rig.handle.run(rig.protocol(&three_touches(5.0)), "test").await.unwrap();
-    if is_left_out {
-        let is_last_reference = |status: &Status| {
-            let progress = status.snapshot.progress.as_ref();
-            progress
-                .is_some_and(|all| all.step + 2 == all.steps && all.phase == RunPhase::NoLoadSweep)
-        };
-        rig.wait_for("the last reference", is_last_reference).await;
-        let last = rig.records(run).first().and_then(|first| match first.record().unwrap() {
-            Record::RunStarted(started) => started.touches.last().map(|touch| touch.step.clone()),
-            _ => None,
-        });
-        let step = last.expect("a run has touches");
-        rig.handle.skip(TouchOrder { run, step, why: "test".to_owned() }, "test").await.unwrap();
-    }
-    let ending = rig.ended(run).await;
+    let (run, ending) = rig.run(rig.protocol(&three_touches(5.0))).await;
     let mut sweeps = Vec::new();
     for stored in rig.records(run) {
         match stored.record().unwrap() {
@@ -225,17 +205,38 @@ async fn closed_by(
 }
 
 /// When a run ends whose analyzer flags three messages from this one on, µs.
-async fn end_us(is_left_out: bool, first: usize) -> u64 {
+async fn end_us(first: usize) -> u64 {
     let rig = TestRig::open().await;
-    let (run, ..) = closed_by(&rig, is_left_out, (first, 3)).await;
+    let (run, ..) = closed_by(&rig, first, 3).await;
     let end_us = rig.records(run).last().unwrap().rig_us;
     rig.close().await;
     end_us
 }
 
-/// The sweeps that a doubted touch cites are its own, and not those that cast the doubt.
-#[track_caller]
-fn assert_cites_its_own(rig: &TestRig, run: RunId) {
+/// The impedance of the clear probe is read after the last touch of a run, and no record has it.
+#[tokio::test]
+async fn flagged_readings_confirm_no_last_touch() {
+    // Messages behind the end of a run change nothing in it.
+    let mut ends = [60, 2000];
+    let undisturbed_us = end_us(ends[1]).await;
+    while ends[0] + 1 < ends[1] {
+        let middle = usize::midpoint(ends[0], ends[1]);
+        ends[usize::from(end_us(middle).await == undisturbed_us)] = middle;
+    }
+    let closing = ends[0];
+    let rig = TestRig::open().await;
+    let (run, ending, sweeps) = closed_by(&rig, closing, 3).await;
+    assert_eq!((ending, &*sweeps), (RunStatus::Completed, &[true][..]), "message {closing}");
+    let verdict = rig_verify::verify(rig.data(), &run.to_string()).unwrap();
+    assert!(verdict.is_sound, "{:#?}", verdict.findings);
+    rig.close().await;
+
+    let rig = TestRig::open().await;
+    let (run, ending, sweeps) = closed_by(&rig, closing, 100).await;
+    assert_eq!((ending, &*sweeps), (RunStatus::Faulted, &[false; 2][..]));
+    let (measured, refused) = touches(&rig.records(run));
+    assert_eq!((measured, refused.len()), (3, 1));
+    // The sweeps that a doubted touch cites are its own, and not those that cast the doubt.
     let (mut cited, mut doubted) = (None, None);
     for stored in rig.records(run) {
         match stored.record().unwrap() {
@@ -248,47 +249,17 @@ fn assert_cites_its_own(rig: &TestRig, run: RunId) {
     }
     assert!(doubted.is_some());
     assert_eq!(doubted, cited);
-}
-
-/// The impedance of the clear probe is read after the last touch of a run, and no record has it.
-#[tokio::test]
-async fn flagged_readings_confirm_no_last_touch() {
-    for is_left_out in [false, true] {
-        // Messages behind the end of a run change nothing in it.
-        let mut ends = [60, 2000];
-        let undisturbed_us = end_us(is_left_out, ends[1]).await;
-        while ends[0] + 1 < ends[1] {
-            let middle = usize::midpoint(ends[0], ends[1]);
-            ends[usize::from(end_us(is_left_out, middle).await == undisturbed_us)] = middle;
-        }
-        let closing = ends[0];
-        // The reference of a touch that is left out comes first.
-        let before = &[true][..usize::from(is_left_out)];
-        let rig = TestRig::open().await;
-        let (run, ending, sweeps) = closed_by(&rig, is_left_out, (closing, 3)).await;
-        assert_eq!((ending, sweeps), (RunStatus::Completed, [before, &[true]].concat()));
-        let verdict = rig_verify::verify(rig.data(), &run.to_string()).unwrap();
-        assert!(verdict.is_sound, "{:#?}", verdict.findings);
-        rig.close().await;
-
-        let rig = TestRig::open().await;
-        let (run, ending, sweeps) = closed_by(&rig, is_left_out, (closing, 100)).await;
-        assert_eq!((ending, sweeps), (RunStatus::Faulted, [before, &[false; 2]].concat()));
-        let (measured, refused) = touches(&rig.records(run));
-        assert_eq!((measured, refused.len()), (3 - before.len(), 1));
-        assert!(refused[0].contains("the analyzer flagged overload at "), "{refused:?}");
-        assert_cites_its_own(&rig, run);
-        let mut forged = Forgery::of(rig.data(), &run.to_string());
-        assert!(forged.verdict().is_sound, "{:#?}", forged.verdict().findings);
-        forged.records.retain(|record| !["fault", "touch_refused"].contains(&&*record.kind));
-        let end = forged.nth("run_finished", 0, |_| true);
-        forged.records[end].payload["status"] = "completed".into();
-        forged.write(true);
-        let findings = forged.verdict().findings;
-        let is_found = |finding: &Finding| finding.to_string().contains("the last no-load sweep");
-        assert!(findings.iter().any(is_found), "{findings:#?}");
-        rig.close().await;
-    }
+    assert!(refused[0].contains("the analyzer flagged overload at "), "{refused:?}");
+    let mut forged = Forgery::of(rig.data(), &run.to_string());
+    assert!(forged.verdict().is_sound, "{:#?}", forged.verdict().findings);
+    forged.records.retain(|record| !["fault", "touch_refused"].contains(&&*record.kind));
+    let end = forged.nth("run_finished", 0, |_| true);
+    forged.records[end].payload["status"] = "completed".into();
+    forged.write(true);
+    let findings = forged.verdict().findings;
+    let is_found = |finding: &Finding| finding.to_string().contains("the last no-load sweep");
+    assert!(findings.iter().any(is_found), "{findings:#?}");
+    rig.close().await;
 }
 
 #[tokio::test]

@@ -34,7 +34,7 @@ async fn missed(requests: u32) -> Option<([f64; 2], Option<f64>)> {
     });
     let (state, stated) = (status.snapshot.state, status.snapshot.rotary);
     rig.close().await;
-    (state == RigState::Latched).then_some((tilts, stated.map(|at| at.value())))
+    (state == RigState::Latched).then_some((tilts, stated.map(Position::value)))
 }
 
 #[tokio::test]

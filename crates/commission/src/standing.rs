@@ -277,7 +277,7 @@ mod tests {
     }
 
     /// A record as it is, with this number.
-    fn numbered(sequence: u64, record: Calibration) -> Calibration {
+    fn numbered(sequence: u64, record: &Calibration) -> Calibration {
         let text = record.to_toml().unwrap();
         let made = format!("sequence = {sequence}\nmade = ");
         Calibration::read(&text.replacen("made = ", &made, 1)).unwrap()
@@ -295,8 +295,9 @@ mod tests {
             (accepted(kind, &basis, 20), Ok(20)),
         ] {
             // The first one was made while the clock was an hour ahead.
-            for first in [numbered(1, accepted(kind, &basis, 3600)), accepted(kind, &basis, 3600)] {
-                let records = [first, numbered(2, later.clone())];
+            let early = accepted(kind, &basis, 3600);
+            for first in [numbered(1, &early), early] {
+                let records = [first, numbered(2, &later)];
                 let found = holding(kind, &records, &basis, 21).map(Calibration::made_unix_s);
                 assert_eq!(found, expected);
                 assert_eq!(is_homing_begun(&records, &basis), expected == Err(Why::Begun));
@@ -307,7 +308,7 @@ mod tests {
         }
         let check = accepted(Kind::Check, &basis, 3600);
         let void = Calibration::void(Kind::Check, BenchChange::Probe, &basis, around(20));
-        let records = [numbered(1, check), numbered(2, void)];
+        let records = [numbered(1, &check), numbered(2, &void)];
         assert_eq!(checks(&records, &basis, None), Vec::<&Calibration>::new());
     }
 

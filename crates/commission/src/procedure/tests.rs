@@ -249,18 +249,12 @@ fn a_scale_goes_up_where_there_is_room_and_never_below_surface_and_soft_limit() 
         let bench = Scripted { at: [begin, 0.0], dial: |_, way| way, ..scripted(&GAUGED) };
         let (found, said) = play_on(Step::Scale, rig, bench);
         let heights = heights(&said, begin);
-        match range {
-            Some(range) => {
-                assert_eq!(found.verdict, Verdict::Accepted, "{begin}");
-                assert!(heights.iter().all(|at| range.contains(at)), "{begin}: {heights:?}");
-            }
-            None => {
-                let Verdict::Failed(why) = found.verdict else { panic!("{found:?}") };
-                assert!(
-                    why.starts_with("the linear stage stands at") && heights.is_empty(),
-                    "{why}"
-                );
-            }
+        if let Some(range) = range {
+            assert_eq!(found.verdict, Verdict::Accepted, "{begin}");
+            assert!(heights.iter().all(|at| range.contains(at)), "{begin}: {heights:?}");
+        } else {
+            let Verdict::Failed(why) = found.verdict else { panic!("{found:?}") };
+            assert!(why.starts_with("the linear stage stands at") && heights.is_empty(), "{why}");
         }
     }
 }

@@ -277,7 +277,7 @@ fn count_in(reason: &str, is_ringing: bool) -> Option<usize> {
 mod tests {
     use super::super::{Step, SweepFacts};
     use super::*;
-    use crate::record::{Pose, StepStarted};
+    use crate::record::{Pose, StepStarted, Touch};
 
     fn reading(frequency_hz: f64, flag: Flag) -> Reading {
         Reading {
@@ -385,16 +385,24 @@ mod tests {
 
     #[test]
     fn what_closes_a_completed_run_is_accepted_and_its_end() {
-        for (is_done, status, is_complete, expected) in [
-            (true, "accepted", true, 0),
-            (true, "refused", true, 1),
+        for (is_reference, is_done, status, is_complete, expected) in [
+            (false, true, "accepted", true, 0),
+            (false, true, "refused", true, 1),
             // The fault that ended the run is another record.
-            (false, "refused", false, 0),
+            (false, false, "refused", false, 0),
             // Another step follows.
-            (true, "accepted", false, 1),
+            (false, true, "accepted", false, 1),
+            // In the step of a reference whose touch is left out, and in that of one whose touch follows.
+            (true, true, "accepted", true, 0),
+            (true, true, "refused", true, 1),
+            (true, true, "accepted", false, 0),
         ] {
             let mut labels = touching();
-            labels.step.as_mut().expect("a step").is_done = is_done;
+            let step = labels.step.as_mut().expect("a step");
+            step.is_done = is_done;
+            if let (true, Action::Touch { pose, .. }) = (is_reference, &step.started.action) {
+                step.started.action = Action::NoLoad { pose: pose.clone() };
+            }
             let outcome = if status == "accepted" {
                 Ok((140.0, 0.02))
             } else {
@@ -467,6 +475,14 @@ mod tests {
             labels.referred(1, None, &mut findings);
         }
         assert!(findings.0.is_empty(), "{findings:?}");
+        labels.referred(1, None, &mut findings);
+        assert_eq!(findings.0.len(), 1);
+        // Behind the reference of a last touch that is left out, those that close the run follow.
+        let pose = Pose { direction: "front".to_owned(), angle_deg: 0.0 };
+        let (step, phase, sample) =
+            ("main/1/front/0/1".to_owned(), "main".to_owned(), "1".to_owned());
+        labels.elsewhere.insert(step.clone());
+        labels.planned.push(Touch { step, phase, sample, pose, repeat: 1 });
         labels.referred(1, None, &mut findings);
         assert_eq!(findings.0.len(), 1);
     }
