@@ -6,7 +6,7 @@ use rig_files::{Faults, Location, settings::Setting};
 use rig_model::{ContactAngle, Direction, Mm, Position, RigLimits};
 
 use crate::{
-    Pose, Protocol, aim, descent,
+    AngleKnowledge, Pose, Protocol, aim, descent,
     fault::{DepthLimit, ProtocolFault},
     protocol::{self, ApproachKeys, BlindPhase},
     sweep::SweepKeys,
@@ -45,6 +45,14 @@ fn by_itself(protocol: &Protocol, faults: &mut Faults) {
         let touches = poses * repeats as usize;
         let fault = ProtocolFault::TooManyTouches { touches, limit: MAX_TOUCHES };
         (touches > MAX_TOUCHES).then_some(fault)
+    });
+    protocol.angle.check(faults, |&angle| {
+        let is_touched =
+            |direction: &Direction| directions(protocol).any(|touched| touched == *direction);
+        let missing = Direction::ALL.into_iter().find(|direction| !is_touched(direction));
+        // No directions are the placeholder of a faulty list.
+        let direction = missing.filter(|_| directions(protocol).next().is_some())?;
+        (angle == AngleKnowledge::Unknown).then_some(ProtocolFault::UnknownAngleNeeds { direction })
     });
     approach(protocol, faults);
     aim::check(protocol, faults);

@@ -25,6 +25,11 @@ const LEAST_MM_PER_S: f64 = 0.2;
 /// Checks that need no rig.
 pub(crate) fn by_itself(protocol: &Protocol, faults: &mut Faults) {
     let ApproachKeys { method, speed_mm_per_s, slow_speed_mm_per_s, .. } = &protocol.approach;
+    if let (Some(slow), Some(&repeats)) = (slow_speed_mm_per_s, protocol.repeats.sound())
+        && repeats < 2
+    {
+        faults.refuse(slow, &ProtocolFault::SlowNeedsRepeats { repeats });
+    }
     if method.sound() != Some(&ApproachMethod::Stepped) {
         return;
     }

@@ -39,6 +39,10 @@ pub(crate) enum ProtocolFault {
          (rotary.tolerance_deg of the rig)", angle.degrees(), other.degrees()
     )]
     SameTilt { angle: ContactAngle, other: ContactAngle, tolerance: f64 },
+    #[error(
+        "angle = \"unknown\" needs touches in all three directions, and \"{}\" is not among them", direction.name()
+    )]
+    UnknownAngleNeeds { direction: Direction },
     #[error("\"{name}\" in samples is not a sample of the simulated rig")]
     UnknownSample { name: String, known: Vec<String> },
 
@@ -62,6 +66,8 @@ pub(crate) enum ProtocolFault {
          speed show no latency"
     )]
     SlowNotSlower { found: f64, limit: f64 },
+    #[error("slow_speed_mm_per_s is that of every second touch of a pose, and repeats = {repeats}")]
+    SlowNeedsRepeats { repeats: u32 },
     #[error(
         "method = \"descent\" needs a stream of readings at one frequency, and the rig states no time of a reading \
          in one (analyzer.stream_overhead_s)"
@@ -180,6 +186,16 @@ pub(crate) enum ProtocolFault {
          whatever the target is"
     )]
     AimNeedsAdaptive { section: &'static str },
+    #[error(
+        "target_sigma_hz of [{section}] is left to the aim, and time_limit_s = {found} is below {limit:.2} s, in which a \
+         sweep reaches the coarsest that it may choose"
+    )]
+    AimNeedsTime { section: &'static str, found: f64, limit: f64 },
+    #[error(
+        "fine_step_mm is left to the aim, and {key} = {found}, which no fine step exceeds, is below {limit} mm, the finest \
+         step of the stage"
+    )]
+    AimNeedsStep { key: &'static str, found: f64, limit: f64 },
     #[error("the aim needs an expected stiffness of sample \"{sample}\", which no file states")]
     AimOfUnknownSample { sample: String },
     #[error("nothing can be expected of {step}: the models of the sensor do not hold there")]
@@ -214,6 +230,7 @@ impl Complaint for ProtocolFault {
         let suggestion = match self {
             Self::SampleName { .. } => "use no \"/\", and no blank at the ends".into(),
             Self::ListedTwice { .. } | Self::SameTilt { .. } => "remove one".into(),
+            Self::UnknownAngleNeeds { .. } => "add it, or write angle = \"known\"".into(),
             Self::TooManyTouches { .. } => "use fewer repeats, angles or samples".into(),
             Self::UnknownSample { known, .. } => format!("it has {}", known.join(", ")),
             Self::TooDeep { limit, .. }
@@ -226,6 +243,7 @@ impl Complaint for ProtocolFault {
                 format!("use at least {fine}, or 0 for no check of slip")
             }
             Self::OnlyDescent { .. } => "remove it, or write method = \"descent\"".into(),
+            Self::SlowNeedsRepeats { .. } => "write repeats = 2 or more, or remove it".into(),
             Self::SlowNotSlower { limit, .. } => format!("use {:.2} or less", 0.5 * limit),
             Self::NoStream => "write method = \"stepped\"".into(),
             Self::StreamTooSlow { .. } => "write method = \"stepped\", or fewer cycles".into(),
@@ -233,6 +251,7 @@ impl Complaint for ProtocolFault {
                 format!("use at most {:.2}", (limit * 100.0).floor() / 100.0)
             }
             Self::HalfwayAboveStop { coarse: limit, .. }
+            | Self::AimNeedsStep { limit, .. }
             | Self::DescentTooSlow { limit, .. }
             | Self::LevelTooLow { limit, .. }
             | Self::FinerThanStage { limit, .. } => format!("use at least {limit}"),
@@ -260,11 +279,25 @@ impl Complaint for ProtocolFault {
             Self::UniformNeeds { .. } => "write for example settle_s = 0.5".into(),
             Self::Sweep(error) => return sweep_suggestion(error),
             Self::BeyondAnalyzer { key, found, min, max } => stay_within(key, *found, *min, *max),
+            Self::MoreClassesThanSamples { samples, .. } => format!("use at most {samples}"),
+            Self::FewerTrialsThanClasses { classes, .. } => format!("use at least {classes}"),
+            Self::NoBlindAngle { min, .. } => format!("use at least {min}"),
+            Self::TooLong { .. } => "raise the limit, or take fewer touches".into(),
+            of_aim => return of_aim.suggestion_of_aim(),
+        };
+        Some(suggestion)
+    }
+}
+
+impl ProtocolFault {
+    fn suggestion_of_aim(&self) -> Option<String> {
+        let suggestion = match self {
             Self::TwoAims => "remove one".into(),
             Self::NoAim => "write for example stiffness_percent = 2".into(),
             Self::AimNeedsAdaptive { .. } => {
                 "write method = \"adaptive\", or state target_sigma_hz".into()
             }
+            Self::AimNeedsTime { limit, .. } => at_least(*limit, "state target_sigma_hz"),
             Self::AimOfUnknownSample { .. } => {
                 "write that of the softest sample there, such as softest_mpa = 0.05".into()
             }
@@ -275,10 +308,7 @@ impl Complaint for ProtocolFault {
                 at_least(*limit, "state smaller uncertainties if the bench is known better")
             }
             Self::AimTooFast { limit, .. } => at_least(*limit, "shorten dwell_s and the ways"),
-            Self::MoreClassesThanSamples { samples, .. } => format!("use at most {samples}"),
-            Self::FewerTrialsThanClasses { classes, .. } => format!("use at least {classes}"),
-            Self::NoBlindAngle { min, .. } => format!("use at least {min}"),
-            Self::TooLong { .. } => "raise the limit, or take fewer touches".into(),
+            _ => return None,
         };
         Some(suggestion)
     }

@@ -33,7 +33,7 @@ pub struct Protocol {
     pub(crate) no_load: NoLoadPolicy,
     /// Whether the file states `no_load`.
     pub(crate) states_no_load: bool,
-    pub(crate) angle: AngleKnowledge,
+    pub(crate) angle: Setting<AngleKnowledge>,
     pub(crate) model: ModelOrigin,
     pub(crate) aim: Option<Setting<AimKeys>>,
     pub(crate) touch: TouchKeys,
@@ -167,7 +167,7 @@ impl Protocol {
 
     /// The knowledge of the contact angles in the analysis.
     pub fn angle(&self) -> AngleKnowledge {
-        self.angle
+        self.angle.value
     }
 
     /// Where the analysis has its model from.
@@ -282,8 +282,7 @@ pub(crate) fn protocol(table: &mut Table<'_>) -> Protocol {
                 "angle",
                 [("known", AngleKnowledge::Known), ("unknown", AngleKnowledge::Unknown)],
             )
-            .or(AngleKnowledge::Known)
-            .value,
+            .or(AngleKnowledge::Known),
         model: table
             .choice(
                 "model",

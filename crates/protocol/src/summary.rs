@@ -547,8 +547,17 @@ fn longer_s(limits: &RigLimits, asked_s: f64) -> f64 {
 }
 
 fn sweep_s(sweep: &SweepRequest, adaptive: AdaptiveTime, limits: &RigLimits) -> f64 {
+    unlimited_s(sweep, adaptive, limits).min(sweep.time_limit_s)
+}
+
+/// Time in which a sweep in contact or, without one, of the free sensor reaches its target, s.
+pub(crate) fn to_target_s(sweep: &SweepRequest, is_contact: bool, limits: &RigLimits) -> f64 {
+    unlimited_s(sweep, if is_contact { CONTACT_TIME } else { NO_LOAD_TIME }, limits)
+}
+
+fn unlimited_s(sweep: &SweepRequest, adaptive: AdaptiveTime, limits: &RigLimits) -> f64 {
     let longer_s = |cycles: u32| longer_s(limits, f64::from(cycles) / middle_hz(sweep));
-    let planned_s = match sweep.method {
+    match sweep.method {
         SweepMethod::Adaptive | SweepMethod::Survey { .. } => {
             let AdaptiveTime { time_constants, s_hz2 } = adaptive;
             time_constants * time_constant_s(sweep)
@@ -559,8 +568,7 @@ fn sweep_s(sweep: &SweepRequest, adaptive: AdaptiveTime, limits: &RigLimits) -> 
             let integration_s = f64::from(sweep.cycles) / middle_hz(sweep);
             f64::from(points) * (sweep.settle_s + integration_s + longer_s(sweep.cycles))
         }
-    };
-    planned_s.min(sweep.time_limit_s)
+    }
 }
 
 /// Time constant of the free decay of the sensor, s.

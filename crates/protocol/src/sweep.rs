@@ -13,6 +13,7 @@ use crate::fault::ProtocolFault;
 pub(crate) struct SweepKeys {
     pub(crate) request: SweepRequest,
     pub(crate) target_sigma_hz: Setting<f64>,
+    pub(crate) time_limit_s: Setting<f64>,
     pub(crate) min_hz: Setting<f64>,
     pub(crate) max_hz: Setting<f64>,
     pub(crate) level_v: Setting<f64>,
@@ -120,7 +121,7 @@ pub(crate) fn read(table: &mut Table<'_>, has_aim: bool) -> SweepKeys {
             table.refuse(location, &ProtocolFault::Sweep(error));
         }
     }
-    SweepKeys { request, target_sigma_hz, min_hz, max_hz, level_v }
+    SweepKeys { request, target_sigma_hz, time_limit_s, min_hz, max_hz, level_v }
 }
 
 /// The key and its location, if its value could be read.

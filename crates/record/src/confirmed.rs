@@ -14,6 +14,8 @@ pub struct Confirmed {
     /// The step of the last measured touch, as long as nothing is measured after it.
     last: Option<String>,
     unconfirmed: BTreeSet<String>,
+    /// The next end is that of an amendment that leaves a touch out.
+    is_skip: bool,
 }
 
 impl Confirmed {
@@ -35,6 +37,7 @@ impl Confirmed {
                 let is_accepted = matches!(sweep.outcome, SweepOutcome::Accepted { .. });
                 self.last.take_if(|_| sweep.purpose == SweepPurpose::NoLoad && is_accepted);
             }
+            Record::RunFinished(_) if self.is_skip => self.is_skip = false,
             Record::RunFinished(finished) => {
                 let is_whole =
                     matches!(finished.status, Ending::Completed | Ending::CompletedWithRefusals);
@@ -42,7 +45,7 @@ impl Confirmed {
                 self.end();
             }
             // Nothing is measured where a touch is left out, which may be during the run.
-            Record::Amended(amended) if amended.what == Amendment::Skip => {}
+            Record::Amended(amended) if amended.what == Amendment::Skip => self.is_skip = true,
             Record::Resumed(_) | Record::GivenUp(_) | Record::Amended(_) => self.end(),
             _ => {}
         }

@@ -163,6 +163,8 @@ impl Archive {
         let expected = parts(&Reader::open(data)?, run.id)?;
         let place = self.place(run);
         if place.exists() {
+            // Whoever renamed it may have been killed before this.
+            object::flush_directory(&self.root)?;
             return Object::check(&place, &expected);
         }
         for (part, _) in &expected {

@@ -114,6 +114,20 @@ fn an_archived_run_is_read_from_the_archive_alone() {
     }
     assert_eq!(json(&archive, &["runs"]).as_array().unwrap().len(), 2);
     assert_eq!(rigd(&archive, &["show", "smoke-3"], &[]).status.code(), Some(3));
+    // A damaged object hides no other.
+    let damaged = PathBuf::from(done[1]["place"].as_str().unwrap());
+    let list = fs::read(damaged.join("object.json")).unwrap();
+    fs::write(damaged.join("object.json"), "{").unwrap();
+    assert_eq!(json(&archive, &["show", "smoke-2"])["touches"], before["touches"]);
+    let said = rigd(&archive, &["show", "smoke-1"], &[]);
+    assert!(String::from_utf8_lossy(&said.stderr).contains("object.json"), "{said:?}");
+    fs::write(damaged.join("object.json"), list).unwrap();
+    fs::write(damaged.join("rigd.db"), "no journal").unwrap();
+    let listed = rigd(&archive, &["runs"], &[]);
+    let (out, told) =
+        (String::from_utf8_lossy(&listed.stdout), String::from_utf8_lossy(&listed.stderr));
+    assert!(listed.status.success() && out.contains("smoke-2"), "{listed:?}");
+    assert!(told.contains("not listed") && told.contains("smoke-1"), "{told}");
     let written = rigd(&place, &["give-up", "smoke-2"], &[]);
     assert!(!written.status.success());
     assert_eq!(fs::read(place.join("rigd.db")).unwrap(), bytes);

@@ -173,12 +173,8 @@ async fn own(mut line: Line, mut inbox: mpsc::Receiver<LineRequest>) {
         // The caller may have gone away; the exchange is finished in any case.
         match order {
             LineRequest::Request { unit, request, is_urgent, halts, answer } => {
-                let exchange = async |line: &mut Line| {
-                    if is_urgent {
-                        line.send_urgently(unit, &request).await;
-                    }
-                    line.request(unit, &request, halts).await
-                };
+                let exchange =
+                    async |line: &mut Line| line.request(unit, &request, halts, is_urgent).await;
                 let reply = unbroken(&mut line, exchange).await;
                 _ = answer.send(reply.unwrap_or_else(|fault| Err(fault.into())));
             }

@@ -103,8 +103,13 @@ pub(crate) fn number(block: Block, reply: &Reply, address: u16, width: Width) ->
 
 /// The alarm of a code, zero for none.
 pub(crate) fn alarm(map: &'static RegisterMap, code: u16) -> Option<Alarm> {
+    (code != 0).then(|| alarm_of_code(map, code))
+}
+
+/// The alarm of a drive that says it has one.
+pub(crate) fn alarm_of_code(map: &'static RegisterMap, code: u16) -> Alarm {
     let known = map.alarms.iter().find(|(known, _)| *known == code);
-    (code != 0).then_some(Alarm { code, name: known.map_or("see its manual", |(_, name)| name) })
+    Alarm { code, name: known.map_or("see its manual", |(_, name)| name) }
 }
 
 /// The request that reads a block.

@@ -168,18 +168,22 @@ impl Line {
 
     /// Carries out one request, with as many attempts as the settings allow. Every request here may
     /// be repeated: reads, and writes of absolute values. A write that was requested after `halts`
-    /// stops is not sent after a further one.
+    /// stops is not sent after a further one. An urgent one is sent at once before each attempt if the line is suspect.
     pub(crate) async fn request(
         &mut self,
         unit: u8,
         request: &Request,
         halts: u64,
+        is_urgent: bool,
     ) -> Result<Reply, BusError> {
         self.count(unit, |health| health.requests += 1);
         let busy_until = Instant::now() + self.settings.busy_within;
         let mut attempts = 0;
         loop {
             attempts += 1;
+            if is_urgent {
+                self.send_urgently(unit, request).await;
+            }
             let fault = match self.attempt(unit, request, halts).await {
                 Ok(reply) => return Ok(reply),
                 Err(fault) => fault,
@@ -236,7 +240,7 @@ impl Line {
 
     /// Sends a request on a suspect line without waiting for an answer: an answer is discarded
     /// before the next request. Does nothing on a line in order.
-    pub(crate) async fn send_urgently(&mut self, unit: u8, request: &Request) {
+    async fn send_urgently(&mut self, unit: u8, request: &Request) {
         if self.context.is_none() && !self.port_loan.lock().port.is_lost() {
             self.say(unit, request).await;
         }

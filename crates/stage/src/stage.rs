@@ -14,7 +14,7 @@ use tokio::time::{Instant, sleep, sleep_until};
 pub use self::recognise::Look;
 use crate::{
     Alarm, AxisStatus, BusHandle, HaltFrames, RegisterMap, Reply, Request, StageError,
-    drive_reading::{DriveReading, alarm, read_request},
+    drive_reading::{DriveReading, alarm, alarm_of_code, read_request},
     order::{Order, StepAction},
 };
 
@@ -440,14 +440,14 @@ impl<U: Unit> Stage<U> {
     }
 
     async fn alarm_of(&self, reading: &DriveReading) -> Result<Option<Alarm>, StageError<U>> {
-        let code = match reading.alarm_block {
-            None => reading.alarm_code,
-            Some(block) => match self.ask(read_request(block)).await? {
-                Reply::Words(words) => words[0],
-                Reply::Bits(_) | Reply::Written => unreachable!("a read is answered by words"),
-            },
+        let Some(block) = reading.alarm_block else {
+            return Ok(alarm(self.map, reading.alarm_code));
         };
-        Ok(alarm(self.map, code))
+        match self.ask(read_request(block)).await? {
+            // The flag is set, also without a code.
+            Reply::Words(words) => Ok(Some(alarm_of_code(self.map, words[0]))),
+            Reply::Bits(_) | Reply::Written => unreachable!("a read is answered by words"),
+        }
     }
 
     async fn refuse_alarm(

@@ -43,10 +43,10 @@ pub fn restore(backup: &Path, to: &Path, beside: &[&str]) -> Result<Vec<BackedUp
         Ok(runs) if is_whole(runs) => place(backup, &stage, to, beside),
         _ => Ok(()),
     };
-    // After an error too, the directory is as it was.
+    // With the stage, the same command begins again after an error: what is beside it may be in its place.
+    placed.map_err(PathAct::Place.failed(to))?;
     let removed = fs::remove_dir_all(&stage);
     let runs = copied?;
-    placed.map_err(PathAct::Place.failed(to))?;
     removed.map_err(PathAct::Remove.failed(&stage))?;
     drop(lock);
     Ok(runs)

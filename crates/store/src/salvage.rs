@@ -2,19 +2,24 @@
 
 mod list;
 
-use std::{collections::BTreeMap, path::Path};
+use std::{collections::BTreeMap, fs, path::Path};
 
 use rig_record::{ListEntry, Stretch, seal};
+use rig_system::files::{sync_file, sync_folder};
 use rusqlite::{Connection, OptionalExtension, params};
 
 use crate::{
-    Clearance, Digest, Ending, Fault, Flaw, Record, RunKind, Store, StoreError,
+    Clearance, Digest, Ending, Fault, Flaw, PathAct, Record, RunKind, Store, StoreError,
+    directory::make_directory,
     journal::{ENTRY, entry_from, insert_entry, insert_stretch, stretches},
     lock::DirectoryLock,
     reader::has_no_content,
     schema,
 };
 use list::List;
+
+/// The folder in which the copy is made.
+const STAGE: &str = ".salvage.part";
 
 /// The copied part of a run, a session or an amendment.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -47,7 +52,7 @@ struct Copied {
 /// is unchanged.
 ///
 /// If records of the last start of a program are lost, what is left may show the probe clear although it was lowered since. The
-/// copy then ends with a session that says that this is not known.
+/// copy then ends with a session that says that this is not known. The copy gets its name when it is whole.
 ///
 /// # Errors
 /// [`StoreError::NotEmpty`] if `to` has a journal already; [`StoreError::NoJournal`] or
@@ -64,7 +69,14 @@ pub fn salvage(from: &Path, to: &Path) -> Result<Vec<SalvagedRun>, StoreError> {
     if target.exists() {
         return Err(StoreError::NotEmpty);
     }
-    let new = schema::open_to_write(&target)?;
+    // A copy that was broken off is made again.
+    let stage = to.join(STAGE);
+    if stage.exists() {
+        fs::remove_dir_all(&stage).map_err(PathAct::Remove.failed(&stage))?;
+    }
+    make_directory(&stage).map_err(PathAct::Place.failed(&stage))?;
+    let built = schema::database(&stage);
+    let new = schema::open_to_write(&built)?;
     new.pragma_update(None, "foreign_keys", false)?;
     new.execute_batch("BEGIN IMMEDIATE")?;
     copy_meta(&old, &new)?;
@@ -83,16 +95,21 @@ pub fn salvage(from: &Path, to: &Path) -> Result<Vec<SalvagedRun>, StoreError> {
             }
         }
     }
-    // The next opening must have a number of its own.
+    // Records name their epoch, and the next opening must have a number of its own.
     new.execute(
         "INSERT OR IGNORE INTO epochs (n, opened_at, software)
-         SELECT max(epoch), strftime('%Y-%m-%dT%H:%M:%fZ', 'now'), 'rigd salvage' FROM records
-         HAVING count(*) > 0",
+         SELECT epoch, strftime('%Y-%m-%dT%H:%M:%fZ', 'now'), 'rigd salvage'
+         FROM (SELECT epoch FROM records UNION SELECT epoch FROM stretches)",
         [],
     )?;
     new.execute_batch("COMMIT")?;
-    drop((new, lock));
-    losses.tell(to)?;
+    new.close().map_err(|(_, error)| error)?;
+    losses.tell(&stage)?;
+    sync_file(&built).map_err(PathAct::Place.failed(to))?;
+    fs::rename(&built, &target).map_err(PathAct::Place.failed(to))?;
+    sync_folder(to).map_err(PathAct::Place.failed(to))?;
+    fs::remove_dir_all(&stage).map_err(PathAct::Remove.failed(&stage))?;
+    drop(lock);
     Ok(salvaged)
 }
 
@@ -155,7 +172,7 @@ fn counts(old: &Connection) -> Option<BTreeMap<i64, usize>> {
 /// A row of the epochs.
 type Epoch = (i64, String, Option<String>, String, Option<i64>);
 
-/// The bench stays the same, and the epochs keep their numbers. One that cannot be read is left out: no record rests on it.
+/// The bench stays the same, and the epochs keep their numbers. One that cannot be read is left out here.
 fn copy_meta(old: &Connection, new: &Connection) -> Result<(), StoreError> {
     let bench = old.query_row("SELECT bench FROM meta", [], |row| row.get::<_, String>(0));
     if let Ok(bench) = bench {

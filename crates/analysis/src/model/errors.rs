@@ -81,9 +81,9 @@ impl TouchErrors {
         self
     }
 
-    /// What these touches share by their references.
-    pub(crate) fn references_of(&self, indices: &[usize]) -> Matrix {
-        let entry = |i: usize, j: usize| self.references.get(i).map_or(0.0, |row| row[j]);
+    /// The covariance of these touches by what they share, with zeros on the diagonal.
+    pub(crate) fn shared_by(&self, indices: &[usize]) -> Matrix {
+        let entry = |i: usize, j: usize| if i == j { 0.0 } else { self.measured[i][j] };
         indices.iter().map(|&i| indices.iter().map(|&j| entry(i, j)).collect()).collect()
     }
 

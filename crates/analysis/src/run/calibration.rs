@@ -145,7 +145,7 @@ impl RunCalibration {
         }
         let variance = described.errors.variance(&in_factor);
         let freedom = scale.samples as f64 - 1.0;
-        // What the samples share by their references does not scatter between them.
+        // What the samples share, such as an error of the depth at one place of the stages, does not scatter between them.
         let common = described.common_of_samples(&in_factor, main, freedom);
         let scattering = variance - common;
         let between = excess(scale.scatter_rel.map_or(0.0, |rel| rel * rel / scattering), freedom);
@@ -208,9 +208,9 @@ impl RunCalibration {
         samples.iter().map(excess).sum::<f64>() / samples.len() as f64
     }
 
-    /// The mean covariance, by their references, of the means of two different samples that give the factor.
+    /// The mean covariance of the means of two different samples that give the factor.
     fn common_of_samples(&self, in_factor: &Entering, main: &[Reading], freedom: f64) -> f64 {
-        let all = self.errors.of_references(in_factor, in_factor);
+        let all = self.errors.variance(in_factor);
         let mut samples: Vec<usize> = main.iter().map(|reading| reading.sample).collect();
         samples.sort_unstable();
         samples.dedup();
@@ -218,7 +218,7 @@ impl RunCalibration {
             let mut of_sample = in_factor.clone();
             let others = main.iter().enumerate().filter(|(_, one)| one.sample != sample);
             others.for_each(|(index, _)| of_sample[index] = 0.0);
-            self.errors.of_references(&of_sample, &of_sample)
+            self.errors.variance(&of_sample)
         };
         let between = all - samples.into_iter().map(within).sum::<f64>();
         // Each sample has the same weight.
@@ -350,7 +350,7 @@ impl RunCalibration {
         let expected = Chi2Expected::of_freedom(freedom, 1.0).sharing(
             &vec![0; weights.len()],
             &weights,
-            &self.errors.references_of(&indices),
+            &self.errors.shared_by(&indices),
         );
         let is_beyond = freedom > 0.0 && expected.probability(chi2) < BY_CHANCE;
         if is_beyond { (chi2 / expected.mean).max(1.0) } else { 1.0 }

@@ -134,3 +134,33 @@ fn the_stiffness_of_touches_with_one_reference_is_as_uncertain_as_what_they_shar
     let alone = trials(&none, false, ModelSource::Described);
     assert!(Sums::ratio(alone.samples) > 1.8, "{alone:?}");
 }
+
+/// The touches that are compared are at one place of the stages and share half of the variance of their depth. That makes the
+/// samples scatter less, so that a scatter that seems to be chance is none.
+#[test]
+fn what_known_samples_share_by_their_depth_does_not_explain_their_scatter() {
+    let described = Compensation {
+        depth_sigma_mm: 0.02,
+        angle_sigma_rad: 1e-5,
+        ..Compensation::new(&SensorDescription::reference(), 0.0)
+    };
+    let touched = |touch: PosedTouch| PosedTouch { sigma_hz: 0.01, ..touch };
+    let touches: Vec<PosedTouch> = smooth(&described).into_iter().map(touched).collect();
+    let main = touches.len() - 2;
+    let sigma_rel = |off: f64| {
+        let known_mpa = [Some(SAMPLES_MPA[0] * (1.0 + off)), Some(SAMPLES_MPA[1] / (1.0 + off))];
+        let run = RunTouches {
+            main: &touches[..main],
+            blind: &touches[main..],
+            known_mpa: &known_mpa,
+            sample_rel: 1e-4,
+            depth_correlation: None,
+            reference_hz2: None,
+            resonance_ratio: 1.0,
+            scale_rel: 0.0,
+        };
+        at_known_angles(&described, &run, ModelSource::Described).0.calibration.sigma_rel
+    };
+    let (alike, apart) = (sigma_rel(0.0), sigma_rel(0.018));
+    assert!(apart > 1.1 * alike, "{alike} {apart}");
+}

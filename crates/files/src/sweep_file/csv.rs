@@ -39,6 +39,8 @@ struct Row {
     is_used: bool,
     /// The word that the row has in place of a number.
     no_number: Option<&'static str>,
+    /// Number of its cells.
+    cells: usize,
     /// Number of the sweep in the file; otherwise of the block of rows.
     sweep: u64,
     timing: Option<Timing>,
@@ -222,6 +224,8 @@ struct Rows {
     numbers: BTreeMap<u64, u64>,
     /// Line of the header of this block.
     header_line: usize,
+    /// The number of cells of the first row, and its line.
+    first_cells: Option<(usize, usize)>,
     /// The last two frequencies of this block, Hz.
     last_hz: [Option<f64>; 2],
     /// Whether the header has just been repeated.
@@ -246,6 +250,19 @@ impl Rows {
         self.last_hz = [self.last_hz[1], Some(frequency_hz)];
     }
 
+    /// Whether a row has as many cells as the first one. Between blanks, one that is missing is not to be seen, and the
+    /// others would move.
+    fn is_complete(&mut self, header: &Header<'_>, row: &Row, faults: &mut FaultCollector) -> bool {
+        let Row { cells: found, line, .. } = *row;
+        let (expected, first_line) = *self.first_cells.get_or_insert((found, line));
+        let is_complete = header.separator != Separator::Spaces || found == expected;
+        if !is_complete {
+            let refusal = SweepFileFault::OtherCells { found, expected, first_line };
+            faults.refuse(Location { line, column: 1 }, refusal);
+        }
+        is_complete
+    }
+
     /// Takes a row in, if it is of the sweep that is asked for.
     fn push(
         &mut self,
@@ -253,7 +270,11 @@ impl Rows {
         asked: Option<u64>,
         has_numbers: bool,
     ) -> Result<(), SweepFileFault> {
-        self.begin(row.of(Quantity::Frequency));
+        // A row without a frequency goes on with nothing, and ends nothing.
+        let frequency_hz = row.of(Quantity::Frequency);
+        if frequency_hz > 0.0 {
+            self.begin(frequency_hz);
+        }
         if !has_numbers {
             row.sweep = self.blocks - 1;
         }
@@ -302,6 +323,7 @@ fn rows(header: &Header<'_>, text: &str, asked: Option<u64>, faults: &mut FaultC
             // ZPlot ends its head so.
             && text.trim() != "End Comments"
             && let Some(row) = row(header, line, text, &mut numbers, faults)
+            && found.is_complete(header, &row, faults)
             && let Err(refusal) = found.push(row, asked, has_numbers)
         {
             faults.refuse(Location { line, column: 1 }, refusal);
@@ -374,6 +396,7 @@ fn row(
         flag: None,
         is_used: true,
         no_number: None,
+        cells: cells.len(),
         sweep: 0,
         timing: None,
         has_loss: None,

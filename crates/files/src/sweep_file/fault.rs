@@ -43,6 +43,10 @@ pub(super) enum SweepFileFault {
     // A row.
     #[error("{found} cells where the header has {expected}")]
     Cells { found: usize, expected: usize, separator: Separator },
+    #[error(
+        "{found} cells where line {first_line} has {expected}: between blanks, none can be empty"
+    )]
+    OtherCells { found: usize, expected: usize, first_line: usize },
     #[error("the quotation mark is not closed")]
     OpenQuote,
     #[error("the {} is missing", quantity.name())]
@@ -103,7 +107,20 @@ pub(super) enum SweepFileFault {
 
 impl Complaint for SweepFileFault {
     fn suggestion(&self) -> Option<String> {
-        let suggestion = match self {
+        match self {
+            Self::UnknownUnit { quantity, .. } => Some(format!("write `{}`", quantity.key())),
+            Self::UnitlessPhase { key } => {
+                Some(format!("name the column `{key}` if they are degrees"))
+            }
+            other => Some(other.what_to_do().to_owned()),
+        }
+    }
+}
+
+impl SweepFileFault {
+    /// The suggestion, where it is the same for all values.
+    fn what_to_do(&self) -> &'static str {
+        match self {
             Self::Empty | Self::NoHeader => {
                 "begin with the line `frequency_hz,resistance_ohm,reactance_ohm`, then one line \
                  for each reading"
@@ -127,19 +144,15 @@ impl Complaint for SweepFileFault {
                 "name the column `Freq(kHz)`, `Freq(MHz)` or `frequency_hz`"
             }
             Self::RepeatedColumn { .. } => "rename or remove one of them",
-            Self::UnknownUnit { quantity, .. } => {
-                return Some(format!("write `{}`", quantity.key()));
+            Self::Cells { found, expected, separator } if found > expected => match separator {
+                Separator::Comma => {
+                    "where commas are decimal marks, separate the columns by semicolons"
+                }
+                _ => "name every column in the header, or remove the further cells",
+            },
+            Self::Cells { .. } | Self::OtherCells { .. } | Self::EmptyCell { .. } => {
+                "complete the line or remove it"
             }
-            Self::UnitlessPhase { key } => {
-                return Some(format!("name the column `{key}` if they are degrees"));
-            }
-            Self::Cells { found, expected, separator: Separator::Comma } if found > expected => {
-                "where commas are decimal marks, separate the columns by semicolons"
-            }
-            Self::Cells { found, expected, .. } if found > expected => {
-                "name every column in the header, or remove the further cells"
-            }
-            Self::Cells { .. } | Self::EmptyCell { .. } => "complete the line or remove it",
             Self::OpenQuote => "close it on the same line",
             Self::NotANumber { .. } => {
                 "write it like 140.25, 1.4025e2 or, between semicolons, 140,25"
@@ -171,7 +184,7 @@ impl Complaint for SweepFileFault {
                 "export one port: frequency and the two parts of one parameter"
             }
             Self::OpenCircuit => "export more digits, or remove the line",
-        };
-        Some(suggestion.to_owned())
+            Self::UnknownUnit { .. } | Self::UnitlessPhase { .. } => "write the unit",
+        }
     }
 }

@@ -377,6 +377,19 @@ fn all_faults_are_reported_at_once() {
     );
 }
 
+/// A cell that is missing between blanks would move those behind it.
+#[test]
+fn rows_between_blanks_have_as_many_cells_as_the_first() {
+    check_faults(
+        "a.csv",
+        "f R X |Z|\n120 900 -47000 47009\n130     -44000 44010\n140 2000 -39000 39051\n",
+        &[
+            "a.csv:3:1: 3 cells where line 2 has 4: between blanks, none can be empty; complete the \
+           line or remove it",
+        ],
+    );
+}
+
 #[test]
 fn a_fault_of_many_rows_is_one_line_with_their_number() {
     check_faults(

@@ -38,10 +38,10 @@ impl Latch {
     }
 
     pub(crate) const fn failed(&mut self) {
-        self.is_latched = true;
+        (self.is_latched, self.is_acknowledged) = (true, false);
     }
 
-    /// A command of the axes has ended. What fails after an acknowledgement was acknowledged with it.
+    /// A command of the axes has ended. Its failure was acknowledged if its command was under way then.
     pub(crate) const fn ended(&mut self, is_failed: bool) {
         if self.is_acknowledged {
             self.acknowledged(false);

@@ -288,6 +288,20 @@ fn a_stop_takes_back_an_acknowledgement_that_came_before_it() {
 }
 
 #[test]
+fn an_acknowledgement_covers_no_later_fault() {
+    let mut interlock = prepared(NOW);
+    interlock.intent_is_durable(Position::new(9.5));
+    admitted(&mut interlock, lower(20.0), linear_at(20.0));
+    interlock.admit(NOW, &lift()).unwrap();
+    interlock.operator(NOW, "somebody", Word::Acknowledgement).unwrap();
+    interlock.latched();
+    interlock.ended(NOW, &lift(), &linear_at(REST_MM));
+    assert!(matches!(refused(&mut interlock, turn(0.0)), Refusal::Latched { .. }));
+    interlock.operator(NOW, "somebody", Word::Acknowledgement).unwrap();
+    admitted(&mut interlock, turn(0.0), rotary_at(0.0));
+}
+
+#[test]
 fn a_stop_that_is_sent_late_is_told() {
     let mut interlock = prepared(NOW);
     for (ms, is_late) in [(0, false), (100, false), (101, true)] {

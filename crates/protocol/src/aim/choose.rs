@@ -1,7 +1,7 @@
 //! The settings of a protocol with an aim: the candidates, what each costs and gives, and the choice.
 
 use rig_files::{Faults, Location};
-use rig_model::{RigLimits, SweepMethod};
+use rig_model::{RigLimits, SweepMethod, SweepRequest};
 
 use super::{
     AIM_KEYS, AimKeys, AimPlan, AimSettings, NoSensitivity, PartTimes, Sensitivity, TouchModel,
@@ -10,15 +10,16 @@ use super::{
     split::{OutOfReach, Value, best, preferred},
 };
 use crate::{
-    Action, NoLoadPolicy, Plan, Protocol, fault::ProtocolFault, summary::Course, sweep::SweepKeys,
+    Action, NoLoadPolicy, Plan, Protocol,
+    fault::ProtocolFault,
+    protocol::ApproachKeys,
+    summary::{Course, to_target_s},
+    sweep::SweepKeys,
 };
 
-/// Targets of a sweep in contact, Hz. A finer one takes longer than the rest of a touch; a coarser one leaves
-/// too few readings to judge the resonance by, and is measured twice.
-const CONTACT_HZ: (f64, f64) = (0.01, 0.2);
-
-/// The finest of them that an aim chooses, Hz: on most samples a planned sweep has too few readings for a finer one.
-const FINEST_CONTACT_HZ: f64 = 0.02;
+/// Targets of a sweep in contact, Hz. For a finer one, a planned sweep has too few readings on most samples; a coarser one
+/// leaves too few to judge the resonance by, and is measured twice.
+const CONTACT_HZ: (f64, f64) = (0.02, 0.2);
 
 /// Targets of a reference, Hz. With a coarser one the search compares the impedance beside the resonance.
 const NO_LOAD_HZ: (f64, f64) = (0.01, 0.1);
@@ -42,6 +43,9 @@ pub(crate) fn choose(
     faults: &mut Faults,
 ) -> Option<Plan> {
     let wanted = aim.wanted.as_ref()?;
+    if !is_there_a_choice(protocol, limits, faults) {
+        return None;
+    }
     let candidates = Candidates::of(protocol, limits);
     let plans = candidates.plans(protocol, limits);
     let assumed_mpa = aim.softest_mpa.as_ref().map(|mpa| mpa.value);
@@ -60,14 +64,14 @@ pub(crate) fn choose(
         };
         let plan = Plan::of(&protocol.with(&settings), limits);
         let expected = Expectation::of(&plan, limits, &sensitivities);
-        let is_last = missed.is_some() || searches.len() == 1;
-        if is_last || settings.no_load != NoLoadPolicy::ByDrift {
+        if missed.is_some() || settings.no_load != NoLoadPolicy::ByDrift {
             break (settings, missed, plan, expected);
         }
         // Other targets of the sweeps move the references by drift: the plan may not be what was expected of it.
         let value = expected.value(&settings);
-        if value.limited_by(wanted.value) <= wanted.value.value() {
-            break (settings, missed, plan, expected);
+        let is_reached = value.limited_by(wanted.value) <= wanted.value.value();
+        if is_reached || searches.len() == 1 {
+            break (settings, (!is_reached).then_some(value), plan, expected);
         }
         searches.retain(|search| !search.is_of(&settings));
     };
@@ -198,29 +202,68 @@ struct Candidates {
     stated: Vec<&'static str>,
 }
 
-/// The targets of a sweep in contact that a planned sweep reaches, Hz; a stated one stays.
-fn reachable(contact_hz: Vec<f64>) -> Vec<f64> {
-    if contact_hz.len() == 1 {
-        return contact_hz;
+/// The two sweeps of a protocol, each with its section, its possible targets, Hz, and whether it is that in contact.
+fn sweeps(protocol: &Protocol) -> [(&'static str, &SweepKeys, (f64, f64), bool); 2] {
+    [
+        ("no_load_sweep", &protocol.no_load_sweep.sweep, NO_LOAD_HZ, false),
+        ("contact_sweep", &protocol.contact_sweep, CONTACT_HZ, true),
+    ]
+}
+
+/// Whether a sweep reaches this target within its time limit.
+fn is_in_time(sweep: &SweepRequest, target_hz: f64, is_contact: bool, limits: &RigLimits) -> bool {
+    let request = SweepRequest { target_sigma_hz: target_hz, ..*sweep };
+    to_target_s(&request, is_contact, limits) <= sweep.time_limit_s
+}
+
+/// Whether there is a value for each setting that is left to the aim. Where there is none, a fault is added.
+fn is_there_a_choice(protocol: &Protocol, limits: &RigLimits, faults: &mut Faults) -> bool {
+    let mut is_there = true;
+    for (section, sweep, (_, coarsest_hz), is_contact) in sweeps(protocol) {
+        if stated_hz(sweep).is_none()
+            && !is_in_time(&sweep.request, coarsest_hz, is_contact, limits)
+        {
+            let request = SweepRequest { target_sigma_hz: coarsest_hz, ..sweep.request };
+            let limit = to_target_s(&request, is_contact, limits);
+            let found = sweep.time_limit_s.value;
+            faults.refuse(
+                &sweep.time_limit_s,
+                &ProtocolFault::AimNeedsTime { section, found, limit },
+            );
+            is_there = false;
+        }
     }
-    contact_hz.into_iter().filter(|hz| FINEST_CONTACT_HZ <= *hz).collect()
+    let ApproachKeys { coarse_step_mm, fine_step_mm, slip_mm, .. } = &protocol.approach;
+    if fine_step_mm.sound().is_none() {
+        let limit = limits.linear.tolerance();
+        for step in [Some(coarse_step_mm), slip_mm.as_ref()].into_iter().flatten() {
+            step.check(faults, |&found| {
+                let is_below = 0.0 < found && found < limit;
+                is_there &= !is_below;
+                is_below.then_some(ProtocolFault::AimNeedsStep { key: step.key, found, limit })
+            });
+        }
+    }
+    is_there
 }
 
 impl Candidates {
     fn of(protocol: &Protocol, limits: &RigLimits) -> Self {
-        let sigmas = |sweep: &SweepKeys, (least, most): (f64, f64)| {
-            stated_hz(sweep).map_or_else(|| preferred(least, most), |hz| vec![hz])
-        };
         let approach = &protocol.approach;
         let fine_mm = approach.fine_step_mm.sound();
         let slip_mm = approach.slip_mm.as_ref().map(|slip_mm| slip_mm.value);
+        let finest_mm = limits.linear.tolerance();
         let longest_mm = FINE_STEP_MM
+            .max(finest_mm)
             .min(approach.coarse_step_mm.value)
             .min(slip_mm.filter(|slip_mm| *slip_mm > 0.0).unwrap_or(FINE_STEP_MM));
-        let contact_hz = sigmas(&protocol.contact_sweep, CONTACT_HZ);
-        let no_load_hz = sigmas(&protocol.no_load_sweep.sweep, NO_LOAD_HZ);
-        let fine_step_mm = fine_mm
-            .map_or_else(|| preferred(limits.linear.tolerance(), longest_mm), |mm| vec![*mm]);
+        let [no_load_hz, contact_hz] =
+            sweeps(protocol).map(|(_, sweep, (least, most), is_contact)| {
+                let in_time = |hz: &f64| is_in_time(&sweep.request, *hz, is_contact, limits);
+                let all = || preferred(least, most).into_iter().filter(in_time).collect();
+                stated_hz(sweep).map_or_else(all, |hz| vec![hz])
+            });
+        let fine_step_mm = fine_mm.map_or_else(|| preferred(finest_mm, longest_mm), |mm| vec![*mm]);
         // Not "once": a person who turns the sensor changes its resonance.
         let no_load = if protocol.states_no_load {
             vec![protocol.no_load]
@@ -241,7 +284,7 @@ impl Candidates {
                 fine_step_mm: fine_step_mm[0],
                 no_load: no_load[0],
             },
-            contact_hz: reachable(contact_hz),
+            contact_hz,
             no_load_hz,
             fine_step_mm,
             no_load,

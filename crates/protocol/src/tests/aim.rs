@@ -4,6 +4,8 @@ use super::*;
 use crate::{AIM_KEYS, AimPlan, ErrorPart, NoLoadPolicy, Wanted};
 
 const WANTED: &str = "stiffness_percent = 2.9";
+/// The time limit of a sweep in contact.
+const CONTACT_LIMIT: &str = "below.\ntime_limit_s = 30";
 
 #[track_caller]
 fn aimed(changes: &[(&str, &str)]) -> AimPlan {
@@ -109,6 +111,10 @@ fn settings_that_a_run_has_chosen_are_used_again() {
 /// A planned sweep has too few readings for a finer target.
 #[test]
 fn an_aim_with_all_the_time_asks_for_no_target_that_a_sweep_does_not_reach() {
+    // A sweep that ends at its limit above its target is refused.
+    let limited = (CONTACT_LIMIT, "below.\ntime_limit_s = 0.6");
+    let aim = aimed(&[limited, (WANTED, "seconds_per_touch = 10")]);
+    assert!(aim.settings.contact_sigma_hz > 0.03, "{:?}", aim.settings);
     for seconds in ["7", "10", "1000"] {
         let aim = aimed(&[(WANTED, &format!("seconds_per_touch = {seconds}"))]);
         assert!(aim.settings.contact_sigma_hz >= 0.02, "{seconds} s: {:?}", aim.settings);
@@ -118,8 +124,9 @@ fn an_aim_with_all_the_time_asks_for_no_target_that_a_sweep_does_not_reach() {
 #[test]
 fn an_aim_out_of_reach_or_without_a_meaning_is_refused_with_its_limit() {
     let uniform = "[contact_sweep]\nmethod = \"uniform\"\npoints = 101\nsettle_s = 0.1";
-    let rows: [(&[(&str, &str)], &str); 9] = [
-        (&[(WANTED, "stiffness_percent = 1")], "is below 2.27"),
+    let contact = "[contact_sweep]\nmethod = \"adaptive\"";
+    let rows: [(&[(&str, &str)], &str); 12] = [
+        (&[(WANTED, "stiffness_percent = 1")], "is below 2.24"),
         (&[(WANTED, "seconds_per_touch = 2")], "is below 5.58 s"),
         (&[(WANTED, "seconds_per_touch = 2")], "use at least 5.59"),
         (&[(WANTED, "")], "[aim] has neither"),
@@ -127,7 +134,13 @@ fn an_aim_out_of_reach_or_without_a_meaning_is_refused_with_its_limit() {
         (&[(WANTED, "stiffness_percent = 0.001")], "is below the limit of 0.01"),
         (&[("\"5\"]", "\"unknown\"]")], "softest_mpa = 0.05"),
         (&[("\"5\"]", "\"beyond\"]")], "main/beyond/back/45/1: the models of the sensor do not"),
-        (&[("[contact_sweep]\nmethod = \"adaptive\"", uniform)], "method \"uniform\" measures"),
+        (&[(contact, uniform)], "method \"uniform\" measures"),
+        (
+            &[("# slip_mm = 0.025", "slip_mm = 0.001")],
+            "slip_mm = 0.001, which no fine step exceeds",
+        ),
+        (&[("coarse_step_mm = 0.1", "coarse_step_mm = 0.001")], "use at least 0.002"),
+        (&[(CONTACT_LIMIT, "below.\ntime_limit_s = 0.15")], "is below 0.2"),
     ];
     for (changes, message) in rows {
         let found = refused(changes);

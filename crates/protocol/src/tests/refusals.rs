@@ -81,6 +81,11 @@ fn a_descent_is_as_fast_as_the_coarse_step_allows_and_needs_a_stream() {
     let descent = "method = \"descent\"";
     for (keys, limits, expected) in [
         ("speed_mm_per_s = 1", limits(), "for the method \"descent\" only"),
+        (
+            &*format!("{descent}\nslow_speed_mm_per_s = 0.1"),
+            limits(),
+            "and repeats = 1; write repeats",
+        ),
         (&*format!("{descent}\nspeed_mm_per_s = 9"), limits(), "limits.contact_speed_mm_per_s"),
         (
             &*format!("{descent}\nspeed_mm_per_s = 0.0005"),
@@ -108,6 +113,14 @@ fn a_descent_is_as_fast_as_the_coarse_step_allows_and_needs_a_stream() {
     let speed = |limits: &RigLimits| plan(limits).touch.approach.descent_mm_per_s.unwrap();
     assert!((speed(&limits()) - limits().motion.contact_speed_mm_per_s).abs() < 1e-9);
     assert!((speed(&with(Some(0.1))) - 0.1 / (2.0 * 0.116 + 0.03)).abs() < 1e-9);
+}
+
+#[test]
+fn an_unknown_angle_needs_all_three_directions() {
+    let changes =
+        [("angle = \"known\"", "angle = \"unknown\""), ("\"back\", \"left\"]", "\"left\"]")];
+    let found = complaints(&changes, &limits());
+    assert!(found.contains("three directions, and \"back\" is not among them; add it"), "{found}");
 }
 
 #[test]

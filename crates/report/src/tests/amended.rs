@@ -13,7 +13,7 @@ use super::{
 use crate::{TouchRow, TouchStatus, data::Part, units::with_sigma};
 
 /// The records of an amendment of the first touch: of this kind, with these records behind it.
-fn amend(sample: &mut SampleRun, what: Amendment, behind: Vec<Record>) {
+pub(super) fn amend(sample: &mut SampleRun, what: Amendment, behind: Vec<Record>) {
     amend_on(sample, what, (None, None), behind);
 }
 

@@ -1,8 +1,9 @@
 //! Measured touches that are marked, because something that could speak against them was not measured.
 
-use rig_record::{Ending, Record, ReferenceJumped, RunFinished, RunStatus};
+use rig_record::{Amendment, Ending, Record, ReferenceJumped, RunFinished, RunStatus};
 
 use super::{
+    amended::amend,
     by_drift, inside,
     sample::{SampleRun, Story},
 };
@@ -31,6 +32,22 @@ fn the_last_touch_of_a_run_that_ended_early_is_not_confirmed() {
     sample.chain.records.retain(|stored| stored.kind != "run_finished");
     let row = sample.results().touches().iter().find(|row| row.step == last.step).cloned();
     assert_eq!(row.unwrap().is_confirmed, None);
+}
+
+/// A skip ends with a record of an end, which is not that of the run.
+#[test]
+fn a_touch_that_is_left_out_confirms_no_other() {
+    let mut sample = SampleRun::new(Story::Faulted);
+    let last =
+        sample.results().touches().iter().rfind(|row| row.is_confirmed == Some(false)).cloned();
+    let last = last.unwrap().step;
+    // The run was killed.
+    sample.chain.records.retain(|stored| stored.kind != "run_finished");
+    let end = Record::RunFinished(RunFinished { status: Ending::Completed });
+    amend(&mut sample, Amendment::Skip, vec![end]);
+    let results = sample.results();
+    let row = results.touches().iter().find(|row| row.step == last).unwrap();
+    assert_ne!(row.is_confirmed, Some(true));
 }
 
 #[test]

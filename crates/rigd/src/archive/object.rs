@@ -1,6 +1,7 @@
 //! A run in an archive: its folder, the list of its files, and the check of both.
 
 use std::{
+    cmp::Reverse,
     fs::{self, File},
     io::{self, Read, Write},
     path::{Path, PathBuf},
@@ -231,26 +232,32 @@ fn digest_of(path: &Path) -> io::Result<(u64, String)> {
     Ok((bytes, Digest::from_bytes(hash.finalize().into()).to_string()))
 }
 
-/// The runs of an archive, the latest first; none for a directory that is no archive.
+/// The runs of an archive, the latest first, and behind them those whose list cannot be read; none for a directory that is
+/// no archive.
 ///
 /// # Errors
-/// [`ArchiveError`] of the system, or of a list that cannot be read.
+/// [`ArchiveError`] of the system.
 pub(crate) fn objects(root: &Path) -> Result<Vec<Object>, ArchiveError> {
     Ok(lists(root)?.into_iter().map(|(place, _)| Object { place }).collect())
 }
 
-fn lists(root: &Path) -> Result<Vec<(PathBuf, List)>, ArchiveError> {
+/// The list of a run, if it can be read.
+type FoundList = Result<List, ArchiveError>;
+
+/// The folders of runs with their lists. One that cannot be read hides no other.
+fn lists(root: &Path) -> Result<Vec<(PathBuf, FoundList)>, ArchiveError> {
     let mut found = Vec::new();
     for entry in fs::read_dir(root).map_err(failed(root))? {
         let place = entry.map_err(failed(root))?.path();
         let is_hidden =
             place.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
         if !is_hidden && place.join(LIST).is_file() {
-            let list = read_list(&place)?;
+            let list = read_list(&place);
             found.push((place, list));
         }
     }
-    found.sort_by(|(_, a), (_, b)| b.started_at.cmp(&a.started_at));
+    let started_at = |list: &FoundList| list.as_ref().ok().map(|list| list.started_at.clone());
+    found.sort_by_cached_key(|(_, list)| Reverse(started_at(list)));
     Ok(found)
 }
 
@@ -258,9 +265,16 @@ fn lists(root: &Path) -> Result<Vec<(PathBuf, List)>, ArchiveError> {
 /// beginning or the end of one.
 ///
 /// # Errors
-/// [`StoreError::NoSuchRun`], [`ArchiveError::Ambiguous`], or the error of the system.
+/// [`StoreError::NoSuchRun`], [`ArchiveError::Ambiguous`], a list that cannot be read if no other is that of the run, or
+/// the error of the system.
 pub(crate) fn find(root: &Path, wanted: &str) -> Result<PathBuf, ArchiveError> {
-    let mut all = lists(root)?;
+    let (mut all, mut unreadable) = (Vec::new(), None);
+    for (place, list) in lists(root)? {
+        match list {
+            Ok(list) => all.push((place, list)),
+            Err(error) => unreadable = Some(error),
+        }
+    }
     if wanted == "latest" {
         all.truncate(1);
     } else {
@@ -269,7 +283,8 @@ pub(crate) fn find(root: &Path, wanted: &str) -> Result<PathBuf, ArchiveError> {
         });
     }
     match all.len() {
-        0 => Err(StoreError::NoSuchRun { wanted: wanted.to_owned() }.into()),
+        0 => Err(unreadable
+            .unwrap_or_else(|| StoreError::NoSuchRun { wanted: wanted.to_owned() }.into())),
         1 => Ok(all.remove(0).0),
         count => Err(ArchiveError::Ambiguous { wanted: wanted.to_owned(), count }),
     }

@@ -109,7 +109,11 @@ pub(super) fn list(args: &RunsArgs) -> Result<(), Failure> {
     if archive::is_archive(&data) {
         for object in archive::objects(&data)? {
             let source = |source| Failure::Data { data: object.place.clone(), source };
-            views.extend(views_of(&Reader::open(&object.place).map_err(source)?)?);
+            let of_object = Reader::open(&object.place).map_err(source);
+            match of_object.and_then(|reader| views_of(&reader)) {
+                Ok(found) => views.extend(found),
+                Err(failure) => note(&format!("not listed: {failure}")),
+            }
         }
     } else {
         views = views_of(&args.data.journal()?)?;
@@ -137,26 +141,37 @@ pub(super) fn list(args: &RunsArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The runs of a journal, the latest first.
+/// The runs of a journal, the latest first. What cannot be read of one is noted, and the others are listed.
 fn views_of(reader: &Reader) -> Result<Vec<RunView>, Failure> {
     let is_run = |run: &Run| run.kind == RunKind::Run;
     let view = |run: Run| {
-        Ok(RunView {
+        let name = run.short_name();
+        let archived = or_noted(reader.archive_of(run.id), "the archive", &name);
+        let interruption = or_noted(InterruptionView::read(reader, &run), "the end", &name);
+        RunView {
             run_id: run.id.to_string(),
-            name: run.short_name(),
             is_resumable: run.is_resumable(),
             status: run.status.name(),
             is_simulated: reader.is_simulated(run.id),
             records: run.records,
-            archived_to: reader.archive_of(run.id)?.map(|note| note.place),
-            interruption: InterruptionView::read(reader, &run)?,
+            archived_to: archived.map(|note| note.place),
+            interruption,
             wall_s: run.wall_s,
             protocol: run.name,
             started_at: run.started_at,
             finished_at: run.finished_at,
-        })
+            name,
+        }
     };
-    reader.runs()?.into_iter().filter(is_run).map(view).collect()
+    Ok(reader.runs()?.into_iter().filter(is_run).map(view).collect())
+}
+
+/// What was found of a run; none after a note if it cannot be read.
+fn or_noted<T>(found: Result<Option<T>, StoreError>, what: &str, run: &str) -> Option<T> {
+    found.unwrap_or_else(|error| {
+        note(&format!("{what} of {run} cannot be read: {error}"));
+        None
+    })
 }
 
 pub(super) fn show(args: &ShowArgs) -> Result<(), Failure> {

@@ -46,7 +46,8 @@ pub(crate) struct State {
     coils: BTreeMap<u16, bool>,
     motion: Motion,
     is_homed: bool,
-    alarm: u16,
+    /// The code of an alarm; zero for one without a code.
+    alarm: Option<u16>,
     /// Every request that reached the drive.
     seen: Vec<Vec<u8>>,
     /// The motor stops this far short of its target, in counts, while the drive thinks otherwise.
@@ -92,7 +93,7 @@ impl Drive {
             coils: BTreeMap::new(),
             motion: Motion::standing(0),
             is_homed: true,
-            alarm: 0,
+            alarm: None,
             seen: Vec::new(),
             lost: 0,
             ignores_moves: false,
@@ -120,8 +121,12 @@ impl Drive {
 
     pub(crate) fn raise_alarm(&self, code: u16) {
         let mut state = self.state.lock().unwrap();
-        state.alarm = code;
+        state.alarm = Some(code);
         state.halt();
+    }
+
+    pub(crate) fn set(&self, address: u16, word: u16) {
+        self.state.lock().unwrap().registers.insert(address, word);
     }
 
     pub(crate) fn set_steps_per_revolution(&self, steps: u16) {
@@ -234,7 +239,7 @@ impl State {
     }
 
     fn start(&mut self, to: i32, counts_per_s: f64, ramp_s: f64) {
-        if self.ignores_moves || self.alarm != 0 {
+        if self.ignores_moves || self.alarm.is_some() {
             return;
         }
         let from = self.motion.position();
@@ -261,11 +266,11 @@ mod az {
     pub(super) fn show(state: &mut State) {
         let is_moving = state.motion.is_moving();
         let outputs = u16::from(is_moving) << 13
-            | u16::from(state.alarm != 0) << 7
-            | u16::from(!is_moving && state.alarm == 0) << 5
+            | u16::from(state.alarm.is_some()) << 7
+            | u16::from(!is_moving && state.alarm.is_none()) << 5
             | u16::from(state.is_homed) << 4;
         state.registers.insert(0x7F, outputs);
-        state.registers.insert(0x81, state.alarm);
+        state.registers.insert(0x81, state.alarm.unwrap_or_default());
         state.set_long(0x380, 1000);
         state.set_long(0x382, state.steps_per_revolution.into());
         state.set_long(0x120, state.measured());
@@ -287,7 +292,7 @@ mod az {
             state.start(state.long(0x5C), speed, speed / acceleration);
         }
         if touches(0x181) && state.long(0x180) == 1 {
-            state.alarm = 0;
+            state.alarm = None;
         }
     }
 }
@@ -301,10 +306,10 @@ mod iai {
     pub(super) fn show(state: &mut State) {
         let is_moving = state.motion.is_moving();
         state.set_long(0x9000, state.measured());
-        state.registers.insert(0x9002, state.alarm);
+        state.registers.insert(0x9002, state.alarm.unwrap_or_default());
         let status = u16::from(!is_moving) << 3
             | u16::from(state.is_homed) << 4
-            | u16::from(state.is_on(SERVO) && state.alarm == 0) << 12
+            | u16::from(state.is_on(SERVO) && state.alarm.is_none()) << 12
             | 1 << 13;
         state.registers.insert(0x9005, status);
         state.registers.insert(0x9007, u16::from(is_moving) << 5);
@@ -321,14 +326,14 @@ mod iai {
             let acceleration = f64::from(state.word(0x9906)) * 9806.65;
             state.start(state.long(0x9900), speed, speed / acceleration);
         } else {
-            state.alarm = 0x83;
+            state.alarm = Some(0x83);
         }
     }
 
     pub(super) fn switch(state: &mut State, coil: u16, is_on: bool) {
         match (coil, is_on) {
             (0x040B, true) => state.home(),
-            (0x0407, false) => state.alarm = 0,
+            (0x0407, false) => state.alarm = None,
             (0x042C, true) => state.halt(),
             _ => {}
         }
@@ -340,14 +345,14 @@ mod leadshine {
 
     pub(super) fn show(state: &mut State) {
         let is_moving = state.motion.is_moving();
-        let status = u16::from(state.alarm != 0)
+        let status = u16::from(state.alarm.is_some())
             | state.word(0x000F) << 1
             | u16::from(is_moving) << 2
             | if is_moving { 0 } else { 0x30 }
             | u16::from(state.is_homed) << 6;
         state.registers.insert(0x0001, state.steps_per_revolution);
         state.registers.insert(0x1003, status);
-        state.registers.insert(0x2203, state.alarm);
+        state.registers.insert(0x2203, state.alarm.unwrap_or_default());
         state.set_long(0x602C, state.measured());
     }
 
@@ -367,7 +372,7 @@ mod leadshine {
             }
         }
         if touches(0x1801) && state.word(0x1801) == 0x1111 {
-            state.alarm = 0;
+            state.alarm = None;
         }
     }
 }

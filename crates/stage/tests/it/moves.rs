@@ -190,8 +190,12 @@ async fn the_settings_are_put_into_the_drive_once() {
     let (az, _) = ready(&AZ).await;
     let limits = [1, counts(&AZ, 55.0), counts(&AZ, -55.0)];
     assert_eq!([az.long(0x386), az.long(0x388), az.long(0x38A)], limits);
-    let (leadshine, _) = ready(&LEADSHINE).await;
+    let (leadshine, mut stage) = ready(&LEADSHINE).await;
     assert_eq!([leadshine.long(0x6006), leadshine.long(0x6008)], limits[1..]);
+    // The limits are there, and off: the write that turns them on was lost, or the drive has kept them alone.
+    leadshine.set(0x6000, 0);
+    stage.identify().await.unwrap();
+    assert_eq!(leadshine.long(0x6000) >> 16, 2);
 }
 
 #[tokio::test(start_paused = true)]
@@ -250,6 +254,41 @@ async fn a_stop_does_not_wait_for_a_line_to_be_in_order() {
         let stopped_after = watch.await.unwrap();
         assert!(stopped_after < Duration::from_millis(10), "{stopped_after:?}");
     }
+}
+
+/// Its answer is waited for, and then the stop is sent again before the line is put in order.
+#[tokio::test(start_paused = true)]
+async fn a_stop_that_is_lost_on_a_line_in_order_is_sent_again_at_once() {
+    for make in MAKES {
+        let drive = Drive::new(make, 1);
+        let settings = make.map.settings.write.len();
+        let identified = 3 + settings + make.map.prepare.len() + make.map.status.len();
+        let mut stage = stage_on(make, &drive, [(identified, Fault::RequestLost)]);
+        stage.identify().await.unwrap();
+        assert_eq!(drive.seen().len(), identified, "{}", make.map.name);
+        drive.run_away();
+        let drive_seen = drive.clone();
+        let watch = tokio::spawn(async move {
+            let started = Instant::now();
+            while drive_seen.is_moving() {
+                sleep(Duration::from_millis(1)).await;
+            }
+            started.elapsed()
+        });
+        stage.stop().await.unwrap();
+        let stopped_after = watch.await.unwrap();
+        assert!(stopped_after < Duration::from_millis(120), "{stopped_after:?}");
+    }
+}
+
+/// Its code may be that of its manual for none, or the register another one.
+#[tokio::test(start_paused = true)]
+async fn an_alarm_without_a_code_is_an_alarm() {
+    let (drive, mut stage) = ready(&LEADSHINE).await;
+    drive.raise_alarm(0);
+    let error = stage.move_to(target(10.0), 6.0, &StopSignal::new()).await.unwrap_err();
+    let StageError::Alarmed { alarm, .. } = &error else { panic!("{error:?}") };
+    assert_eq!((alarm.code, alarm.name), (0, "see its manual"));
 }
 
 #[tokio::test(start_paused = true)]

@@ -1,8 +1,8 @@
 //! A backup in place of a lost journal.
 
-use std::{fs, path::Path};
+use std::fs;
 
-use super::sample::{Directory, append, records};
+use super::sample::{Directory, append, names, records};
 use crate::{Flaw, Reader, RunKind, Store, StoreError, back_up, restore};
 
 const BESIDE: [&str; 1] = ["notes.json"];
@@ -26,14 +26,6 @@ fn backup(runs: usize) -> Directory {
 fn change(backup: &Directory, statement: &str) {
     let database = rusqlite::Connection::open(backup.path().join("rigd.db")).unwrap();
     assert!(database.execute(statement, []).unwrap() > 0, "{statement}");
-}
-
-fn names(directory: &Path) -> Vec<String> {
-    let entries = fs::read_dir(directory).unwrap();
-    let mut names: Vec<_> =
-        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
-    names.sort();
-    names
 }
 
 #[test]
@@ -122,4 +114,21 @@ fn a_restoration_that_was_broken_off_is_begun_anew() {
     assert_eq!(restore(backup.path(), to.path(), &BESIDE).unwrap().len(), 2);
     assert_eq!(names(to.path()), ["notes.json", "rigd.db", "rigd.lock"]);
     assert_eq!(fs::read_to_string(to.path().join("notes.json")).unwrap(), "{}");
+}
+
+/// What was put into its place before the error would be in the way.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_restoration_that_failed_while_it_was_placed_is_begun_again() {
+    let (backup, to) = (backup(1), Directory::new());
+    let beside = ["notes.json", "corrections.json"];
+    // A file that cannot be read.
+    let unreadable = backup.path().join("corrections.json");
+    std::os::unix::fs::symlink("/proc/self/mem", &unreadable).unwrap();
+    let failed = restore(backup.path(), to.path(), &beside).unwrap_err();
+    assert!(matches!(failed, StoreError::Path { .. }), "{failed:?}");
+    assert!(!to.path().join("rigd.db").exists() && to.path().join("notes.json").exists());
+    fs::remove_file(&unreadable).unwrap();
+    restore(backup.path(), to.path(), &beside).unwrap();
+    assert_eq!(names(to.path()), ["notes.json", "rigd.db", "rigd.lock"]);
 }

@@ -4,7 +4,7 @@ use std::{fs, path::Path};
 
 use rusqlite::Connection;
 
-use super::sample::{Directory, append, records, sweep};
+use super::sample::{Directory, append, names, records, sweep};
 use crate::{
     Axis, ChainCheck, Ending, Flaw, Move, ProbeWord, Reader, Record, RunFinished, RunId, RunKind,
     Store, StoreError, StoredRecord, SweepPurpose, salvage,
@@ -212,6 +212,11 @@ fn a_ruined_page_costs_the_runs_that_stand_on_it_and_no_other() {
         }
         assert!(damaged_here <= 4, "page {page}");
         drop(reader);
+        assert_eq!(names(target.path()), ["rigd.db", "rigd.lock"], "page {page}");
+        let copy = Connection::open(target.path().join("rigd.db")).unwrap();
+        let is_broken = copy.prepare("PRAGMA foreign_key_check").unwrap().exists([]).unwrap();
+        assert!(!is_broken, "page {page}: an epoch is missing");
+        drop(copy);
         // The salvaged journal can be written.
         drop(Store::open(target.path()).unwrap());
     }
@@ -401,4 +406,15 @@ fn a_directory_that_cannot_be_written_can_be_read_with_and_without_a_log() {
         assert!(read.status.success(), "log {has_log}: {}", String::from_utf8_lossy(&read.stdout));
         assert_eq!(runs.len(), 4);
     }
+}
+
+#[test]
+fn a_copy_that_was_broken_off_is_made_again() {
+    let (directory, runs) = journal();
+    let target = Directory::new();
+    let stage = target.path().join(".salvage.part");
+    fs::create_dir(&stage).unwrap();
+    fs::write(stage.join("rigd.db"), "half").unwrap();
+    assert_eq!(salvage(directory.path(), target.path()).unwrap().len(), runs.len());
+    assert_eq!(names(target.path()), ["rigd.db", "rigd.lock"]);
 }

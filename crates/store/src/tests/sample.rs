@@ -198,3 +198,12 @@ pub(super) fn run_started() -> Record {
 pub(super) fn sweep(number: u64, purpose: SweepPurpose, resonance_hz: f64) -> Record {
     Record::Sweep(sweep::sweep(number, purpose, resonance_hz))
 }
+
+/// The names in a directory.
+pub(super) fn names(directory: &Path) -> Vec<String> {
+    let entries = fs::read_dir(directory).unwrap();
+    let mut names: Vec<_> =
+        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}

@@ -56,6 +56,12 @@ impl Spread {
 }
 
 impl Statistics {
+    /// Of the accepted sweeps mean, median and the time that 95 % do not exceed, and the mean of the refused, s.
+    const fn times_s(&self) -> [f64; 4] {
+        let Self { accepted_s: Spread { mean, median, at_95, .. }, refused_s, .. } = *self;
+        [mean, median, at_95, refused_s.mean]
+    }
+
     pub(super) fn of<'a>(results: impl Iterator<Item = &'a SweepResult>) -> Self {
         let results: Vec<&SweepResult> = results.collect();
         let sigmas: Vec<f64> = results
@@ -109,36 +115,26 @@ pub(super) fn on_page(path: Path, cells: &[Cell]) -> Table {
     let mut table = Table::new(&columns);
     for axis in Axis::ALL.into_iter().filter(|axis| path.has(*axis)) {
         let of = || cells.iter().filter(|cell| (cell.axis, cell.path) == (axis, path));
-        let statistics = Statistics::of(of().flat_map(|cell| &cell.results));
-        if statistics.sweeps == 0 {
+        let all = Statistics::of(of().flat_map(|cell| &cell.results));
+        if all.sweeps == 0 {
             continue;
         }
         let wrong: u32 = of().map(|cell| cell.counts().wrong).sum();
-        let Statistics {
-            sweeps,
-            accepted,
-            sigmas,
-            coverage,
-            accepted_s,
-            refused_s,
-            without_survey,
-        } = statistics;
-        let share = |of: usize| format!("{:.1} %", 100.0 * of as f64 / sweeps as f64);
+        let share = |of: usize| format!("{:.1} %", 100.0 * of as f64 / all.sweeps as f64);
         let mut row = vec![
             format!("`{}`", axis.file()),
-            sweeps.to_string(),
-            share(accepted),
+            all.sweeps.to_string(),
+            share(all.accepted),
             wrong.to_string(),
-            number(sigmas.mean, 2),
-            number(sigmas.median, 2),
-            number(sigmas.at_99, 2),
-            number(coverage, 1),
+            number(all.sigmas.mean, 2),
+            number(all.sigmas.median, 2),
+            number(all.sigmas.at_99, 2),
+            number(all.coverage, 1),
             least(of()),
         ];
         if path == Path::Planner {
-            let times = [accepted_s.mean, accepted_s.median, accepted_s.at_95, refused_s.mean];
-            row.extend(times.map(|seconds| number(seconds, 2)));
-            row.push(share(without_survey));
+            row.extend(all.times_s().map(|seconds| number(seconds, 2)));
+            row.push(share(all.without_survey));
         }
         table.row(row);
     }
@@ -175,30 +171,21 @@ pub(super) fn table(cells: &[Cell]) -> String {
         "survey_refused",
     ]);
     for cell in cells {
-        let statistics = Statistics::of(cell.results.iter());
-        let Statistics {
-            sweeps,
-            accepted,
-            sigmas,
-            coverage,
-            accepted_s,
-            refused_s,
-            without_survey,
-        } = statistics;
-        let times = [accepted_s.mean, accepted_s.median, accepted_s.at_95, refused_s.mean];
-        let times = times.map(|seconds| match cell.path {
+        let all = Statistics::of(cell.results.iter());
+        let times = all.times_s().map(|seconds| match cell.path {
             Path::Fit => String::new(),
             Path::Planner => number(seconds, 3),
         });
-        let counts = [sweeps, accepted, cell.counts().wrong as usize];
+        let counts = [all.sweeps, all.accepted, cell.counts().wrong as usize];
         let row =
             [cell.axis.file().to_owned(), cell.value.to_string(), cell.path.name().to_owned()];
-        let sigmas = [sigmas.mean, sigmas.median, sigmas.at_99].map(|value| number(value, 3));
-        let coverage = [number(coverage, 2)];
+        let sigmas =
+            [all.sigmas.mean, all.sigmas.median, all.sigmas.at_99].map(|value| number(value, 3));
+        let coverage = [number(all.coverage, 2)];
         let row = row.into_iter().chain(counts.map(|count| count.to_string()));
         let without_survey = match cell.path {
             Path::Fit => String::new(),
-            Path::Planner => without_survey.to_string(),
+            Path::Planner => all.without_survey.to_string(),
         };
         table.row(row.chain(sigmas).chain(coverage).chain(times).chain([without_survey]));
     }

@@ -46,6 +46,12 @@ fn tables_below_each_other_are_sweeps_of_their_own() {
     let pages = format!("{HEAD}{up}{HEAD}{}", rows(&[150.0, 160.0]));
     assert_eq!(sweeps(&pages, None), [(None, vec![120.0, 130.0, 140.0, 150.0, 160.0])]);
     assert_eq!(sweeps(&format!("{HEAD}{HEAD}{up}"), None), [(None, first.1)]);
+    // A row without a frequency neither goes on with a table nor ends it.
+    let without = format!("{HEAD}{down}{HEAD}NaN,900,-47000\n{}", rows(&[130.0, 120.0]));
+    let both = [(Some(0), vec![140.0, 130.0, 120.0]), (Some(1), vec![130.0, 120.0])];
+    assert_eq!(sweeps(&without, None), both);
+    let ended = format!("{HEAD}{up}NaN,900,-47000\n{HEAD}{}", rows(&[150.0, 160.0]));
+    assert_eq!(sweeps(&ended, None), [(None, vec![120.0, 130.0, 140.0, 150.0, 160.0])]);
 }
 
 #[test]

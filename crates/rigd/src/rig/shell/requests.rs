@@ -36,8 +36,7 @@ impl Shell {
                 _ = reply.send(self.skip(&order, &by));
             }
             Request::GiveUp { run, by, reply } => {
-                let given_up = self.log.store().give_up(run, self.clock.now().as_micros(), &by);
-                _ = reply.send(given_up.map_err(|error| ResumeRefusal::from(error).into()));
+                _ = reply.send(self.give_up(run, &by));
             }
             Request::Sweep { request, by, reply } => {
                 let result = self.command(Command::Sweep(request), &by);
@@ -168,6 +167,14 @@ impl Shell {
         self.command(Command::Answer, by)
     }
 
+    fn give_up(&self, run: RunId, by: &str) -> Result<(), RequestRefusal> {
+        if self.under_way(run).is_err() {
+            self.is_between_runs("give up another run")?;
+        }
+        let given_up = self.log.store().give_up(run, self.clock.now().as_micros(), by);
+        given_up.map_err(|error| ResumeRefusal::from(error).into())
+    }
+
     /// Leaves a touch out. In the run under way it must not have begun.
     fn skip(&mut self, order: &TouchOrder, by: &str) -> Result<(), RequestRefusal> {
         let rig_us = self.clock.now().as_micros();
@@ -175,6 +182,7 @@ impl Shell {
             if let Some((id, _)) = self.log.run() {
                 amend::is_not_of(&self.log.store().reader()?.run(id)?, order)?;
             }
+            self.is_between_runs("leave a touch of another run out")?;
             return Ok(amend::skip(self.log.store(), order, by, rig_us)?);
         }
         let admitted = self.engine.admit(Command::Skip(StepId(order.step.clone())))?;

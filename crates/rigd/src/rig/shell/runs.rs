@@ -88,6 +88,16 @@ impl Shell {
         }
     }
 
+    /// Refuses before a whole run is read while another one is under way, whose stop would have to wait for it.
+    pub(super) fn is_between_runs(&self, command: &'static str) -> Result<(), CommandRefusal> {
+        let state = self.engine.snapshot().state;
+        if self.log.run().is_some() {
+            Err(CommandRefusal::State { command, state })
+        } else {
+            Ok(())
+        }
+    }
+
     /// What earlier runs took, read before a journal is begun: a journal in memory cannot be read while
     /// it has uncommitted records. A journal that cannot be read gives no estimate.
     fn history(&self) -> History {
