@@ -21,6 +21,9 @@ use crate::{
 /// leaves too few to judge the resonance by, and is measured twice.
 const CONTACT_HZ: (f64, f64) = (0.02, 0.2);
 
+/// The target with which a plan is expected before one is chosen, Hz. A finer one takes longer, so that the resonance drifts more.
+const CONTACT_BEFORE_HZ: f64 = 0.01;
+
 /// Targets of a reference, Hz. With a coarser one the search compares the impedance beside the resonance.
 const NO_LOAD_HZ: (f64, f64) = (0.01, 0.1);
 
@@ -279,7 +282,7 @@ impl Candidates {
         let stated = AIM_KEYS.into_iter().zip(is_stated);
         Self {
             first: AimSettings {
-                contact_sigma_hz: contact_hz[0],
+                contact_sigma_hz: stated_hz(&protocol.contact_sweep).unwrap_or(CONTACT_BEFORE_HZ),
                 no_load_sigma_hz: no_load_hz[0],
                 fine_step_mm: fine_step_mm[0],
                 no_load: no_load[0],

@@ -126,7 +126,7 @@ fn an_aim_out_of_reach_or_without_a_meaning_is_refused_with_its_limit() {
     let uniform = "[contact_sweep]\nmethod = \"uniform\"\npoints = 101\nsettle_s = 0.1";
     let contact = "[contact_sweep]\nmethod = \"adaptive\"";
     let rows: [(&[(&str, &str)], &str); 12] = [
-        (&[(WANTED, "stiffness_percent = 1")], "is below 2.24"),
+        (&[(WANTED, "stiffness_percent = 1")], "is below 2.27"),
         (&[(WANTED, "seconds_per_touch = 2")], "is below 5.58 s"),
         (&[(WANTED, "seconds_per_touch = 2")], "use at least 5.59"),
         (&[(WANTED, "")], "[aim] has neither"),
