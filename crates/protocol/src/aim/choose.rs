@@ -259,7 +259,7 @@ impl Candidates {
         let longest_mm = FINE_STEP_MM
             .max(finest_mm)
             .min(approach.coarse_step_mm.value)
-            .min(slip_mm.filter(|slip_mm| *slip_mm > 0.0).unwrap_or(FINE_STEP_MM));
+            .min(slip_mm.filter(|slip_mm| *slip_mm > 0.0).unwrap_or(f64::INFINITY));
         let [no_load_hz, contact_hz] =
             sweeps(protocol).map(|(_, sweep, (least, most), is_contact)| {
                 let in_time = |hz: &f64| is_in_time(&sweep.request, *hz, is_contact, limits);

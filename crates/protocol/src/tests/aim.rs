@@ -108,6 +108,21 @@ fn settings_that_a_run_has_chosen_are_used_again() {
     assert_eq!(plan.aim, None);
 }
 
+#[test]
+fn an_aim_asks_a_coarse_stage_for_no_finer_step_than_it_makes() {
+    let coarse = AxisLimits {
+        travel: Span::new(0.0, 100.0),
+        soft: Span::new(15.0, 95.0),
+        rest: Position::new(45.0),
+        tolerance: 0.06,
+        max_speed_per_s: 50.0,
+    };
+    let limits = RigLimits { linear: Axis::new("linear stage", coarse).unwrap(), ..limits() };
+    let protocol = Protocol::read("protocol.toml", THREE_DIRECTION);
+    let plan = Plan::new(&protocol, &limits, None, &PaperLike).unwrap();
+    assert!(plan.touch.approach.fine_step_mm >= 0.06, "{:?}", plan.touch.approach);
+}
+
 /// A planned sweep has too few readings for a finer target.
 #[test]
 fn an_aim_with_all_the_time_asks_for_no_target_that_a_sweep_does_not_reach() {
