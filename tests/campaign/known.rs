@@ -72,7 +72,7 @@ fn a_second_alarm_with_another_code_on_the_way_out_leaves_no_probe_in_the_sample
     let bench = Bench::new(812);
     let troubles = [
         device("linear drive: stalls", RunPhase::SlipCheck, 0.0),
-        device("linear drive: alarm", RunPhase::SlipCheck, 0.43),
+        device("linear drive: alarm", RunPhase::SlipCheck, 0.418),
     ];
     let played = life::play(&bench, &troubles, true);
     let alarms = played.records.iter().filter(|record| record.contains("linear stage: alarm"));

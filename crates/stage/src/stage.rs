@@ -62,6 +62,8 @@ pub struct Stage<U: Unit> {
     seen_at: Option<RigTime>,
     /// When it was read.
     read_at: Instant,
+    /// Some of its settings were written, and the last of them perhaps not.
+    are_settings_half: bool,
 }
 
 impl<U: Unit> Stage<U> {
@@ -83,6 +85,7 @@ impl<U: Unit> Stage<U> {
             rest: None,
             seen_at: None,
             read_at: Instant::now(),
+            are_settings_half: false,
         }
     }
 

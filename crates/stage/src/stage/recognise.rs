@@ -41,8 +41,11 @@ impl<U: Unit> Stage<U> {
         self.recognise_by(request.clone(), None).await?;
         self.check_signature().await?;
         let expected = Reply::Words(order.words(&settings.expect));
-        if self.ask(request.clone()).await? != expected {
+        // Those that are compared may be right, and one behind them not written.
+        if self.ask(request.clone()).await? != expected || self.are_settings_half {
+            self.are_settings_half = true;
             self.take_all(&settings.write, &order).await?;
+            self.are_settings_half = false;
             if self.ask(request.clone()).await? != expected {
                 let (port, unit) = (self.bus.name().clone(), self.unit);
                 let fault = LineFault::Changed { port, unit, request };

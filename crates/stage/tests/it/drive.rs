@@ -125,10 +125,6 @@ impl Drive {
         state.halt();
     }
 
-    pub(crate) fn set(&self, address: u16, word: u16) {
-        self.state.lock().unwrap().registers.insert(address, word);
-    }
-
     pub(crate) fn set_steps_per_revolution(&self, steps: u16) {
         self.state.lock().unwrap().steps_per_revolution = steps;
     }
