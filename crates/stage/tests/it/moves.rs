@@ -198,7 +198,7 @@ async fn the_settings_are_put_into_the_drive_once() {
 #[tokio::test(start_paused = true)]
 async fn settings_that_were_written_in_part_are_written_again() {
     let drive = Drive::new(&LEADSHINE, 1);
-    let lost = (4..20).map(|frame| (frame, Fault::RequestLost));
+    let lost = (3..20).map(|frame| (frame, Fault::RequestLost));
     let mut stage = stage_on(&LEADSHINE, &drive, lost);
     assert!(stage.identify().await.is_err());
     let limit_max = counts(&LEADSHINE, 55.0);
