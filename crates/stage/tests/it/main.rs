@@ -12,3 +12,4 @@ mod moves;
 mod panics;
 mod peer;
 mod simulated;
+mod stops;

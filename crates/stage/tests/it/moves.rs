@@ -32,7 +32,7 @@ fn axis() -> Axis<Mm> {
     Axis::new("linear stage", limits).unwrap()
 }
 
-fn target(mm: f64) -> Target<Mm> {
+pub(crate) fn target(mm: f64) -> Target<Mm> {
     axis().target(Position::new(mm)).unwrap()
 }
 
@@ -47,11 +47,11 @@ fn scale(make: &Make) -> Scale<Mm> {
     }
 }
 
-fn counts(make: &Make, mm: f64) -> i32 {
+pub(crate) fn counts(make: &Make, mm: f64) -> i32 {
     (mm / scale(make).per_count).round() as i32
 }
 
-fn stage_on(
+pub(crate) fn stage_on(
     make: &Make,
     drive: &Drive,
     faults: impl IntoIterator<Item = (usize, Fault)>,
@@ -76,7 +76,7 @@ fn stage_of(
 }
 
 /// A drive in good order, and the axis on it, identified.
-async fn ready(make: &'static Make) -> (Drive, Stage<Mm>) {
+pub(crate) async fn ready(make: &'static Make) -> (Drive, Stage<Mm>) {
     let drive = Drive::new(make, 1);
     let mut stage = stage_on(make, &drive, []);
     stage.identify().await.unwrap();
@@ -212,89 +212,6 @@ async fn settings_that_were_written_in_part_are_written_again() {
     }
     again.unwrap();
     assert_eq!(drive.long(0x6000) >> 16, 2);
-}
-
-#[tokio::test(start_paused = true)]
-async fn a_stop_ends_the_move_at_standstill_and_the_next_move_goes() {
-    for make in MAKES {
-        let (drive, mut stage) = ready(make).await;
-        let stop = StopSignal::new();
-        let raise = stop.clone();
-        tokio::spawn(async move {
-            sleep(Duration::from_millis(700)).await;
-            raise.raise();
-        });
-        let error = stage.move_to(target(50.0), 20.0, &stop).await.unwrap_err();
-        let StageError::Stopped { at, .. } = error else { panic!("{error}") };
-        assert!(!drive.is_moving());
-        assert_eq!(counts(make, at.value()), drive.position());
-        assert!((10.0..18.0).contains(&at.value()), "{at}");
-        // The stop is still requested, so nothing starts.
-        let frames = drive.seen().len();
-        let again = stage.move_to(target(50.0), 20.0, &stop).await;
-        assert!(matches!(again, Err(StageError::Stopped { .. })), "{again:?}");
-        assert_eq!(drive.seen().len(), frames);
-        stop.lower();
-        stage.move_to(target(50.0), 20.0, &stop).await.unwrap();
-        assert_eq!(drive.position(), counts(make, 50.0));
-    }
-}
-
-/// A drive that does not answer is stopped before any other attempt.
-#[tokio::test(start_paused = true)]
-async fn a_stop_does_not_wait_for_a_line_to_be_in_order() {
-    for make in MAKES {
-        let drive = Drive::new(make, 1);
-        // Identified and sent off; from the look on, no answer comes back.
-        let healthy = 2
-            + make.map.settings.write.len()
-            + make.map.prepare.len()
-            + make.map.status.len()
-            + make.map.start.len();
-        let deaf = (healthy..healthy + 100).map(|frame| (frame, Fault::ReplyLost));
-        let mut stage = stage_on(make, &drive, deaf);
-        stage.identify().await.unwrap();
-        let error = stage.move_to(target(50.0), 5.0, &StopSignal::new()).await.unwrap_err();
-        assert!(matches!(error, StageError::Bus(_)), "{}: {error:?}", make.map.name);
-        drive.run_away();
-        assert!(drive.is_moving(), "{}", make.map.name);
-        let drive_seen = drive.clone();
-        let watch = tokio::spawn(async move {
-            let started = Instant::now();
-            while drive_seen.is_moving() {
-                sleep(Duration::from_millis(1)).await;
-            }
-            started.elapsed()
-        });
-        assert!(stage.stop().await.is_err());
-        let stopped_after = watch.await.unwrap();
-        assert!(stopped_after < Duration::from_millis(10), "{stopped_after:?}");
-    }
-}
-
-/// Its answer is waited for, and then the stop is sent again before the line is put in order.
-#[tokio::test(start_paused = true)]
-async fn a_stop_that_is_lost_on_a_line_in_order_is_sent_again_at_once() {
-    for make in MAKES {
-        let drive = Drive::new(make, 1);
-        let settings = make.map.settings.write.len();
-        let identified = 3 + settings + make.map.prepare.len() + make.map.status.len();
-        let mut stage = stage_on(make, &drive, [(identified, Fault::RequestLost)]);
-        stage.identify().await.unwrap();
-        assert_eq!(drive.seen().len(), identified, "{}", make.map.name);
-        drive.run_away();
-        let drive_seen = drive.clone();
-        let watch = tokio::spawn(async move {
-            let started = Instant::now();
-            while drive_seen.is_moving() {
-                sleep(Duration::from_millis(1)).await;
-            }
-            started.elapsed()
-        });
-        stage.stop().await.unwrap();
-        let stopped_after = watch.await.unwrap();
-        assert!(stopped_after < Duration::from_millis(120), "{stopped_after:?}");
-    }
 }
 
 /// Its code may be that of its manual for none, or the register another one.
@@ -625,25 +542,4 @@ async fn two_moves(stage: &mut Stage<Mm>) -> Result<Position<Mm>, StageError<Mm>
     let stop = StopSignal::new();
     stage.move_to(target(3.0), 6.0, &stop).await?;
     stage.move_to(target(2.9), 6.0, &stop).await
-}
-
-/// The button of a homing is released, held and pressed; a stop in between keeps it from being pressed.
-#[tokio::test(start_paused = true)]
-async fn a_stop_between_the_requests_of_a_homing_lets_nothing_begin() {
-    for make in MAKES {
-        let stop = StopSignal::new();
-        let (drive, mut stage) = ready(make).await;
-        stage.move_to(target(2.0), 6.0, &stop).await.unwrap();
-        let before = drive.position();
-        let stops = async {
-            sleep(Duration::from_millis(10)).await;
-            stop.raise();
-        };
-        let (homed, ()) = tokio::join!(stage.home(&stop), stops);
-        assert!(matches!(homed, Err(StageError::Stopped { .. })), "{}: {homed:?}", make.map.name);
-        if make.map.simulated_as == Some(DriveMake::IaiRc) {
-            assert_eq!(drive.position(), before);
-        }
-        stage.move_to(target(3.0), 6.0, &StopSignal::new()).await.unwrap();
-    }
 }
