@@ -163,7 +163,7 @@ impl Archive {
         let expected = parts(&Reader::open(data)?, run.id)?;
         let place = self.place(run);
         if place.exists() {
-            // Whoever renamed it may have been killed before this.
+            // A program that was killed behind its rename has not flushed it.
             object::flush_directory(&self.root)?;
             return Object::check(&place, &expected);
         }

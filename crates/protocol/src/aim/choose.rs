@@ -176,10 +176,7 @@ pub(crate) fn check(protocol: &Protocol, faults: &mut Faults) {
     if protocol.aim.is_none() {
         return;
     }
-    for (section, sweep) in [
-        ("no_load_sweep", &protocol.no_load_sweep.sweep),
-        ("contact_sweep", &protocol.contact_sweep),
-    ] {
+    for (section, sweep, ..) in sweeps(protocol) {
         let is_uniform = matches!(sweep.request.method, SweepMethod::Uniform { .. });
         if is_uniform && stated_hz(sweep).is_none() {
             let location = Location::from(&sweep.target_sigma_hz);

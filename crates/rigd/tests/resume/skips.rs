@@ -120,6 +120,35 @@ async fn no_touch_of_a_run_is_left_out_while_one_of_it_is_measured_again() {
     }
 }
 
+/// What they read, a stop would have to wait for.
+#[tokio::test]
+async fn nothing_of_another_run_is_decided_while_a_run_is_under_way() {
+    let folder = TempDir::new().unwrap();
+    let (rig, protocol) = (write_rig(folder.path()), write_protocol(folder.path()));
+    let text = fs::read_to_string(&rig).unwrap();
+    fs::write(&rig, text.replace("person = \"answers\"", "person = \"waits\"")).unwrap();
+    let data = folder.path().join("data");
+    let bench = Bench::open(&rig, &data);
+    let earlier = bench.start(&rig, &protocol).await;
+    bench.wait_for(RigState::WaitingForPerson).await;
+    bench.handle.command(Command::Abort, Some(earlier), "Ada").await.unwrap();
+    bench.wait_for(RigState::Idle).await;
+    let run = bench.start(&rig, &protocol).await;
+    bench.wait_for(RigState::WaitingForPerson).await;
+    let step = planned(&data, earlier)[0].clone();
+    let order = TouchOrder { run: earlier, step, why: "cracked".to_owned() };
+    let skipped = bench.handle.skip(order.clone(), "Ada").await.unwrap_err();
+    let given_up = bench.handle.give_up(earlier, "Ada").await.unwrap_err();
+    for refusal in [skipped, given_up] {
+        assert!(matches!(refusal, RequestRefusal::Command(_)), "{refusal:?}");
+    }
+    assert_eq!(answer_to_the_end(&bench, run).await, RunStatus::Completed);
+    bench.wait_for(RigState::Idle).await;
+    bench.handle.skip(order, "Ada").await.unwrap();
+    bench.handle.give_up(earlier, "Ada").await.unwrap();
+    bench.close().await;
+}
+
 fn planned(data: &std::path::Path, run: RunId) -> Vec<String> {
     let records = Reader::open(data).unwrap().records(run).unwrap();
     let Ok(Record::RunStarted(started)) = records[0].record() else { panic!("no plan") };
