@@ -12,7 +12,7 @@ use crate::{
     sweep::SweepKeys,
 };
 
-/// More touches would keep a rig busy for a month.
+/// Touches and blind trials of a protocol. More would keep a rig busy for two weeks and more.
 const MAX_TOUCHES: usize = 100_000;
 
 impl Protocol {
@@ -42,7 +42,7 @@ fn by_itself(protocol: &Protocol, faults: &mut Faults) {
     listed_twice(&protocol.angles, |angle| angle.degrees().to_string(), faults);
     let poses = protocol.samples.len() * protocol.directions.len() * protocol.angles.len();
     protocol.repeats.check(faults, |&repeats| {
-        let touches = poses * repeats as usize;
+        let touches = poses.saturating_mul(repeats as usize);
         let fault = ProtocolFault::TooManyTouches { touches, limit: MAX_TOUCHES };
         (touches > MAX_TOUCHES).then_some(fault)
     });
@@ -59,6 +59,13 @@ fn by_itself(protocol: &Protocol, faults: &mut Faults) {
     descent::by_itself(protocol, faults);
     if let Some(blind) = &protocol.blind {
         blind_phase(blind, protocol.samples.len(), faults);
+        let repeats = protocol.repeats.sound().copied().unwrap_or_default();
+        let touches = poses.saturating_mul(repeats as usize);
+        blind.trials.check(faults, |&trials| {
+            let all = touches + trials as usize;
+            let fault = ProtocolFault::TooManyTrials { trials, all, limit: MAX_TOUCHES };
+            (touches <= MAX_TOUCHES && all > MAX_TOUCHES).then_some(fault)
+        });
     }
 }
 

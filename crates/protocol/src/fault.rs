@@ -48,6 +48,8 @@ pub(crate) enum ProtocolFault {
 
     #[error("all poses and repeats together are {touches} touches, above the limit of {limit}")]
     TooManyTouches { touches: usize, limit: usize },
+    #[error("with {trials} trials the protocol has {all} touches, above the limit of {limit}")]
+    TooManyTrials { trials: u32, all: usize, limit: usize },
 
     // Faults of the lowering of the probe.
     #[error("indentation_mm = {found} is above the limit of {limit} mm of {whose}")]
@@ -231,6 +233,7 @@ impl Complaint for ProtocolFault {
             Self::SampleName { .. } => "use no \"/\", and no blank at the ends".into(),
             Self::ListedTwice { .. } | Self::SameTilt { .. } => "remove one".into(),
             Self::UnknownAngleNeeds { .. } => "add it, or write angle = \"known\"".into(),
+            Self::TooManyTrials { .. } => "use fewer trials, or fewer touches before them".into(),
             Self::TooManyTouches { .. } => "use fewer repeats, angles or samples".into(),
             Self::UnknownSample { known, .. } => format!("it has {}", known.join(", ")),
             Self::TooDeep { limit, .. }

@@ -67,6 +67,7 @@ use axum::{
     routing::get,
 };
 use futures_util::FutureExt;
+use rig_files::Faults;
 use rig_hub::{Standing, live::LiveStanding};
 use rig_model::{panic_message, with_causes};
 use rig_store::{Reader, RunId, RunKind, RunStatus};
@@ -297,6 +298,26 @@ impl Shared {
             .spawn_blocking(move || work(&Reader::open(&data)?))
             .await
             .map_err(|_| Problem::internal("the reader of the journal has panicked"))?
+    }
+
+    /// Work for a processor. A stop, and whatever else is asked, does not wait for it.
+    async fn work<T: Send + 'static>(
+        &self,
+        work: impl FnOnce(&Inner) -> T + Send + 'static,
+    ) -> Result<T, Problem> {
+        let inner = Arc::clone(&self.inner);
+        let working = self.inner.builders.spawn_blocking(move || work(&inner));
+        working.await.map_err(|_| Problem::internal("the work for this request has panicked"))
+    }
+
+    /// The text of a protocol, laid out for this rig, or its faults.
+    async fn laid_out(
+        &self,
+        name: &str,
+        text: String,
+    ) -> Result<Result<LoadedProtocol, Faults>, Problem> {
+        let name = name.to_owned();
+        self.work(move |inner| LoadedProtocol::check(&name, &text, &inner.facts)).await
     }
 
     /// Begins to write the folder of a run.

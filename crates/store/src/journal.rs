@@ -192,6 +192,14 @@ impl Store {
         journal.commit()
     }
 
+    /// The id of the newest event that is committed; 0 in an empty journal.
+    ///
+    /// # Errors
+    /// [`StoreError`] of the system or of SQLite.
+    pub fn newest_event(&self) -> Result<u64, StoreError> {
+        self.reader()?.last_event()
+    }
+
     /// Number of this opening of the journal, from 1.
     ///
     /// # Errors

@@ -198,6 +198,9 @@ fn a_protocol_that_would_never_end_is_refused() {
         ("repeats = 1", "repeats = 1000"),
     ];
     insta::assert_snapshot!(complaints(&changes, &limits()));
+    let many = complaints(&[("trials = 50", "trials = 100000")], &limits());
+    let said = "with 100000 trials the protocol has 100060 touches, above the limit of 100000";
+    assert!(many.contains(said), "{many}");
 }
 
 #[test]

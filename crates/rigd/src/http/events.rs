@@ -145,20 +145,25 @@ pub(super) async fn stream(
     let status = shared.inner.rig.status();
     // Before the journal is read: what is written from here on is not missed.
     let Heard { news, moments } = shared.inner.hub.listen(&shared);
-    let last =
-        match headers.get("last-event-id") {
-            // Without an id the stream begins with what happens from now on.
-            None => {
-                let status = status.borrow();
-                let before = status.first_event.saturating_sub(1);
-                status.last_event.saturating_sub(u64::from(back)).max(before)
-            }
-            Some(id) => id.to_str().ok().and_then(|id| id.parse().ok()).ok_or_else(|| {
-                Problem::bad_request(format!("Last-Event-ID {id:?} is not a number"))
-            })?,
-        };
+    let [first, newest] = {
+        let status = status.borrow();
+        [status.first_event, status.last_event]
+    };
+    let last = match headers.get("last-event-id") {
+        // Without an id the stream begins with what happens from now on.
+        None => {
+            let before = if first == 0 { newest } else { first - 1 };
+            newest.saturating_sub(u64::from(back)).max(before)
+        }
+        Some(id) => {
+            let seen: Option<u64> = id.to_str().ok().and_then(|id| id.parse().ok());
+            let not_a_number =
+                || Problem::bad_request(format!("Last-Event-ID {id:?} is not a number"));
+            // An id beyond the journal is of a journal that was replaced by a backup: what happens from now on is news.
+            seen.ok_or_else(not_a_number)?.min(newest)
+        }
+    };
     let closing = shared.inner.closing.clone();
-    let newest = status.borrow().last_event;
     let live = live.then(|| live::stream(shared.clone(), moments));
     let cursor = Cursor {
         shared,
@@ -212,7 +217,6 @@ impl Cursor {
                     return Some(of_record(&record));
                 }
             }
-            // An id beyond the journal is behind nothing.
             if let Some(last_event) =
                 self.live_from.take_if(|before| !self.is_behind || self.last >= *before)
             {

@@ -33,7 +33,7 @@ use super::{Problem, Shared};
 /// Exports that may be under way at a time. Each has the journal open and, as Parquet, a group of rows in memory.
 pub(super) const EXPORTS_MAX: usize = 8;
 /// A part is sent when it has this size, bytes.
-const PART: usize = 256 << 10;
+pub(super) const PART: usize = 256 << 10;
 
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -125,9 +125,7 @@ pub(super) async fn show(
 ) -> Result<Response, Problem> {
     let id = shared.run(&id).await?;
     let Query(options) = options?;
-    let place = Arc::clone(&shared.inner.exports).try_acquire_owned().map_err(|_| {
-        Problem::busy(format!("{EXPORTS_MAX} exports are under way, which is the limit"))
-    })?;
+    let place = shared.place_of_export()?;
     let (media_type, file) = (options.media_type(), options.file());
     let data = shared.inner.data.clone();
     let inner = Arc::clone(&shared.inner);
@@ -174,6 +172,17 @@ pub(super) async fn show(
             (headers, sent(export, shared.inner.builders.clone())).into_response()
         }
     })
+}
+
+impl Shared {
+    /// One of the exports that may be under way.
+    pub(super) fn place_of_export(&self) -> Result<OwnedSemaphorePermit, Problem> {
+        Arc::clone(&self.inner.exports).try_acquire_owned().map_err(|_| {
+            let detail =
+                format!("{EXPORTS_MAX} exports or long plans are under way, which is the limit");
+            Problem::busy(detail)
+        })
+    }
 }
 
 /// An export that can be sent.
@@ -283,7 +292,7 @@ impl Write for Made {
 }
 
 /// A document in parts as the client takes them. It keeps its place until the last one is taken, or the client is gone.
-fn whole(bytes: Bytes, place: OwnedSemaphorePermit) -> Body {
+pub(super) fn whole(bytes: Bytes, place: OwnedSemaphorePermit) -> Body {
     let parts = stream::unfold((bytes, place), |(mut bytes, place)| async move {
         let part = bytes.split_to(PART.min(bytes.len()));
         (!part.is_empty()).then_some((Ok::<_, Infallible>(part), (bytes, place)))

@@ -31,7 +31,7 @@ use http_body_util::{BodyExt, LengthLimitError, Limited};
 
 use super::{
     Problem, Shared,
-    access::{Access, HostName, role_for},
+    access::{Access, Client, HostName, role_for},
     lease,
     limits::{BODY_MAX, BODY_TIME},
     page,
@@ -133,9 +133,6 @@ async fn admit(shared: &Shared, mut request: Request) -> Result<Request, Problem
             Some(name) => client.named(name.clone()),
             None => client,
         };
-        if lease::needs_lease(method, path) {
-            shared.check_lease(&client)?;
-        }
         request.extensions_mut().insert(client.name.clone());
         request.extensions_mut().insert(client);
     }
@@ -149,6 +146,13 @@ async fn admit(shared: &Shared, mut request: Request) -> Result<Request, Problem
     named?;
     let (parts, body) = request.into_parts();
     let body = read(&parts.headers, body).await?;
+    if let Some(client) = parts.extensions.get::<Client>() {
+        // While the body came, its token may have been revoked, and another client may have taken the lease over.
+        access.kept(client.clone())?;
+        if lease::needs_lease(&parts.method, parts.uri.path()) {
+            shared.check_lease(client)?;
+        }
+    }
     Ok(Request::from_parts(parts, body))
 }
 

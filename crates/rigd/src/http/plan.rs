@@ -5,7 +5,7 @@ use axum::{
     body::Bytes,
     extract::{Path, State},
     http::{HeaderMap, header},
-    response::IntoResponse,
+    response::{IntoResponse, Response},
 };
 use rig_files::rig_file::RigFile;
 use rig_model::RigLimits;
@@ -14,7 +14,7 @@ use rig_store::{Amended, Reader, Record, RunId, RunKind, RunStarted, Sweep};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::{Problem, Shared, runs};
+use super::{Problem, Shared, export, runs};
 use crate::{describe, protocol_file::LoadedProtocol, rig::Outcomes, rig_view::PromptAction};
 
 /// A protocol laid out for a bench.
@@ -83,18 +83,19 @@ pub(super) async fn check(
     State(shared): State<Shared>,
     headers: HeaderMap,
     body: Bytes,
-) -> Result<Json<PlanView>, Problem> {
-    let protocol = runs::posted(&shared, &headers, &body)?;
-    Ok(Json(PlanView::of(&protocol, &shared.inner.facts.limits)))
+) -> Result<Response, Problem> {
+    let protocol = runs::posted(&shared, &headers, &body).await?;
+    let plan = shared.work(move |inner| PlanView::of(&protocol, &inner.facts.limits).written());
+    shared.plan(plan.await??)
 }
 
 /// The plan of a run on the bench of its start, or the plan of its last resumption.
 pub(super) async fn of_run(
     State(shared): State<Shared>,
     Path(id): Path<String>,
-) -> Result<Json<PlanView>, Problem> {
+) -> Result<Response, Problem> {
     let id = shared.run(&id).await?;
-    let view = shared.build(move |reader| {
+    let plan = shared.build(move |reader| {
         let amended = amended(reader, id)?;
         let run = amended.as_ref().map_or(Ok(id), |amended| amended.run.parse())?;
         let started = started(reader, run)?;
@@ -106,7 +107,7 @@ pub(super) async fn of_run(
         if let Some(only) = amended.and_then(|amended| protocol.plan.only(&amended.step)) {
             protocol.summary = only.summary(&limits);
             protocol.plan = only;
-            return Ok(PlanView::of(&protocol, &limits));
+            return PlanView::of(&protocol, &limits).written();
         }
         let mut records = reader.amended(id)?;
         if let Some(seam) = records.iter().rev().find(|stored| stored.kind == "resumed") {
@@ -115,9 +116,23 @@ pub(super) async fn of_run(
             let outcomes = Outcomes::of(&records)?;
             protocol.plan = protocol.plan.resumed(|step| outcomes.is_done(&step.0)).0;
         }
-        Ok(PlanView::of(&protocol, &limits))
+        PlanView::of(&protocol, &limits).written()
     });
-    view.await.map(Json)
+    shared.plan(plan.await?)
+}
+
+impl Shared {
+    /// The answer with a plan. A long one takes a place among the exports until the client has it: memory is used for
+    /// few of them.
+    fn plan(&self, plan: Vec<u8>) -> Result<Response, Problem> {
+        let json = [(header::CONTENT_TYPE, "application/json")];
+        if plan.len() <= export::PART {
+            return Ok((json, plan).into_response());
+        }
+        let place = self.place_of_export()?;
+        let length = [(header::CONTENT_LENGTH, plan.len().to_string())];
+        Ok((json, length, export::whole(plan.into(), place)).into_response())
+    }
 }
 
 /// The text of the protocol of a run.
@@ -172,6 +187,11 @@ fn started(reader: &Reader, id: RunId) -> Result<RunStarted, Problem> {
 }
 
 impl PlanView {
+    /// As JSON.
+    fn written(&self) -> Result<Vec<u8>, Problem> {
+        serde_json::to_vec(self).map_err(|error| Problem::internal(&error.to_string()))
+    }
+
     fn of(loaded: &LoadedProtocol, limits: &RigLimits) -> Self {
         let (plan, summary) = (&loaded.plan, &loaded.summary);
         let durations_s = plan.durations_s(limits);

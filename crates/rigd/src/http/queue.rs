@@ -30,7 +30,6 @@ use super::{
 };
 use crate::{
     operator::Operator,
-    protocol_file::LoadedProtocol,
     queue::{Entry, HoldKind, LateRun, Queue, QueueRefusal, Seen, Turn},
     rig::{RequestRefusal, Status},
 };
@@ -99,11 +98,14 @@ pub(super) async fn add(
     let key = idempotency_key(&headers)?;
     let form: QueueForm = object_or_default(&body)?;
     let facts = &shared.inner.facts;
-    let checked = form.protocol_toml.map(|text| LoadedProtocol::check("protocol", &text, facts));
-    let checked = checked.transpose().map_err(|faults| Problem::protocol(&faults))?;
-    let Some(protocol) = checked.or_else(|| shared.inner.loaded.clone()) else {
-        let detail = "no protocol was loaded when the daemon was started; send `protocol_toml`";
-        return Err(Problem::unprocessable(detail.to_owned()));
+    let protocol = if let Some(text) = form.protocol_toml {
+        let laid_out = shared.laid_out("protocol", text).await?;
+        laid_out.map_err(|faults| Problem::protocol(&faults))?
+    } else {
+        shared.inner.loaded.clone().ok_or_else(|| {
+            let detail = "no protocol was loaded when the daemon was started; send `protocol_toml`";
+            Problem::unprocessable(detail.to_owned())
+        })?
     };
     let now_unix_ms = unix_ms(SystemTime::now());
     let entry = Entry {
@@ -222,9 +224,7 @@ impl Shared {
         let queue = kept.queue.clone();
         drop(kept);
         let status = self.status();
-        let facts = self.inner.facts.clone();
-        let view = tokio::task::spawn_blocking(move || QueueView::new(&queue, &status, &facts));
-        view.await.map(Json).map_err(|_| Problem::internal("the view of the queue has panicked"))
+        self.work(move |inner| QueueView::new(&queue, &status, &inner.facts)).await.map(Json)
     }
 
     /// Writes the file of the queue, and gives the queue back.
@@ -317,10 +317,14 @@ impl Shared {
     async fn begin_entry(&self, kept: &mut Kept, entry: &Entry) {
         let (number, name) = (entry.number, &entry.protocol);
         let facts = &self.inner.facts;
-        let protocol = match LoadedProtocol::check(name, &entry.toml, facts) {
+        let laid_out = match self.laid_out(name, entry.toml.clone()).await {
+            Ok(laid_out) => laid_out.map_err(|faults| first(&faults)),
+            Err(problem) => Err(problem.detail().to_owned()),
+        };
+        let protocol = match laid_out {
             Ok(protocol) => protocol,
-            Err(faults) => {
-                let reason = format!("entry {number} cannot run on this rig: {}", first(&faults));
+            Err(why) => {
+                let reason = format!("entry {number} cannot run on this rig: {why}");
                 return self.hold_queue(kept, HoldKind::Fault, reason).await;
             }
         };

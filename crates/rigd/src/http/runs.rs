@@ -15,7 +15,7 @@ use rig_store::{Reader, Record, Run, RunId, RunKind, intact};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Problem, Shared, object::object};
+use super::{Problem, Shared, access::Client, object::object};
 use crate::{
     interruption::InterruptionView,
     local_time,
@@ -193,11 +193,14 @@ const KEY_MAX: usize = 255;
 /// without a body the loaded protocol is replayed.
 pub(super) async fn begin(
     State(shared): State<Shared>,
-    Extension(operator): Extension<Operator>,
+    Extension(client): Extension<Client>,
     headers: HeaderMap,
     body: Bytes,
 ) -> Result<Response, Problem> {
-    let protocol = posted(&shared, &headers, &body)?;
+    let protocol = posted(&shared, &headers, &body).await?;
+    // The lease may have been taken over while the protocol was laid out.
+    shared.check_lease(&client)?;
+    let operator = client.name;
     let text = protocol.source.toml.clone();
     let Some(key) = idempotency_key(&headers)? else {
         return Ok(begun(shared.inner.rig.run(protocol, operator.as_str()).await?));
@@ -292,7 +295,7 @@ async fn give(
 }
 
 /// The protocol to replay.
-pub(super) fn posted(
+pub(super) async fn posted(
     shared: &Shared,
     headers: &HeaderMap,
     body: &Bytes,
@@ -322,8 +325,7 @@ pub(super) fn posted(
             )));
         }
     };
-    LoadedProtocol::check("protocol", &text, &shared.inner.facts)
-        .map_err(|faults| Problem::protocol(&faults))
+    shared.laid_out("protocol", text).await?.map_err(|faults| Problem::protocol(&faults))
 }
 
 pub(super) fn begun(run: RunId) -> Response {

@@ -34,7 +34,7 @@ pub(super) struct Log {
     session: (Journal, Recorder),
     session_began: RigTime,
     run: Option<(Journal, Recorder)>,
-    /// Ids of the first event of the session, and of the newest one that is committed; 0 before that.
+    /// Ids of the first event of the session, 0 before it, and of the newest one that is committed.
     events: [u64; 2],
     /// Id of the newest event, which may not be committed yet.
     newest: u64,
@@ -58,6 +58,7 @@ impl Log {
         let mut journal = store.begin(RunKind::Session, &rig)?;
         // The status names the session: a disk that cannot hold it is told before anything is.
         journal.commit()?;
+        let newest = store.newest_event()?;
         let session = (journal, Recorder::for_session());
         Ok(Self {
             store,
@@ -66,8 +67,8 @@ impl Log {
             session,
             session_began: clock.now(),
             run: None,
-            events: [0; 2],
-            newest: 0,
+            events: [0, newest],
+            newest,
             unwritten: None,
             error: None,
             last_commit: Instant::now(),
@@ -89,8 +90,8 @@ impl Log {
         self.run.as_ref().map(|(journal, recorder)| (journal.id(), recorder))
     }
 
-    /// Ids of the first event of the session, and of the newest one that is committed, which others can read; 0 before
-    /// that.
+    /// Ids of the first event of the session, 0 before it, and of the newest one that is committed, which others can
+    /// read.
     pub(super) const fn events(&self) -> [u64; 2] {
         self.events
     }
@@ -172,6 +173,13 @@ impl Log {
         if let Err(error) = self.store.epoch() {
             self.failed(&error);
         }
+    }
+
+    /// Counts what a request has committed to the store by itself. If that cannot be read, it counts with the next record.
+    pub(super) fn count_others(&mut self) {
+        let Ok(newest) = self.store.newest_event() else { return };
+        self.newest = self.newest.max(newest);
+        self.events[1] = self.events[1].max(newest);
     }
 
     /// Why nothing may begin without a journal; a refused record is reported once.

@@ -39,7 +39,7 @@ pub struct Status {
     pub live: Option<Arc<LiveSweep>>,
     /// Time of the last change of state, on the rig's clock.
     pub state_since: RigTime,
-    /// The first event of this session in the journal.
+    /// The first event of this session in the journal; 0 before it.
     pub first_event: u64,
     /// The newest event that is committed to the journal.
     pub last_event: u64,

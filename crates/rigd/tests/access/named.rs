@@ -1,10 +1,17 @@
 //! Tokens of persons and programs, the lease, and browsers.
 
-use axum::{body::to_bytes, http::StatusCode};
+use std::convert::Infallible;
+
+use axum::{
+    body::{Body, to_bytes},
+    http::StatusCode,
+};
+use futures_util::stream;
 use rig_engine::RigState;
 use rig_store::{Reader, Record};
 use rigd::tokens::{self, Role};
 use serde_json::Value;
+use tokio::sync::oneshot;
 
 use super::{Daemon, REQUESTS, SECRET};
 
@@ -22,6 +29,22 @@ impl Daemon {
 
     async fn status(&self, method: &str, path: &str, headers: &[(&str, &str)]) -> StatusCode {
         self.send(method, path, headers, "").await.status()
+    }
+
+    /// Sends the head of a command, and its body only after `meanwhile`.
+    async fn moves_after(&self, token: &str, meanwhile: impl Future<Output = ()>) -> StatusCode {
+        let (send, sent) = oneshot::channel::<()>();
+        let body = stream::once(async move {
+            _ = sent.await;
+            Ok::<_, Infallible>(r#"{"axis": "rotary", "to": 10}"#)
+        });
+        let headers = [("authorization", token), ("content-type", "application/json")];
+        let moving = self.send("POST", "/api/v1/moves", &headers, Body::from_stream(body));
+        let meanwhile = async {
+            meanwhile.await;
+            send.send(()).unwrap();
+        };
+        tokio::join!(biased; moving, meanwhile).0.status()
     }
 
     async fn json(&self, method: &str, path: &str, token: &str, body: &str) -> (StatusCode, Value) {
@@ -108,6 +131,23 @@ async fn one_operates_while_others_watch_and_a_take_over_is_on_record() {
         })
     };
     assert!(said(("take over from ada", "bob")) && said(("end the lease of bob", "chief")));
+}
+
+#[tokio::test]
+async fn a_command_whose_body_comes_late_is_of_whoever_may_give_it_then() {
+    let daemon = Daemon::start_with(false, true).await;
+    let (ada, bob) = (daemon.token("ada", Role::Operate), daemon.token("bob", Role::Operate));
+    assert_eq!(daemon.json("POST", "/api/v1/lease", &ada, "{}").await.0, StatusCode::OK);
+    let taken_over = daemon.moves_after(&ada, async {
+        let over = r#"{"take_over": true}"#;
+        assert_eq!(daemon.json("POST", "/api/v1/lease", &bob, over).await.0, StatusCode::OK);
+    });
+    assert_eq!(taken_over.await, StatusCode::CONFLICT);
+    let revoked = daemon.moves_after(&bob, async {
+        tokens::revoke(daemon.data.path(), &"bob".parse().unwrap()).unwrap();
+    });
+    assert_eq!(revoked.await, StatusCode::UNAUTHORIZED);
+    assert_eq!(daemon.moves_after(&ada, async {}).await, StatusCode::CONFLICT);
 }
 
 #[tokio::test]

@@ -1,16 +1,18 @@
-//! The interface as a whole: its document, names of runs, pages, conditions, events by topic, and the
-//! decision about a refused touch.
+//! The interface as a whole: its document, names of runs, pages, conditions, and the decision
+//! about a refused touch.
 
 use axum::http::Response;
-use futures_util::StreamExt;
 
 use super::*;
 
-const SMOKE: &str = include_str!("../../../../config/protocols/smoke.toml");
-
 impl Daemon {
     /// The answer to a request without a body.
-    async fn raw(&self, method: &str, path: &str, headers: &[(&str, &str)]) -> Response<Body> {
+    pub(super) async fn raw(
+        &self,
+        method: &str,
+        path: &str,
+        headers: &[(&str, &str)],
+    ) -> Response<Body> {
         let mut request =
             Request::builder().method(method).uri(path).header(header::HOST, "localhost");
         for (name, value) in headers {
@@ -26,13 +28,13 @@ impl Daemon {
     }
 
     /// Begins a run of a protocol.
-    async fn begin(&self, protocol: &str) -> String {
+    pub(super) async fn begin(&self, protocol: &str) -> String {
         let (status, run) = self.ask("POST", "runs", &json!({ "protocol_toml": protocol })).await;
         assert_eq!(status, StatusCode::ACCEPTED, "{run}");
         run["id"].as_str().unwrap().to_owned()
     }
 
-    async fn run_to_its_end(&self, protocol: &str) -> String {
+    pub(super) async fn run_to_its_end(&self, protocol: &str) -> String {
         let id = self.begin(protocol).await;
         let is_ended =
             |status: &Status| status.run.as_ref().is_some_and(|run| run.ending.is_some());
@@ -156,46 +158,6 @@ async fn a_command_for_a_state_that_has_passed_is_refused_but_never_a_stop() {
     assert_eq!(status, StatusCode::ACCEPTED);
     let stopped = daemon.raw("POST", "/api/v1/stop", &[("if-match", &idle)]).await;
     assert_eq!(stopped.status(), StatusCode::OK);
-    daemon.close().await;
-}
-
-/// The kinds of the events until the mark, and the kinds after it until the end of a run.
-async fn kinds(answer: Response<Body>) -> (Vec<String>, Vec<String>) {
-    let (mut stream, mut text) = (answer.into_body().into_data_stream(), String::new());
-    let (mut before, mut after, mut is_live) = (Vec::new(), Vec::new(), false);
-    loop {
-        text.push_str(std::str::from_utf8(&stream.next().await.unwrap().unwrap()).unwrap());
-        while let Some((event, rest)) = text.split_once("\n\n") {
-            let kind = event.lines().find_map(|line| line.strip_prefix("event: "));
-            let kind = kind.unwrap_or_default().to_owned();
-            text = rest.to_owned();
-            match (kind.as_str(), is_live) {
-                ("now_live", _) => is_live = true,
-                ("run_finished", true) => return (before, after),
-                (_, false) => before.push(kind),
-                (_, true) => after.push(kind),
-            }
-        }
-    }
-}
-
-#[tokio::test]
-async fn events_come_by_topic_with_a_mark_where_they_become_live() {
-    let daemon = Daemon::start().await;
-    daemon.run_to_its_end(SMOKE).await;
-    let path = "/api/v1/events?topics=run,measurement";
-    let answer = daemon.raw("GET", path, &[("last-event-id", "0")]).await;
-    daemon.begin(SMOKE).await;
-    let (before, after) = kinds(answer).await;
-    for kind in before.iter().chain(&after) {
-        let known = ["run_", "surface_", "sweep", "touch_"];
-        assert!(known.iter().any(|begin| kind.starts_with(begin)), "{kind}");
-    }
-    let touches = |kinds: &[String]| kinds.iter().filter(|kind| *kind == "touch_result").count();
-    assert_eq!((touches(&before), touches(&after)), (18, 18));
-    assert_eq!(before.iter().filter(|kind| *kind == "run_finished").count(), 1);
-    let wrong = daemon.raw("GET", "/api/v1/events?topics=run,weather", &[]).await;
-    assert_eq!(wrong.status(), StatusCode::BAD_REQUEST);
     daemon.close().await;
 }
 

@@ -33,10 +33,14 @@ impl Shell {
                 _ = reply.send(self.redo(&order, is_confirmed, &by));
             }
             Request::Skip { order, by, reply } => {
-                _ = reply.send(self.skip(&order, &by));
+                let skipped = self.skip(&order, &by);
+                self.log.count_others();
+                _ = reply.send(skipped);
             }
             Request::GiveUp { run, by, reply } => {
-                _ = reply.send(self.give_up(run, &by));
+                let given_up = self.give_up(run, &by);
+                self.log.count_others();
+                _ = reply.send(given_up);
             }
             Request::Sweep { request, by, reply } => {
                 let result = self.command(Command::Sweep(request), &by);
