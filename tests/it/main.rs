@@ -21,6 +21,7 @@ mod out_of_contact;
 mod read_only;
 mod refusals;
 mod remaining;
+mod rotary_count;
 mod rotary_stop;
 mod runs;
 mod shared_reference;

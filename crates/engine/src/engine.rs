@@ -359,7 +359,7 @@ impl Engine {
         }
         let id = OperationId(self.next_id);
         self.next_id += 1;
-        self.reach.extend(&operation);
+        self.reach.extend(&operation, &self.limits.linear);
         if matches!(operation, Operation::MoveRotary { .. } | Operation::PrepareRotary) {
             (self.rotary, self.may_turn) = (None, true);
         }
@@ -402,7 +402,7 @@ impl Engine {
         run: &mut Run,
         event: MachineEvent,
     ) -> MachineStep<RunStatus> {
-        run.follow_drive(now, &event);
+        run.follow_person(now, &event);
         let probe = self.interlock.proven();
         let step = run.advance(now, event, &self.limits, probe, &mut self.notes);
         run.asks(&step);

@@ -57,6 +57,8 @@ pub enum FailureKind {
     EmergencyStopped,
     /// The device did not answer, or its answer cannot be read.
     Line,
+    /// An axis is elsewhere than where it came to rest. It was not sent from there.
+    Moved,
     /// An axis reports a position where it cannot be. No move from there is safe, not even a retract.
     Lost,
     /// An axis does not know its position, and homing it may lead into the sample. No move is safe.

@@ -126,7 +126,7 @@ impl RecoveryReport {
                 | FailureKind::Restarted
                 | FailureKind::HeldUp => Self::Unready,
                 FailureKind::Alarmed { code } => Self::Alarmed(code),
-                FailureKind::Lost | FailureKind::Unhomed => Self::Lost,
+                FailureKind::Moved | FailureKind::Lost | FailureKind::Unhomed => Self::Lost,
                 FailureKind::Blocked | FailureKind::Interrupted | FailureKind::EmergencyStopped => {
                     Self::Blocked
                 }

@@ -363,9 +363,9 @@ impl Run {
         }
     }
 
-    /// What an event says of the drive of the sensor. A person makes the sensor vibrate, and may have
+    /// What an event says of the drive of the sensor and of the sample. A person makes the sensor vibrate, and may have
     /// swept while the run was paused.
-    pub(crate) fn follow_drive(&mut self, now: RigTime, event: &MachineEvent) {
+    pub(crate) fn follow_person(&mut self, now: RigTime, event: &MachineEvent) {
         match event {
             MachineEvent::Readings(readings) => {
                 let asked = self.asked.take().filter(|(points, level)| {
@@ -382,7 +382,12 @@ impl Run {
             {
                 self.free_since = now;
             }
-            MachineEvent::Decided { .. } | MachineEvent::Resumed => self.driven = None,
+            MachineEvent::Resumed => {
+                self.driven = None;
+                // Whoever paused may have touched the sample.
+                self.changed(Change::Placed);
+            }
+            MachineEvent::Decided { .. } => self.driven = None,
             _ => {}
         }
     }

@@ -12,7 +12,7 @@ mod survey;
 use rig_model::{Reading, SweepMethod, SweepPoint, SweepRequest, Window};
 
 use crate::{
-    Bench, FitOptions, FitOutcome, Fitter, Limit, Reason, Refusal, Timing,
+    Bench, Circuit, FitOptions, FitOutcome, Fitter, Limit, Reason, Refusal, Timing,
     diagnose::doubts::doubt_place, fit::decay::learn::learn,
 };
 use decay::Decay;
@@ -76,6 +76,13 @@ impl Survey {
     /// Target of the adaptive part, Hz.
     fn target_hz(self, request: &SweepRequest) -> f64 {
         if self == Self::None { request.target_sigma_hz } else { ROUGHLY * request.target_sigma_hz }
+    }
+
+    /// The points of a survey that is still to be made, beside this circuit.
+    fn begin(&mut self, circuit: &Circuit, window: Window) -> Option<Vec<SweepPoint>> {
+        let Self::Ahead { seconds } = *self else { return None };
+        *self = Self::Measured { seconds, rounds: 1 };
+        Some(survey::points(circuit, window, seconds))
     }
 }
 
@@ -187,7 +194,11 @@ impl Planner {
                 self.options.bench = Some(bench);
                 let target_hz = self.request.target_sigma_hz;
                 let window = self.request.window;
-                self.verdict().held_to(target_hz, self.readings.len(), (window, Limit::Plan))
+                self.verdict().held_to(
+                    target_hz,
+                    self.readings.len(),
+                    (window, Limit::Survey { rounds }),
+                )
             }
             Err(reason) => refused(reason),
         };
@@ -204,12 +215,27 @@ impl Planner {
     }
 
     /// Ends a planned sweep with its verdict. A verdict that misses the target becomes a refusal with
-    /// the estimate as evidence.
+    /// the estimate as evidence, and so does one beside which another circuit stands.
     fn finish(&mut self, limit: Limit) -> Next {
         let verdict = self.verdict();
-        let target_hz = self.request.target_sigma_hz;
-        let ended = (self.request.window, limit);
-        Next::Finished(verdict.held_to(target_hz, self.readings.len(), ended))
+        let (request, readings) = (self.request, self.readings.len());
+        let Method::Adaptive { decay, survey } = &mut self.method else {
+            return Next::Finished(verdict);
+        };
+        let ended = (request.window, limit);
+        let found = match verdict.held_to(survey.target_hz(&request), readings, ended) {
+            FitOutcome::Accepted(found) => found,
+            refused @ FitOutcome::Refused(_) => return Next::Finished(refused),
+        };
+        if let Some([first_hz, other_hz]) = decay.rivals(request.window) {
+            let reason = Reason::Ambiguous { first_hz, other_hz };
+            let estimate = Some(found);
+            return Next::Finished(FitOutcome::Refused(Refusal { reason, estimate }));
+        }
+        match survey.begin(&found.circuit(), request.window) {
+            Some(points) => Next::Measure(points),
+            None => Next::Finished(FitOutcome::Accepted(found)),
+        }
     }
 
     /// The limit that ends the sweep now, regardless of the result.
@@ -265,14 +291,9 @@ impl Planner {
             if let Method::Adaptive { decay, survey } = &mut self.method
                 && decay.is_final(&verdict, survey.target_hz(&self.request))
             {
-                return match (*survey, decay.circuit()) {
-                    // What the survey finds may be the reason of a refusal.
-                    (Survey::Ahead { seconds }, Some(circuit)) => {
-                        *survey = Survey::Measured { seconds, rounds: 1 };
-                        Next::Measure(survey::points(&circuit, window, seconds))
-                    }
-                    _ => Next::Finished(verdict),
-                };
+                // What the survey finds may be the reason of a refusal.
+                let points = decay.circuit().and_then(|circuit| survey.begin(&circuit, window));
+                return points.map_or(Next::Finished(verdict), Next::Measure);
             }
         }
         let (elapsed_s, limit_s) = (self.elapsed_s(), self.request.time_limit_s);
@@ -288,7 +309,7 @@ impl Planner {
             }
         };
         if points.is_empty() {
-            return self.finish(Limit::Plan);
+            return self.finish(Limit::Steps { max: decay::STEPS_MAX });
         }
         let mut end_s = elapsed_s;
         let is_in_time = |point: &&SweepPoint| {

@@ -142,6 +142,10 @@ const UNHOMED: &str = "homing this stage may lead downwards: lift the probe by h
                        the sample away, and see with your own eyes that nothing is below the probe, down \
                        to the end of its travel";
 
+/// Advice for a rotary stage that is not where it came to rest.
+const TURNED: &str = "check by eye that the probe is clear of the table and that the table may turn: the acknowledgement \
+                      takes the probe to its clear position, and homes the rotary stage anew";
+
 /// Advice for a rigd that was held up.
 const HELD_UP: &str =
     "look for the load of the computer and of its disk, and keep it from sleeping";
@@ -234,6 +238,11 @@ fn without_position(fault: &Fault) -> Option<Hint> {
         _ if fault.jump().is_some() => Some(AFTER_A_JUMP),
         Fault::Device(failure) if failure.kind == FailureKind::Lost => {
             Some(Hint { text: LOST, then: NextAction::Restart })
+        }
+        Fault::Device(failure) if failure.kind == FailureKind::Moved => {
+            // Of the linear stage, a position that no last move explains is a jump, which has an advice of its own.
+            let is_rotary = failure.device == Device::RotaryStage;
+            is_rotary.then_some(Hint { text: TURNED, then: NextAction::Prepare })
         }
         _ => None,
     }

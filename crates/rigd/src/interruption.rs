@@ -104,8 +104,8 @@ pub(crate) enum LeftProbe {
 pub(crate) struct InterruptedRig {
     /// It was not closed in order.
     pub(crate) is_interrupted: bool,
-    /// The rig must not move until a person acknowledges its state: the program was killed, or it
-    /// was closed while latched with the probe not clear.
+    /// The rig must not move until a person acknowledges its state: the program was killed, or the rig was latched when it
+    /// was closed, as `rigd safe` leaves it.
     pub(crate) is_latched: bool,
     /// The probe.
     pub(crate) probe: LeftProbe,
@@ -182,11 +182,11 @@ impl InterruptedRig {
         let Some(left) = InterruptionView::read(reader, &session)? else {
             let probe = reader.probe_word(&session)?;
             let is_open = probe != ProbeWord::Clear;
-            let latched = reader.latched_by(&session)?.filter(|_| is_open);
-            let message = match (probe, &latched) {
-                (ProbeWord::Clear, _) => "the probe was left clear".to_owned(),
-                (other, None) => format!("the probe was not retracted{}", whereabouts(other)),
-                (_, Some(cause)) => latch(cause),
+            let latched = reader.latched_by(&session)?;
+            let message = match (&latched, probe) {
+                (Some(cause), _) => latch(cause),
+                (None, ProbeWord::Clear) => "the probe was left clear".to_owned(),
+                (None, other) => format!("the probe was not retracted{}", whereabouts(other)),
             };
             let is_latched = latched.is_some();
             let probe = if is_open { LeftProbe::Lowered } else { LeftProbe::Clear };
@@ -288,7 +288,10 @@ fn whereabouts(probe: ProbeWord) -> String {
 mod tests {
     use std::{path::Path, slice};
 
-    use rig_store::{Axis, Clearance, Fault, Intent, Move, MoveReason, Record, Store};
+    use rig_store::{
+        Axis, Clearance, Ending, Fault, Intent, Move, MoveReason, Record, RunFinished,
+        StateChanged, Store,
+    };
 
     use super::*;
 
@@ -311,6 +314,36 @@ mod tests {
             session.append(0, record).unwrap();
         }
         session.commit().unwrap();
+    }
+
+    /// Also one that `rigd safe` has retracted, after a program that was killed, and one that was closed in order.
+    #[test]
+    fn a_rig_that_was_latched_is_latched_again_although_its_probe_is_clear() {
+        let data = tempfile::TempDir::new().unwrap();
+        let (what, axis) = (MoveReason::Approach, Axis::LinearMm);
+        let lowering = Record::Intent(Intent { what, axis, from: None, to: 9.5, limit: None });
+        killed(data.path(), "bench", &[lowering]);
+        let state = |state: &str| {
+            Record::StateChanged(StateChanged { state: state.to_owned(), reason: None })
+        };
+        let (cause, hint) = ("stopped by Ada".to_owned(), "look".to_owned());
+        let (probe, last_moves_mm) = (Clearance::Unknown, None);
+        let stopped = Record::Fault(Fault { step: None, cause, probe, hint, last_moves_mm });
+        let clear = Record::Moved(Move { axis, target: 24.5, read_back: 24.5, is_clear: true });
+        let ended = Record::RunFinished(RunFinished { status: Ending::Completed });
+        killed(
+            data.path(),
+            "bench",
+            &[stopped, state("retracting"), clear, state("latched"), ended.clone()],
+        );
+        let left = || {
+            let reader = Reader::open(data.path()).unwrap();
+            InterruptedRig::left(&reader, "bench", false).unwrap()
+        };
+        assert_eq!((left().is_latched, left().probe), (true, LeftProbe::Clear));
+        assert_eq!(left().message, "the rig was left latched, not acknowledged: stopped by Ada");
+        killed(data.path(), "bench", &[state("preparing"), state("idle"), ended]);
+        assert_eq!((left().is_latched, left().probe), (false, LeftProbe::Clear));
     }
 
     #[test]

@@ -9,7 +9,8 @@ use rig_files::{
     rig_file::{Connection, Pace, RigFile, Simulation},
 };
 use rig_model::{AnalyzerRange, RigLimits};
-use rig_store::Source;
+use rig_store::{Digest, Source};
+use sha2::{Digest as _, Sha256};
 
 use crate::files::read;
 pub use crate::{files::FileError, instruments::Instruments, simulation::LoadedScene};
@@ -85,6 +86,17 @@ impl LoadedRig {
         }
         let source = Source { name: file.name.clone(), toml: text };
         Ok(Self { path: path.to_owned(), file, instruments, source, scene })
+    }
+
+    /// SHA-256 of the rig file and the instrument files, from which everything is known that moves it.
+    pub fn digest(&self) -> Digest {
+        let mut all = Sha256::new();
+        let own = self.instruments.own_files.into_iter().flatten();
+        for text in [&self.source].into_iter().chain(own).map(|file| file.toml.as_bytes()) {
+            all.update((text.len() as u64).to_le_bytes());
+            all.update(text);
+        }
+        Digest::from_bytes(all.finalize().into())
     }
 
     /// The facts that a protocol is checked against.

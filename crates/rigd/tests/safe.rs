@@ -16,6 +16,7 @@ use rig_sim::{
     faults::{DeviceFault, Fault, FaultKind, FaultTrigger, RequestFault},
 };
 use rig_store::{ProbeWord, Reader, Record, Store};
+use rigd::loaded_rig::LoadedRig;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
 use bench::{Bench, json, stderr};
@@ -83,6 +84,8 @@ async fn the_retract_is_recorded_where_a_data_directory_is_given() {
     // The rig is in order for the next command.
     let home = bench.rigd(&["home"]);
     assert!(home.status.success(), "{}", stderr(&home));
+    let said = stderr(&home);
+    assert!(said.contains("the rig was left latched, not acknowledged: stopped by Ada"), "{said}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -156,12 +159,16 @@ async fn a_replaced_program_says_that_its_rig_was_in_service_and_which_position_
     let said = stderr(&halted);
     assert_eq!((halted.status.code(), bench.places()), (Some(4), before), "{said}");
     assert!(said.contains(elsewhere.to_str().unwrap()) && said.contains("--data"), "{said}");
-    let in_service = "--was-in-service";
-    let doubtful = safe(&[in_service, "--jump-mm", "-60", "-50", "--homing"]);
+    let digest = LoadedRig::load(&bench.folder.path().join("rig.toml")).unwrap().digest();
+    let in_service = ["--in-service-with", &digest.to_string()];
+    // It was another file that was in service: what this one says of the geometry was never tried.
+    let edited = safe(&["--in-service-with", &"0".repeat(64)]);
+    assert_eq!((edited.status.code(), bench.places()), (Some(4), before), "{}", stderr(&edited));
+    let doubtful = safe(&[in_service[0], in_service[1], "--jump-mm", "-60", "-50", "--homing"]);
     let said = stderr(&doubtful);
     assert_eq!((doubtful.status.code(), bench.places()), (Some(4), before), "{said}");
     assert!(said.contains("the position of the linear stage may be wrong"), "{said}");
-    let retracted = safe(&[in_service]);
+    let retracted = safe(&in_service);
     assert!(retracted.status.success(), "{}", stderr(&retracted));
     assert!((bench.places().0 - CLEAR_MM).abs() < 0.05);
 }

@@ -58,6 +58,8 @@ pub struct Stage<U: Unit> {
     /// Where it came to rest at the end of its last motion, or was found, in counts; `None` once it was sent on. Other readings
     /// leave it: a position that is another one then is not where the axis was left.
     rest: Option<i32>,
+    /// It was read back elsewhere than where it came to rest, and was not homed since.
+    has_jumped: bool,
     /// When its position was read, if that is known: in the middle between question and answer.
     seen_at: Option<RigTime>,
     /// When it was read.
@@ -83,6 +85,7 @@ impl<U: Unit> Stage<U> {
             axis,
             seen: None,
             rest: None,
+            has_jumped: false,
             seen_at: None,
             read_at: Instant::now(),
             are_settings_half: false,
@@ -131,17 +134,27 @@ impl<U: Unit> Stage<U> {
         if !self.axis.can_be_at(at) {
             return Err(StageError::BeyondTravel { at, travel });
         }
-        let was = self.rest.map_or(at, |rest| self.scale.position(rest.into()));
-        if !seen.is_moving
-            && REST_TOLERANCES * self.axis.tolerance() < (at.value() - was.value()).abs()
-        {
-            return Err(StageError::Moved { was, at });
-        }
-        Ok(at)
+        self.left_its_rest().map_or(Ok(at), |was| Err(StageError::Moved { was, at }))
+    }
+
+    /// Where it came to rest, if the last reading has it at rest elsewhere.
+    fn left_its_rest(&self) -> Option<Position<U>> {
+        let (seen, rest) = (self.seen.filter(|seen| !seen.is_moving)?, self.rest?);
+        let [was, at] = [rest, seen.position].map(|counts| self.scale.position(counts.into()));
+        let is_elsewhere =
+            REST_TOLERANCES * self.axis.tolerance() < (at.value() - was.value()).abs();
+        is_elsewhere.then_some(was)
+    }
+
+    /// Whether it was read back elsewhere than where it came to rest, and was not homed since: the count of its drive may be
+    /// wrong.
+    pub const fn has_jumped(&self) -> bool {
+        self.has_jumped
     }
 
     /// The last reading says where the axis is at rest.
     fn came_to_rest(&mut self) {
+        self.has_jumped |= self.left_its_rest().is_some();
         self.rest = self.seen.filter(|seen| !seen.is_moving).map(|seen| seen.position);
     }
 

@@ -11,11 +11,11 @@ const JUMP_TOLERANCES: f64 = 10.0;
 /// Where the linear stage can be.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Reach {
-    /// Anywhere: it was never read back, or is being homed.
+    /// Anywhere: it was never read back, or has lost its position and is being homed.
     Anywhere,
     /// Where its moves since its last confirmed read-back can have led it.
     Between(Span<Mm>),
-    /// It was read back elsewhere, so that its position may be wrong.
+    /// It was read back elsewhere, or is being homed anew, so that its position may be wrong.
     Jumped(Jump),
 }
 
@@ -38,7 +38,17 @@ impl Reach {
     }
 
     /// An operation is about to be sent.
-    pub(super) fn extend(&mut self, operation: &Operation) {
+    pub(super) fn extend(&mut self, operation: &Operation, axis: &Axis<Mm>) {
+        if matches!(operation, Operation::HomeLinear { anew: true }) {
+            // Its drive goes on saying that it is homed, also after a homing that has not ended.
+            let last_moves = match *self {
+                Self::Anywhere => axis.travel(),
+                Self::Between(span) => span,
+                Self::Jumped(jump) => jump.last_moves,
+            };
+            *self = Self::Jumped(Jump { last_moves, is_homing_open: true });
+            return;
+        }
         match (self, operation) {
             (
                 Self::Between(span),

@@ -261,6 +261,30 @@ fn an_acknowledgement_moves_no_stage_that_is_not_where_its_last_moves_can_have_l
     assert_eq!(world.engine.snapshot().state, RigState::Idle, "{:?}", world.engine.snapshot());
 }
 
+/// A person has it homed after any fault, and the homing is broken off. The drive goes on saying that it is homed, at a place where
+/// its last moves can have led it.
+#[test]
+fn a_homing_anew_that_is_broken_off_leaves_no_position_that_is_believed() {
+    for kind in [FailureKind::Line, FailureKind::Blocked, FailureKind::Alarmed { code: 0x66 }] {
+        let mut world = World::new(None);
+        world.play();
+        world.command(Command::Stop);
+        settle(&mut world, 0);
+        assert_eq!(world.engine.snapshot().state, RigState::Latched);
+        world.command(Command::HomeLinear);
+        let (id, operation) = world.in_flight.take().unwrap();
+        assert!(matches!(operation, Operation::HomeLinear { anew: true }), "{operation:?}");
+        world.fail(id, kind);
+        settle(&mut world, 0);
+        let Snapshot { state, clearance, jump, .. } = world.engine.snapshot();
+        assert_eq!((state, clearance), (RigState::Latched, Clearance::Unknown), "{kind:?}");
+        assert!(jump.is_some_and(|jump| jump.is_homing_open), "{kind:?}");
+        world.command(Command::HomeLinear);
+        settle(&mut world, 0);
+        assert_eq!(world.engine.snapshot().state, RigState::Idle, "{kind:?}");
+    }
+}
+
 const JUMPED: Trouble =
     Trouble::Drive(DriveTrouble::Jumped { by_mm: 45.0, then: FailureKind::Line });
 

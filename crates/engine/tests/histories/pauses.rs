@@ -71,3 +71,45 @@ fn a_pause_comes_before_a_refused_touch_is_made_again() {
         assert!(is_answered(&world), "{decision:?}");
     }
 }
+
+/// Whoever pauses may reseat the sample, which is then higher.
+#[test]
+fn a_sample_that_was_moved_during_a_pause_contradicts_no_touch_before_it() {
+    let mut twice = plan();
+    twice.steps[3].action = twice.steps[2].action.clone();
+    if let Action::Touch(touch) = &mut twice.steps[3].action {
+        touch.repeat = 2;
+    }
+    let mut paused = 0;
+    for at in 1..OPERATIONS_MAX {
+        let mut world = World::new(None);
+        world.command(Command::Prepare);
+        finish(&mut world);
+        world.command(Command::Run(Box::new(twice.clone())));
+        let begun = world.operations;
+        while world.operations < begun + at && world.endings().is_empty() {
+            match world.engine.snapshot().state {
+                RigState::WaitingForPerson => world.answer(),
+                _ => world.step(),
+            }
+        }
+        if !world.endings().is_empty() {
+            break;
+        }
+        world.command(Command::Pause);
+        while world.engine.snapshot().state != RigState::Paused {
+            match world.engine.snapshot().state {
+                RigState::WaitingForPerson => world.answer(),
+                _ => world.step(),
+            }
+        }
+        world.slip_mm -= 0.3;
+        world.command(Command::Resume);
+        finish(&mut world);
+        let doubted = |event: &Event| matches!(event, Event::TouchDoubted(_));
+        assert!(!world.events.iter().any(doubted), "{at}");
+        assert_eq!(world.endings(), [RunStatus::Completed], "{at}");
+        paused += 1;
+    }
+    assert!(paused > 60, "{paused}");
+}

@@ -173,6 +173,17 @@ pub enum Reason {
     /// The fit did not converge.
     #[error("the fit did not converge")]
     NotConverged,
+    /// Another circuit explains the readings nearly as well.
+    #[error(
+        "resonances near {first_hz:.3} Hz and near {other_hz:.3} Hz explain the readings nearly equally well: allow more time, \
+         or measure in a narrower window"
+    )]
+    Ambiguous {
+        /// The resonance of the circuit that explains them best, Hz.
+        first_hz: f64,
+        /// That of the next one, Hz.
+        other_hz: f64,
+    },
     /// The readings do not follow the model, and no single cause was recognised.
     #[error(
         "the circuit does not describe the readings, or they are {:.1} times as noisy as expected: chi² \
@@ -226,6 +237,7 @@ impl Reason {
             Self::AnalyzerPhase => "analyzer_phase",
             Self::Distorted => "distorted",
             Self::NotConverged => "not_converged",
+            Self::Ambiguous { .. } => "ambiguous",
             Self::Misfit { .. } => "misfit",
             Self::TargetNotReached { .. } => "target_not_reached",
         }
@@ -255,9 +267,18 @@ pub enum Limit {
         /// Largest number of judgements.
         max: usize,
     },
-    /// The planner found no further reading that would help.
-    #[error("no further reading would help: ask for less")]
-    Plan,
+    /// The sweep reached its largest number of steps.
+    #[error("no more than {max} steps are made in one sweep: ask for less")]
+    Steps {
+        /// Largest number of steps of one sweep.
+        max: usize,
+    },
+    /// The survey was continued as often as it may be.
+    #[error("the survey was made {rounds} times: survey for longer, or ask for less")]
+    Survey {
+        /// How often it was made.
+        rounds: u32,
+    },
     /// The estimate lies outside of the window, where no reading is.
     #[error(
         "the estimate of {estimate_hz:.3} Hz lies outside of the window: measure in a wider one"

@@ -59,7 +59,7 @@ const AIM: f64 = 0.97;
 /// Smallest ratio of a new planned standard deviation to the previous one.
 const NARROWER: f64 = 0.85;
 /// Largest number of steps of a sweep, far more than a sweep that reaches its target takes.
-const STEPS_MAX: usize = 150;
+pub(crate) const STEPS_MAX: usize = 150;
 /// Searches between two readings: among the trials, beside the best circuit and without a wrong reading,
 /// each after readings and before a verdict.
 const SEARCHES_PER_STEP: u64 = 6;
@@ -166,6 +166,16 @@ impl Decay {
         is_enough(self)
     }
 
+    /// The resonances of the best two circuits, Hz, if more than one explains the readings.
+    pub(crate) fn rivals(&mut self, window: Window) -> Option<[f64; 2]> {
+        if !self.is_searched {
+            self.refit(true);
+            self.look_for_modes(window);
+        }
+        let [first, other, ..] = &self.hypotheses[..] else { return None };
+        Some([first, other].map(|one| one.at.resonance_hz))
+    }
+
     /// The start circuit of a fit.
     pub(crate) fn circuit(&self) -> Option<Circuit> {
         let (stays, best) = (self.stays.as_ref()?, self.hypotheses.first()?);
@@ -240,10 +250,18 @@ impl Decay {
                 self.forced += 1;
             }
             if self.forced > FORCED_MAX {
-                return Err(Reason::NotConverged);
+                let other = self.hypotheses.get(1).map(|other| other.at.resonance_hz);
+                return Err(other.map_or(Reason::NotConverged, |other_hz| Reason::Ambiguous {
+                    first_hz: best.at.resonance_hz,
+                    other_hz,
+                }));
             }
             let off = FORCED_AT[self.forced % FORCED_AT.len()];
             let frequency_hz = best.at.resonance_hz + off * best.linewidth_hz();
+            if is_doubt {
+                // Whether this stay resolves it, the next verdict says.
+                self.doubt = None;
+            }
             return Ok(points(request.window, frequency_hz, FORCED));
         }
         let pace = Pace::of(of, elapsed_s);
@@ -402,3 +420,7 @@ fn points(window: Window, frequency_hz: f64, (cycles, count): (u32, usize)) -> V
     let frequency_hz = frequency_hz.clamp(window.min_hz, window.max_hz);
     vec![SweepPoint { frequency_hz, settle_s: 0.0, cycles }; count]
 }
+
+#[cfg(test)]
+#[path = "decay/tests.rs"]
+mod tests;

@@ -14,6 +14,7 @@ use std::{
 
 use rig_engine::Fault;
 use rig_model::Clearance;
+use rig_store::Digest;
 use rig_system::program::replace_by;
 use tokio::{
     runtime::{self, Handle},
@@ -45,6 +46,8 @@ const NOT_CLEAR: i32 = 4;
 #[derive(Debug, Clone)]
 pub(super) struct WayOut {
     pub(super) rig: PathBuf,
+    /// Digest of the rig file and the instrument files as they were read.
+    pub(super) digest: Digest,
     pub(super) data: PathBuf,
 }
 
@@ -54,7 +57,7 @@ pub(super) fn watch_over(rig: &RigHandle, way_out: WayOut) -> Result<(), Failure
     on_a_thread("rig guard", async move {
         while let Some(silence) = next_silence(&mut status).await {
             if silence.is_given_up {
-                let known = KnownArgs::of(&status.borrow().snapshot);
+                let known = KnownArgs::of(&status.borrow().snapshot, way_out.digest);
                 replace(&way_out, &known, silence);
             }
             say(&format!("rigd: {silence}; {WHILE_SILENT}"));

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use rig_engine::{Fault, Jump, Snapshot};
 use rig_model::{Clearance, Position, Span};
+use rig_store::Digest;
 use rig_system::program::wait_for_the_replaced;
 use serde::Serialize;
 
@@ -46,9 +47,9 @@ pub(super) struct SafeArgs {
 /// What a replaced program knew of its rig; its disk may not answer.
 #[derive(Debug, Default, Args)]
 pub(super) struct KnownArgs {
-    /// The rig was in service
-    #[arg(long, hide = true)]
-    was_in_service: bool,
+    /// The rig was in service, with files of this digest
+    #[arg(long, value_name = "SHA256", hide = true)]
+    in_service_with: Option<String>,
     /// The linear stage was not between these positions, mm, where its last moves can have led it
     #[arg(long, value_names = ["MIN", "MAX"], num_args = 2, allow_hyphen_values = true, hide = true)]
     jump_mm: Option<Vec<f64>>,
@@ -58,11 +59,11 @@ pub(super) struct KnownArgs {
 }
 
 impl KnownArgs {
-    /// The arguments that say it.
-    pub(super) fn of(snapshot: &Snapshot) -> Vec<String> {
+    /// The arguments that say it of a rig with files of this digest.
+    pub(super) fn of(snapshot: &Snapshot, digest: Digest) -> Vec<String> {
         let mut args = Vec::new();
         if !matches!(snapshot.fault, Some(Fault::NotCommissioned { .. })) {
-            args.push("--was-in-service".to_owned());
+            args.extend(["--in-service-with".to_owned(), digest.to_string()]);
         }
         if let Some(Jump { last_moves, is_homing_open }) = snapshot.jump {
             let ends = [last_moves.min, last_moves.max].map(|end| end.value().to_string());
@@ -72,7 +73,8 @@ impl KnownArgs {
         args
     }
 
-    fn known(&self) -> KnownRig {
+    /// What it knew of the rig whose files have this digest now. Another geometry has not been in service.
+    fn known(&self, digest: Digest) -> KnownRig {
         let jump = self.jump_mm.as_deref().and_then(|ends| match ends {
             &[min, max] => {
                 let last_moves = Span::new(min, max);
@@ -80,7 +82,8 @@ impl KnownArgs {
             }
             _ => None,
         });
-        KnownRig { was_in_service: self.was_in_service, jump }
+        let was_in_service = self.in_service_with.as_ref() == Some(&digest.to_string());
+        KnownRig { was_in_service, jump }
     }
 }
 
@@ -108,7 +111,8 @@ pub(super) fn safe(args: &SafeArgs) -> Result<(), Failure> {
     wait_for_the_replaced();
     let operator = args.operator.name();
     let rig = args.rig.load()?;
-    let out = make_safe(rig, args.data.as_deref(), args.known.known(), operator.as_str())?;
+    let known = args.known.known(rig.digest());
+    let out = make_safe(rig, args.data.as_deref(), known, operator.as_str())?;
     for fault in &out.faults {
         note(&fault.to_string());
     }
@@ -177,13 +181,16 @@ mod tests {
         for is_homing_open in [false, true] {
             let jump = Jump { last_moves: Span::new(-60.5, 12.25), is_homing_open };
             snapshot.jump = Some(jump);
-            let args = KnownArgs::of(&snapshot).into_iter();
-            let known = Program::parse_from(["rigd".to_owned()].into_iter().chain(args)).known;
-            let known = known.known();
+            let args = KnownArgs::of(&snapshot, Digest::START).into_iter();
+            let args = Program::parse_from(["rigd".to_owned()].into_iter().chain(args)).known;
+            let known = args.known(Digest::START);
             assert_eq!((known.was_in_service, known.jump), (true, Some(jump)));
+            // A file that was changed meanwhile.
+            let known = args.known(Digest::from_bytes([1; 32]));
+            assert_eq!((known.was_in_service, known.jump), (false, Some(jump)));
         }
         (snapshot.jump, snapshot.fault) =
             (None, Some(Fault::NotCommissioned { missing: String::new() }));
-        assert!(KnownArgs::of(&snapshot).is_empty());
+        assert!(KnownArgs::of(&snapshot, Digest::START).is_empty());
     }
 }

@@ -89,7 +89,7 @@ pub(super) async fn open_by(
     data: PathBuf,
     signals: &mut Signals,
 ) -> Result<(RigHandle, RigThread), Failure> {
-    let way_out = WayOut { rig: rig.path.clone(), data: data.clone() };
+    let way_out = WayOut { rig: rig.path.clone(), digest: rig.digest(), data: data.clone() };
     let mut opening = tokio::task::spawn_blocking(move || how(rig, data));
     loop {
         tokio::select! {

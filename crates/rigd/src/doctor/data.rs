@@ -115,6 +115,11 @@ fn journal(findings: &mut Findings, data: &Path, (rig, is_simulated): (&str, boo
                     message,
                     "all measurements up to then are in the journal: `rigd runs`, `rigd show`",
                 ),
+                Some(InterruptedRig { is_latched: true, message, .. }) => findings.warning(
+                    "last session",
+                    message,
+                    "the probe was left clear; the next start moves nothing before a person acknowledges the cause",
+                ),
                 Some(InterruptedRig { message, .. }) => findings.ok("probe", message),
                 None => {}
             }

@@ -83,9 +83,9 @@ impl Axes {
         Ok(())
     }
 
-    /// Tells the interlock where the rotary stage has stopped, if its drive knows where it is.
+    /// Tells the interlock where the rotary stage has stopped, if its drive knows where it is, and is believed.
     fn rotary_at_rest(&mut self, at: Position<Deg>) -> Option<Position<Deg>> {
-        let is_known = self.rotary.trusted_position().is_ok();
+        let is_known = self.rotary.trusted_position().is_ok() && !self.rotary.has_jumped();
         if is_known {
             self.gate.read(Outcome::RotaryAt(at));
         }
@@ -213,7 +213,8 @@ pub(crate) fn analyzer_failure(error: AnalyzerError) -> Failure {
     Failure { device: Device::Analyzer, kind, detail: with_causes(&error) }
 }
 
-/// Finds the drive again, clears an old alarm, homes the axis if it is not homed, or `anew`, and reads back where it is.
+/// Finds the drive again, clears an old alarm, homes the axis if it is not homed, has jumped, or `anew`, and reads back where it
+/// is.
 /// Does nothing to an axis that says that it is where it cannot be.
 async fn prepare<U: Unit>(
     stage: &mut Stage<U>,
@@ -229,7 +230,7 @@ async fn prepare<U: Unit>(
     if status.alarm.is_some() {
         stage.reset_alarm().await?;
     }
-    if anew || !status.is_homed {
+    if anew || !status.is_homed || stage.has_jumped() {
         stage.home(stop).await?;
     }
     come_to_rest(stage).await?;
@@ -300,14 +301,13 @@ pub(crate) fn stage_failure<U: Unit>(device: Device, error: &StageError<U>) -> F
         | StageError::Bus(BusError::Failed(LineFault::Halted { .. })) => FailureKind::Interrupted,
         StageError::Bus(BusError::Failed(_)) => FailureKind::Line,
         StageError::BeyondTravel { .. } | StageError::HomesDownwards { .. } => FailureKind::Lost,
-        StageError::Moved { .. } if device == Device::LinearStage => FailureKind::Lost,
+        StageError::Moved { .. } => FailureKind::Moved,
         StageError::Unhomed { .. } => FailureKind::Unhomed,
         StageError::EmergencyStopped { .. } => FailureKind::EmergencyStopped,
         StageError::Alarmed { alarm, .. } | StageError::AlarmPersists { alarm } => {
             FailureKind::Alarmed { code: alarm.code }
         }
-        StageError::Moved { .. }
-        | StageError::Ignored { .. }
+        StageError::Ignored { .. }
         | StageError::NotThere { .. }
         | StageError::Overdue { .. }
         | StageError::WillNotStop { .. }

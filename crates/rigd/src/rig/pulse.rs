@@ -8,7 +8,7 @@ use std::{
     fmt,
     sync::{
         Arc,
-        atomic::{AtomicBool, AtomicU64, Ordering},
+        atomic::{AtomicU64, Ordering},
     },
     thread,
     time::{Duration, SystemTime},
@@ -56,7 +56,8 @@ pub struct Silence {
 pub(super) struct Pulse {
     /// A number that changes with each sign, times 4, and what the loop does.
     signs: AtomicU64,
-    is_stop_asked: AtomicBool,
+    /// One more than the signs at which a silent loop must not be waited for; 0 at first.
+    given_up_at: AtomicU64,
 }
 
 impl Pulse {
@@ -68,9 +69,10 @@ impl Pulse {
         Self::doing(signs)
     }
 
-    /// A loop that is silent must not be waited for.
+    /// A loop that is silent must not be waited for, unless it gives another sign.
     pub(super) fn give_up(&self) {
-        self.is_stop_asked.store(true, Ordering::Release);
+        let signs = self.signs.load(Ordering::Acquire);
+        self.given_up_at.store(signs.wrapping_add(1), Ordering::Release);
     }
 
     fn doing(signs: u64) -> Doing {
@@ -128,8 +130,8 @@ impl Look {
             }
         };
         self.looks = self.looks.saturating_add(1);
-        let is_given_up =
-            self.looks >= GIVEN_UP_AFTER || pulse.is_stop_asked.load(Ordering::Acquire);
+        let is_given_up = self.looks >= GIVEN_UP_AFTER
+            || pulse.given_up_at.load(Ordering::Acquire) == signs.wrapping_add(1);
         (self.looks >= SILENT_AFTER).then_some(Silence { since, doing, is_given_up })
     }
 }

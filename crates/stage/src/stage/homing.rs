@@ -94,6 +94,7 @@ impl<U: Unit> Stage<U> {
                     return Err(StageError::NotHomed { at });
                 }
                 self.came_to_rest();
+                self.has_jumped = false;
                 return Ok(at);
             }
             if at.value() < started_at - sinks_most {

@@ -459,6 +459,26 @@ async fn a_drive_that_was_switched_off_while_nothing_was_asked_is_not_moved_from
     }
 }
 
+/// A stop and an identification take the place where it is now for that of its rest.
+#[tokio::test(start_paused = true)]
+async fn a_drive_that_was_elsewhere_than_it_came_to_rest_has_jumped_until_it_is_homed() {
+    let stop = StopSignal::new();
+    for make in MAKES {
+        let (drive, mut stage) = ready(make).await;
+        stage.move_to(target(2.0), 6.0, &stop).await.unwrap();
+        stage.stop().await.unwrap();
+        stage.identify().await.unwrap();
+        assert!(!stage.has_jumped(), "{}", make.map.name);
+        drive.lose_counts(counts(make, 1.0));
+        stage.stop().await.unwrap();
+        stage.identify().await.unwrap();
+        assert!(stage.has_jumped() && stage.trusted_position().is_ok(), "{}", make.map.name);
+        drive.lose_counts(0);
+        stage.home(&stop).await.unwrap();
+        assert!(!stage.has_jumped(), "{}", make.map.name);
+    }
+}
+
 #[tokio::test(start_paused = true)]
 async fn a_move_ends_when_the_drive_loses_its_position() {
     let stop = StopSignal::new();

@@ -72,6 +72,7 @@ pub(super) const fn claims_a_cause(reason: &Reason) -> bool {
             | Reason::TooNoisy { .. }
             | Reason::Distorted
             | Reason::NotConverged
+            | Reason::Ambiguous { .. }
             | Reason::Misfit { .. }
             | Reason::TargetNotReached { .. }
     )

@@ -60,12 +60,9 @@ pub(crate) fn fit(readings: &[Reading], options: &FitOptions) -> FitOutcome {
         return refused(Reason::TooFewPoints { found, needed: found + 1 });
     }
     let window = window(readings, options);
-    let Some((mut best, expected)) = best(&mut stays, window, noise, options) else {
+    let Some((best, expected)) = weighed(&mut stays, readings, (window, noise), options) else {
         return refused(Reason::NotConverged);
     };
-    if stays.weigh_rounding(readings, stays.known.variance) {
-        best = stays.minimum(best.at, &expected);
-    }
     judge(&stays, &best, &expected, noise, window)
 }
 
@@ -83,8 +80,23 @@ pub(crate) fn effective_time_s(readings: &[Reading], options: &FitOptions) -> Op
     let noise = PooledVariance::known(&options.noise.unwrap_or(NOISE));
     let known = Known::with(noise.variance());
     let mut stays = Stays::of(known, options.bench, readings)?;
-    let (best, expected) = best(&mut stays, window(readings, options), noise, options)?;
+    let within = (window(readings, options), noise);
+    let (best, expected) = weighed(&mut stays, readings, within, options)?;
     stays.effective_time_s(&best, &expected)
+}
+
+/// The most likely circuit, with the rounding of the readings.
+fn weighed(
+    stays: &mut Stays,
+    readings: &[Reading],
+    (window, noise): (Window, PooledVariance),
+    options: &FitOptions,
+) -> Option<(Hypothesis, CircuitPrior)> {
+    let (mut best, expected) = best(stays, window, noise, options)?;
+    if stays.weigh_rounding(readings, stays.known.variance) {
+        best = stays.minimum(best.at, &expected);
+    }
+    Some((best, expected))
 }
 
 /// The most likely circuit, for the noise of the readings; `None` if another explains them nearly as

@@ -24,11 +24,11 @@ const PACE: f64 = 2.0;
 /// A descent is abandoned near a better circuit: with a resonance within its standard deviations and a
 /// logarithm of the quality factor within this.
 const SAME_LN_Q: f64 = 0.3;
-/// Largest number of rows of a search, about a millisecond; one search in two hundred would take more.
-/// The best circuit so far is still refined to its minimum, and later descents are omitted.
+/// Largest number of rows of a search, about a millisecond; one search in two hundred would take more. Circuits found before and
+/// a descent below the best circuit so far are still refined to their minima, and later descents are omitted.
 pub(crate) const ROWS_MAX: u64 = 9000;
-/// Descents that a search completes regardless of its rows: the first that finds a circuit, those
-/// before it without one, and the step of the last.
+/// Descents that a search completes regardless of its rows: those from circuits found before, the first that finds a
+/// circuit and those before it without one, or the one that is below the best when the rows end, and the step of the last.
 pub(crate) const DESCENTS_MAX: usize = KEPT + STARTS + 2;
 /// χ² may exceed its mean by this many of its standard deviations.
 const CHI_SQUARED_SIGMAS: f64 = 2.7;
@@ -119,21 +119,23 @@ impl Search<'_> {
         };
         let rows_max = self.stays.work.get() + ROWS_MAX;
         let mut found: Vec<Hypothesis> = Vec::new();
-        let descend = |found: &mut Vec<Hypothesis>, start, states| {
+        let descend = |found: &mut Vec<Hypothesis>, start, states, is_known: bool| {
             let least = found.iter().map(Hypothesis::evidence).fold(f64::INFINITY, f64::min);
-            let is_first = found.is_empty();
+            let is_needed = is_known || found.is_empty();
             let is_wanted = |at: &ModelEstimate, cost: f64, saved: f64| {
                 let is_within_reach = cost - PACE * saved < least + LEAD;
                 let is_there = found.iter().any(|one| one.is_beside(at) && cost >= one.normal.cost);
-                is_within_reach && !is_there && (is_first || self.stays.work.get() < rows_max)
+                let is_affordable = is_needed || cost < least || self.stays.work.get() < rows_max;
+                is_within_reach && !is_there && is_affordable
             };
-            if is_first || self.stays.work.get() < rows_max {
+            if is_needed || self.stays.work.get() < rows_max {
                 let one = self.stays.minimum_while(start, states, self.expected, is_wanted);
                 found.extend(one.filter(is_circuit));
             }
         };
         for one in earlier {
-            descend(&mut found, one.at, one.states);
+            // A rival is not forgotten without evidence against it.
+            descend(&mut found, one.at, one.states, true);
         }
         if effort == Effort::Beside
             && let Some(at) = found.first().map(|one| one.at)
@@ -141,7 +143,7 @@ impl Search<'_> {
             for (step, by) in BESIDE.iter().flat_map(|step| OTHER_Q.map(|by| (step, by))) {
                 let resonance_hz = at.resonance_hz * (1.0 + step / at.q);
                 let start = ModelEstimate { resonance_hz, q: by * at.q, ..at };
-                descend(&mut found, start, Vec::new());
+                descend(&mut found, start, Vec::new(), false);
             }
         }
         if effort == Effort::Trials {
@@ -149,7 +151,7 @@ impl Search<'_> {
             starts.extend(last.filter(|_| found.is_empty()));
             for start in starts {
                 if found.iter().all(|one| are_apart(&one.at, &start, 1.0)) {
-                    descend(&mut found, start, Vec::new());
+                    descend(&mut found, start, Vec::new(), false);
                 }
             }
         }

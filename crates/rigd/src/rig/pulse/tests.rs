@@ -49,6 +49,11 @@ fn a_stop_gives_up_a_silent_loop_at_once_and_no_other() {
         assert_eq!(look.again(&pulse, false), None);
     }
     assert!(look.again(&pulse, false).is_some_and(|silence| silence.is_given_up));
+    // The stop was carried out: the next silence has its own patience.
+    pulse.beat(Doing::Recording);
+    for _ in 0..=SILENT_AFTER {
+        assert!(look.again(&pulse, false).is_none_or(|silence| !silence.is_given_up));
+    }
 }
 
 #[test]
