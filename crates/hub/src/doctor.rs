@@ -68,6 +68,7 @@ pub async fn findings(client: &Client) -> Result<Vec<Finding>, tokio_postgres::E
     all.push(alarms(&state));
     all.extend(silent(&state));
     all.push(unread(client).await?);
+    all.push(without_results(client).await?);
     all.push(unjudged(client).await?);
     all.push(pruning(&state));
     all.push(live(&state));
@@ -234,6 +235,24 @@ async fn unread(client: &Client) -> Result<Finding, tokio_postgres::Error> {
         text,
         "hub.unread has them with their reasons; where a bench has a newer rigd, bring rigd-hub to its version; then \
          `rigd-hub rebuild` reads them again",
+    ))
+}
+
+async fn without_results(client: &Client) -> Result<Finding, tokio_postgres::Error> {
+    let select = "SELECT count(*), min(found.run::text || ': ' || left(found.reason, 200))
+                  FROM hub.result AS found JOIN hub.run AS r ON r.id = found.run
+                  WHERE found.reason IS NOT NULL AND r.pruned_at IS NULL";
+    let row = client.query_one(select, &[]).await?;
+    let (count, first): (i64, Option<String>) = (row.get(0), row.get(1));
+    let text =
+        first.map_or_else(|| count.to_string(), |first| format!("{count}, the first: {first}"));
+    Ok(finding(
+        "runs whose results could not be made",
+        count == 0,
+        Level::Warning,
+        text,
+        "their records stay; where a bench has a newer rigd, bring rigd-hub to its version, and the next `rigd-hub judge` makes \
+         the results",
     ))
 }
 

@@ -2,26 +2,57 @@
 
 use std::collections::BTreeSet;
 
+use rig_model::with_causes;
 use rig_report::RunResults;
 use rig_store::{Digest, Run, RunId, RunKind, RunStatus, StoredRecord};
 use tokio_postgres::{Client, Row};
 
-/// Makes the results of the sealed runs that have none yet, or were amended since, and returns how many.
+/// Makes the results of the sealed runs that have none yet, or whose results could not be made, or that were amended since, and
+/// returns how many runs these were.
 ///
 /// # Errors
-/// The error of PostgreSQL; the runs before stay judged.
+/// The error of PostgreSQL; the runs before stay judged. Values of a run that PostgreSQL refuses are the reason why this run has
+/// no results, and no error.
 pub async fn judge(client: &mut Client) -> Result<usize, tokio_postgres::Error> {
     let select = "
         SELECT r.id::text, r.name, r.started_at, r.finished_at, r.status, r.records, r.epoch
         FROM hub.run AS r LEFT JOIN hub.result AS found ON found.run = r.id
         WHERE r.kind = 'run' AND r.seal IS NOT NULL AND r.pruned_at IS NULL
-          AND (found.run IS NULL OR found.amendments <> hub.amendments(r))
+          AND (found.run IS NULL OR found.reason IS NOT NULL OR found.amendments <> hub.amendments(r))
         ORDER BY r.id";
     let runs = client.query(select, &[]).await?;
     for run in &runs {
-        judge_run(client, run).await?;
+        let Err(error) = judge_run(client, run).await else { continue };
+        if !is_of_values(&error) {
+            return Err(error);
+        }
+        note_reason(client, run, &with_causes(&error)).await?;
     }
     Ok(runs.len())
+}
+
+/// Whether PostgreSQL has refused values, and would refuse them again.
+fn is_of_values(error: &tokio_postgres::Error) -> bool {
+    const DATA_EXCEPTION: &str = "22";
+    const CONSTRAINT_VIOLATION: &str = "23";
+    let class = error.code().and_then(|code| code.code().get(..2));
+    matches!(class, Some(DATA_EXCEPTION | CONSTRAINT_VIOLATION))
+}
+
+/// Notes why the results of a run cannot be made; those that it had before are withdrawn.
+async fn note_reason(
+    client: &mut Client,
+    run: &Row,
+    reason: &str,
+) -> Result<(), tokio_postgres::Error> {
+    let id: &str = run.get(0);
+    let transaction = client.transaction().await?;
+    transaction.execute("DELETE FROM hub.stiffness WHERE run = $1::text::uuid", &[&id]).await?;
+    let note = "INSERT INTO hub.result (run, reason, amendments) VALUES ($1::text::uuid, $2, 0)
+                ON CONFLICT (run) DO UPDATE
+                SET model_verdict = NULL, reason = excluded.reason, judged_at = now()";
+    transaction.execute(note, &[&id, &reason]).await?;
+    transaction.commit().await
 }
 
 async fn judge_run(client: &mut Client, row: &Row) -> Result<(), tokio_postgres::Error> {
@@ -74,7 +105,7 @@ fn results(run: &Row, records: &[Row]) -> Result<RunResults, String> {
         .ok_or_else(|| format!("its status `{}` is not known", run.get::<_, &str>(4)))?;
     let records: Option<Vec<_>> = records.iter().map(record).collect();
     let records = records.ok_or("the id or the digest of a record is not as it must be")?;
-    RunResults::new(&run, &records).map_err(|error| error.to_string())
+    RunResults::new(&run, &records).map_err(|error| with_causes(&error))
 }
 
 fn known_run(row: &Row) -> Option<Run> {

@@ -17,7 +17,7 @@ pub struct Migration {
 }
 
 /// All steps, in order; the version of a database is the number of those that it has.
-pub const MIGRATIONS: [Migration; 13] = [
+pub const MIGRATIONS: [Migration; 14] = [
     Migration { name: "tables", sql: include_str!("../sql/01-tables.sql") },
     Migration { name: "digests", sql: include_str!("../sql/02-digests.sql") },
     Migration { name: "typed", sql: include_str!("../sql/03-typed.sql") },
@@ -31,6 +31,10 @@ pub const MIGRATIONS: [Migration; 13] = [
     Migration { name: "ends", sql: include_str!("../sql/11-ends.sql") },
     Migration { name: "amendments", sql: include_str!("../sql/12-amendments.sql") },
     Migration { name: "repairs", sql: include_str!("../sql/13-repairs.sql") },
+    Migration {
+        name: "results that could not be made",
+        sql: include_str!("../sql/14-results.sql"),
+    },
 ];
 
 /// Why the database cannot be brought to the version of this program.

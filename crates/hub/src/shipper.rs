@@ -18,7 +18,7 @@ use rig_model::with_causes;
 use rig_store::Reader;
 use tokio::{
     sync::watch,
-    time::{error::Elapsed, sleep, timeout},
+    time::{Instant, error::Elapsed, sleep, sleep_until, timeout},
 };
 use tokio_postgres::{Client, Config};
 
@@ -29,6 +29,8 @@ use crate::{
 
 /// Time limits of a connection, and of an answer: a batch is committed in milliseconds.
 const CONNECT_TIME: Duration = Duration::from_secs(10);
+/// Time limit of one address: a name may have several, and the first may be silent.
+pub(crate) const ADDRESS_TIME: Duration = Duration::from_secs(3);
 const ANSWER_TIME: Duration = Duration::from_secs(60);
 /// The hub is told this often that the bench is there.
 const GREET_EVERY: Duration = Duration::from_secs(30);
@@ -95,6 +97,7 @@ impl Destination {
     pub fn new(address: (&str, u16), database: &str, bench: &str, files: [PathBuf; 3]) -> Self {
         let mut config = Config::new();
         config.host(address.0).port(address.1).dbname(database).user(bench);
+        config.connect_timeout(ADDRESS_TIME);
         Self { config, files: Some(files) }
     }
 
@@ -155,16 +158,16 @@ pub async fn ship<T>(
 ) {
     let mut waits = Waits::up_to(WAIT_MAX);
     loop {
-        let before = standing.borrow().records;
         let Err(error) = passage(to, data, software, &mut news, standing).await else { return };
+        if standing.borrow().error.is_none() {
+            // The hub had taken everything, or a part of it.
+            waits.begin_anew();
+        }
         standing.send_modify(|standing| {
             standing.is_connected = false;
             standing.failures += 1;
             standing.error = Some(with_causes(&error));
         });
-        if standing.borrow().records > before {
-            waits.begin_anew();
-        }
         tokio::select! {
             () = sleep(waits.next()) => {}
             // What is left is sent when the journal is open again.
@@ -195,16 +198,27 @@ async fn passage<T>(
             };
         });
     };
-    note(inlet.cursor().event, 0);
+    // It has answered, and has taken nothing yet.
+    standing.send_modify(|standing| {
+        (standing.is_connected, standing.event) = (true, inlet.cursor().event);
+    });
+    let mut greeting_due = Instant::now() + GREET_EVERY;
     loop {
         let has_closed = news.has_changed().is_err();
         news.mark_unchanged();
         while let Some(batch) = inlet.next(&reader)? {
             let cursor = timeout(ANSWER_TIME, inlet.send(&batch)).await??;
             note(cursor.event, batch.records as u64);
+            greeting_due = Instant::now() + GREET_EVERY;
         }
+        note(inlet.cursor().event, 0);
         if has_closed {
             return Ok(());
+        }
+        if greeting_due <= Instant::now() {
+            timeout(ANSWER_TIME, inlet.greet(&reader, software)).await??;
+            greeting_due = Instant::now() + GREET_EVERY;
+            continue;
         }
         tokio::select! {
             changed = news.changed() => {
@@ -212,10 +226,7 @@ async fn passage<T>(
                     sleep(TOGETHER).await;
                 }
             }
-            () = sleep(GREET_EVERY) => {
-                timeout(ANSWER_TIME, inlet.greet(&reader, software)).await??;
-                note(inlet.cursor().event, 0);
-            }
+            () = sleep_until(greeting_due) => {}
         }
     }
 }

@@ -233,7 +233,9 @@ hostssl all +rigd_hub_bench ::1/128         cert
 fn settings(directory: &Path, certificates: &Path, port: u16) -> String {
     let quoted = |path: &Path| path.display().to_string().replace('\'', "''");
     format!(
-        "listen_addresses = 'localhost'\nport = {port}\nunix_socket_directories = '{}'\nssl = on\n\
+        // Who comes by the socket is trusted, whatever role is asked for.
+        "listen_addresses = 'localhost'\nport = {port}\nunix_socket_directories = '{}'\n\
+         unix_socket_permissions = 0700\nssl = on\n\
          ssl_cert_file = '{}'\nssl_key_file = '{}'\nssl_ca_file = '{}'\n",
         quoted(directory),
         quoted(&certificates.join("server.pem")),

@@ -76,7 +76,7 @@ fn a_pause_comes_before_a_refused_touch_is_made_again() {
 #[test]
 fn a_sample_that_was_moved_during_a_pause_contradicts_no_touch_before_it() {
     let mut twice = plan();
-    twice.steps[3].action = twice.steps[2].action.clone();
+    twice.steps[3].action = twice.steps[2].action;
     if let Action::Touch(touch) = &mut twice.steps[3].action {
         touch.repeat = 2;
     }

@@ -9,7 +9,7 @@ use tokio::{
     time::{error::Elapsed, timeout},
 };
 
-use crate::{Identity, TlsError};
+use crate::{Identity, TlsError, shipper::ADDRESS_TIME};
 
 /// Time limit of a connection.
 const CONNECT_TIME: Duration = Duration::from_secs(10);
@@ -126,7 +126,7 @@ impl Broker {
             // With these, and not with a finished configuration, the library leaves the authorities of the system out.
             .add_root_certificates(authority)
             .add_client_certificate(certificate, key)
-            .connection_timeout(CONNECT_TIME)
+            .connection_timeout(ADDRESS_TIME)
             .ping_interval(PING_EVERY)
             .client_capacity(WAITING_MAX)
             .max_reconnects(1)

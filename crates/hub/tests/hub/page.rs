@@ -65,6 +65,20 @@ async fn laboratory() -> Laboratory {
 }
 
 #[tokio::test]
+async fn a_run_whose_program_was_killed_is_not_under_way() {
+    let Laboratory { hub, left, data, waiting, .. } = laboratory().await;
+    drop(waiting);
+    // The next opening ends the session that was left, and no run.
+    let store = Store::open(data.path()).unwrap();
+    let mut session = store.begin(RunKind::Session, "session").unwrap();
+    append(&mut session, &[state("latched")]);
+    hub.ship(&left, data.path()).await.unwrap();
+    let rigs = Catalogue::new(server().admin(&hub.database)).rigs().await.unwrap();
+    let rig = rigs.iter().find(|rig: &&Rig| rig.bench.ends_with("left")).unwrap();
+    assert_eq!((rig.state.as_deref(), rig.run.as_deref()), (Some("latched"), None));
+}
+
+#[tokio::test]
 async fn rigs_are_listed_with_what_waits_and_runs_are_found_by_what_they_have() {
     let Laboratory { hub, left, right, .. } = laboratory().await;
     let catalogue = Catalogue::new(server().admin(&hub.database));

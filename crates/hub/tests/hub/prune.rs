@@ -117,6 +117,46 @@ async fn a_run_leaves_when_it_is_sealed_judged_and_in_an_object() {
     assert_eq!(state(&old.hub.admin).await.unwrap().pruning.unwrap().runs, 2);
 }
 
+/// Such as records of a later rigd, whose results a later rigd-hub makes.
+#[tokio::test]
+async fn a_run_whose_results_could_not_be_made_stays_and_is_judged_again() {
+    let mut old = old(KEEP_DAYS + 1).await;
+    put(old.data.path(), old.folder.path(), |_| true);
+    let rename = async |old: &mut Old, from: &str, to: &str| {
+        let rename = format!(
+            "UPDATE hub.record SET kind = '{to}', payload = replace(payload, '\"{from}\"', '\"{to}\"')
+             WHERE kind = '{from}' AND run = '{}'",
+            old.runs[0]
+        );
+        assert_eq!(old.hub.admin.execute(&rename, &[]).await.unwrap(), 1);
+    };
+    rename(&mut old, "touch_result", "of_tomorrow").await;
+    assert_eq!(old.judge().await, 2);
+    let pruned = old.prune().await;
+    assert_eq!((pruned.runs, pruned.stayed["its results could not be made"]), (1, 1), "{pruned:?}");
+    let reason = format!("SELECT reason FROM hub.result WHERE run = '{}'", old.runs[0]);
+    let row = old.hub.admin.query_one(&reason, &[]).await.unwrap();
+    assert!(row.get::<_, String>(0).contains("of_tomorrow"), "{row:?}");
+    let findings = rig_hub::doctor::findings(&old.hub.admin).await.unwrap();
+    let finding = findings.iter().find(|one| one.check == "runs whose results could not be made");
+    assert!(finding.unwrap().text.starts_with("1, the first: "), "{findings:?}");
+    rename(&mut old, "of_tomorrow", "touch_result").await;
+    assert_eq!(old.judge().await, 1);
+    assert_eq!(old.prune().await.runs, 1);
+    assert_eq!(old.judge().await, 0);
+}
+
+#[tokio::test]
+async fn a_run_whose_values_the_database_refuses_keeps_no_other_from_being_judged() {
+    let old = old(KEEP_DAYS + 1).await;
+    let first =
+        "UPDATE hub.run SET started_at = 'x' WHERE id = (SELECT min(id::text)::uuid FROM hub.run)";
+    assert_eq!(old.hub.admin.execute(first, &[]).await.unwrap(), 1);
+    assert_eq!(old.judge().await, 2);
+    let judged = async |is: &str| old.hub.count(&format!("hub.result WHERE reason IS {is}")).await;
+    assert_eq!((judged("NULL").await, judged("NOT NULL").await), (1, 1));
+}
+
 #[tokio::test]
 async fn typed_rows_that_are_made_again_while_their_run_is_pruned_stay() {
     let old = old(KEEP_DAYS + 1).await;

@@ -5,7 +5,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use rig_engine::{Device, Event, Failure, FailureKind};
+use rig_engine::{Device, Event, Failure, FailureKind, RigState};
 use rig_link::Clock;
 use rig_model::{RigTime, with_causes};
 use rig_store::{Ending, Journal, Record, RunFinished, RunId, RunKind, Store, StoreError};
@@ -197,8 +197,8 @@ impl Log {
         lasted >= SESSION && self.run.is_none() && self.error.is_none()
     }
 
-    /// Begins another session, so that the one before is sealed.
-    pub(super) fn renew_session(&mut self) {
+    /// Begins another session of a rig in this state, so that the one before is sealed.
+    pub(super) fn renew_session(&mut self, state: RigState) {
         self.end_session();
         self.session_began = self.clock.now();
         match self.store.begin(RunKind::Session, &self.rig) {
@@ -206,6 +206,8 @@ impl Log {
                 self.events[0] = 0;
                 // Sweeps are counted on, so that no number means two of them.
                 self.session.0 = journal;
+                // The end of the session before says of the rig that it was closed.
+                self.note(&Event::StateChanged(state));
                 self.commit();
             }
             Err(error) => self.failed(&error),

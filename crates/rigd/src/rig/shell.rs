@@ -197,7 +197,7 @@ impl Shell {
             }
             if self.is_idle() && self.log.is_session_old() {
                 self.pulse.beat(Doing::Recording);
-                self.log.renew_session();
+                self.log.renew_session(RigState::Idle);
                 self.publish();
             }
             if std::mem::take(&mut self.is_answer_due) {

@@ -62,11 +62,12 @@ impl Events {
     /// The id and the kind of the next event.
     async fn next(&mut self) -> (Option<u64>, String) {
         loop {
-            if let Some((event, rest)) = self.text.split_once("\n\n") {
+            if let Some((event, _)) = self.text.split_once("\n\n") {
                 let of = |name| event.lines().find_map(|line| line.strip_prefix(name));
                 let found = (of("id: ").map(|id| id.parse().unwrap()), of("event: "));
                 let found = found.1.map(|kind| (found.0, kind.to_owned()));
-                self.text = rest.to_owned();
+                let end = event.len() + 2;
+                drop(self.text.drain(..end));
                 if let Some(found) = found {
                     return found;
                 }

@@ -81,6 +81,14 @@ async fn a_session_is_sealed_after_a_day() {
     tokio::time::timeout(Duration::from_secs(60), renewed).await.unwrap().unwrap();
     let reader = Reader::open(&data).unwrap();
     assert!(reader.run(first).unwrap().is_sealed);
+    // What the end of the session before it says of the rig does not stand.
+    let session = bench.handle.status().borrow().session;
+    let states = reader.records(session).unwrap();
+    let states = states.iter().filter_map(|stored| match stored.record().unwrap() {
+        Record::StateChanged(changed) => Some(changed.state),
+        _ => None,
+    });
+    assert_eq!(states.collect::<Vec<_>>(), ["idle"]);
     // The clock and the axes go on, so that a run of the next session begins as any other.
     let next = bench.start(&rig, &write_protocol(folder.path())).await;
     assert_eq!(bench.ended(next).await, RunStatus::Completed);
