@@ -334,7 +334,7 @@ mod tests {
         killed(
             data.path(),
             "bench",
-            &[stopped, state("retracting"), clear, state("latched"), ended.clone()],
+            &[stopped, state("retracting"), clear.clone(), state("latched"), ended.clone()],
         );
         let left = || {
             let reader = Reader::open(data.path()).unwrap();
@@ -342,7 +342,7 @@ mod tests {
         };
         assert_eq!((left().is_latched, left().probe), (true, LeftProbe::Clear));
         assert_eq!(left().message, "the rig was left latched, not acknowledged: stopped by Ada");
-        killed(data.path(), "bench", &[state("preparing"), state("idle"), ended]);
+        killed(data.path(), "bench", &[state("preparing"), clear, state("idle"), ended]);
         assert_eq!((left().is_latched, left().probe), (false, LeftProbe::Clear));
     }
 
