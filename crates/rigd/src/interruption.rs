@@ -4,7 +4,9 @@ use std::{collections::BTreeSet, iter};
 
 use rig_engine::{Fault, Jump};
 use rig_model::{Span, with_causes};
-use rig_store::{Interruption, ProbeWord, Reader, Run, RunKind, RunStatus, StoreError, intact};
+use rig_store::{
+    Interruption, ProbeWord, Reader, Record, Run, RunKind, RunStatus, StoreError, intact,
+};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -105,7 +107,7 @@ pub(crate) struct InterruptedRig {
     /// It was not closed in order.
     pub(crate) is_interrupted: bool,
     /// The rig must not move until a person acknowledges its state: the program was killed, or the rig was latched when it
-    /// was closed, as `rigd safe` leaves it.
+    /// was closed, whether `rigd safe` has retracted since or not.
     pub(crate) is_latched: bool,
     /// The probe.
     pub(crate) probe: LeftProbe,
@@ -174,13 +176,19 @@ impl InterruptedRig {
     /// # Errors
     /// The record of the journal.
     fn read(reader: &Reader, rig: &str) -> Result<Option<Self>, StoreError> {
-        let Some(session) = reader.latest_session(rig)? else { return Ok(None) };
-        if session.status == RunStatus::Running {
+        let Some(latest) = reader.latest_session(rig)? else { return Ok(None) };
+        if latest.status == RunStatus::Running {
             return Ok(None);
         }
         let jump = reader.jump(rig)?.map(jump_of);
+        let last_word = reader.probe_word(&latest)?;
+        let session = if last_word == ProbeWord::Clear {
+            Self::before_ways_out(reader, &latest)?.unwrap_or(latest)
+        } else {
+            latest
+        };
         let Some(left) = InterruptionView::read(reader, &session)? else {
-            let probe = reader.probe_word(&session)?;
+            let probe = last_word;
             let is_open = probe != ProbeWord::Clear;
             let latched = reader.latched_by(&session)?;
             let message = match (&latched, probe) {
@@ -213,6 +221,19 @@ impl InterruptedRig {
         Ok(Some(Self { is_interrupted: true, is_latched: true, probe, jump, message }))
     }
 
+    /// The last session with a rig, up to `latest`, that was no way out, or was interrupted. `rigd safe`, which a service manager calls
+    /// after every end, leaves the rig latched; where it has shown the probe clear, what the program before it left stands.
+    fn before_ways_out(reader: &Reader, latest: &Run) -> Result<Option<Run>, StoreError> {
+        let is_own = |run: &Run| run.kind == RunKind::Session && run.name == latest.name;
+        for session in reader.runs()?.into_iter().filter(is_own) {
+            if session.status.is_interrupted() || was_in_service(reader, &session)? {
+                intact(session.id, &reader.verify(session.id)?)?;
+                return Ok(Some(session));
+            }
+        }
+        Ok(None)
+    }
+
     /// Whether the last word about the probe, in this session or before it, is that it was lowered or
     /// lost.
     fn was_lowered(reader: &Reader, session: &Run) -> Result<bool, StoreError> {
@@ -227,6 +248,18 @@ impl InterruptedRig {
         }
         Ok(false)
     }
+}
+
+/// Whether a session was that of a program that brought its rig into service.
+fn was_in_service(reader: &Reader, session: &Run) -> Result<bool, StoreError> {
+    for stored in reader.unchecked(session.id, &["state_changed"])? {
+        if let Record::StateChanged(changed) = stored.record()?
+            && matches!(&*changed.state, "preparing" | "idle")
+        {
+            return Ok(true);
+        }
+    }
+    Ok(false)
 }
 
 /// The names of the sessions since the last one of a rig, the latest first.
@@ -316,34 +349,57 @@ mod tests {
         session.commit().unwrap();
     }
 
-    /// Also one that `rigd safe` has retracted, after a program that was killed, and one that was closed in order.
+    /// `rigd safe` comes after every end, as the service manager calls it.
     #[test]
-    fn a_rig_that_was_latched_is_latched_again_although_its_probe_is_clear() {
-        let data = tempfile::TempDir::new().unwrap();
+    fn a_latch_outlasts_a_restart_and_an_ordinary_end_leaves_none() {
         let (what, axis) = (MoveReason::Approach, Axis::LinearMm);
         let lowering = Record::Intent(Intent { what, axis, from: None, to: 9.5, limit: None });
-        killed(data.path(), "bench", &[lowering]);
         let state = |state: &str| {
             Record::StateChanged(StateChanged { state: state.to_owned(), reason: None })
         };
-        let (cause, hint) = ("stopped by Ada".to_owned(), "look".to_owned());
-        let (probe, last_moves_mm) = (Clearance::Unknown, None);
-        let stopped = Record::Fault(Fault { step: None, cause, probe, hint, last_moves_mm });
+        let stopped = |by: &str, probe: Clearance| {
+            let (cause, hint) = (format!("stopped by {by}"), "look".to_owned());
+            let last_moves_mm = None;
+            Record::Fault(Fault { step: None, cause, probe, hint, last_moves_mm })
+        };
         let clear = Record::Moved(Move { axis, target: 24.5, read_back: 24.5, is_clear: true });
         let ended = Record::RunFinished(RunFinished { status: Ending::Completed });
-        killed(
-            data.path(),
-            "bench",
-            &[stopped, state("retracting"), clear.clone(), state("latched"), ended.clone()],
-        );
-        let left = || {
+        let service = [state("preparing"), clear.clone(), state("idle")];
+        let safe = [
+            stopped("rigd", Clearance::Unknown),
+            state("retracting"),
+            clear,
+            state("latched"),
+            ended.clone(),
+        ];
+        let killed_in_contact = [&service[..], &[lowering]].concat();
+        let latched =
+            [&service[..], &[stopped("Ada", Clearance::Clear), state("latched"), ended.clone()]]
+                .concat();
+        let in_order = [&service[..], &[ended]].concat();
+        for (last, is_latched, is_interrupted, says) in [
+            (&killed_in_contact, true, true, "a later read-back showed it clear"),
+            (&latched, true, false, "the rig was left latched, not acknowledged: stopped by Ada"),
+            (&in_order, false, false, "the probe was left clear"),
+        ] {
+            let data = tempfile::TempDir::new().unwrap();
+            killed(data.path(), "bench", last);
+            for ways_out in 0..3 {
+                let reader = Reader::open(data.path()).unwrap();
+                let left = InterruptedRig::left(&reader, "bench", false).unwrap();
+                let found = (left.is_latched, left.is_interrupted);
+                assert_eq!(found, (is_latched, is_interrupted), "{says}, {ways_out}");
+                let is_shown = ways_out > 0 || !is_interrupted;
+                assert_eq!(left.probe == LeftProbe::Clear, is_shown, "{says}, {ways_out}");
+                assert!(!is_shown || left.message.ends_with(says), "{}", left.message);
+                killed(data.path(), "bench", &safe);
+            }
+            // A person has acknowledged since, and the rig was closed in order.
+            killed(data.path(), "bench", &in_order);
             let reader = Reader::open(data.path()).unwrap();
-            InterruptedRig::left(&reader, "bench", false).unwrap()
-        };
-        assert_eq!((left().is_latched, left().probe), (true, LeftProbe::Clear));
-        assert_eq!(left().message, "the rig was left latched, not acknowledged: stopped by Ada");
-        killed(data.path(), "bench", &[state("preparing"), clear, state("idle"), ended]);
-        assert_eq!((left().is_latched, left().probe), (false, LeftProbe::Clear));
+            let left = InterruptedRig::left(&reader, "bench", false).unwrap();
+            assert!(!left.is_latched && left.probe == LeftProbe::Clear, "{says}");
+        }
     }
 
     #[test]
