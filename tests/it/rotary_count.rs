@@ -11,8 +11,9 @@ const LOOKS_FOR_ITS_ZERO: [(&str, &str); 2] = [
     ("register_map = \"oriental-az\" # As", "register_map = \"leadshine-pr\" # As"),
 ];
 
-/// Turns, loses count, and turns again, which is refused; a person acknowledges. Gives the true tilt then and after the next turn.
-async fn tilts_after(by_deg: f64, next_deg: f64) -> [f64; 2] {
+/// Turns, loses count, is stopped by an abort or by nothing, and turns again, which is refused; a person acknowledges. Gives the
+/// true tilt then and after the next turn.
+async fn tilts_after(by_deg: f64, next_deg: f64, is_aborted: bool) -> [f64; 2] {
     let rig = TestRig::open_changed(&LOOKS_FOR_ITS_ZERO).await;
     let is_idle = |state: RigState| state == RigState::Idle;
     rig.wait_for("service", |status| is_idle(status.snapshot.state)).await;
@@ -32,6 +33,13 @@ async fn tilts_after(by_deg: f64, next_deg: f64) -> [f64; 2] {
         is_idle(status.snapshot.state) && status.snapshot.linear.is_some_and(is_up)
     })
     .await;
+    if is_aborted {
+        // The abort waits behind the move, and comes before its end.
+        let way_down = rig.command(Command::MoveLinear(Position::new(25.0)));
+        let (begun, aborted) = tokio::join!(biased; way_down, rig.command(Command::Abort));
+        begun.and(aborted).unwrap();
+        rig.wait_for("the end", |status| is_idle(status.snapshot.state)).await;
+    }
     rig.command(Command::MoveRotary(Position::new(next_deg))).await.unwrap();
     let latched = |status: &Status| status.snapshot.state == RigState::Latched;
     let status = rig.wait_for("the latch", latched).await;
@@ -52,8 +60,9 @@ async fn tilts_after(by_deg: f64, next_deg: f64) -> [f64; 2] {
 
 #[tokio::test]
 async fn a_rotary_stage_that_has_lost_count_is_homed_anew_before_it_is_believed() {
-    for by_deg in [5.0, -3.0] {
-        let [level, next] = tilts_after(by_deg, 15.0).await;
-        assert!(level.abs() < 0.5 && (next - 15.0).abs() < 0.5, "{by_deg}: {level}° {next}°");
+    for (by_deg, is_aborted) in [(5.0, false), (-3.0, false), (5.0, true), (-3.0, true)] {
+        let [level, next] = tilts_after(by_deg, 15.0, is_aborted).await;
+        let told = format!("{by_deg}, {is_aborted}: {level}° {next}°");
+        assert!(level.abs() < 0.5 && (next - 15.0).abs() < 0.5, "{told}");
     }
 }

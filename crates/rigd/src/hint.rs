@@ -42,6 +42,8 @@ enum NextAction {
     Home,
     /// The same, and looks then whether the zero that it went to is the right one.
     HomeAndMeasure,
+    /// The rig is prepared again, with a homing of the rotary stage, and a person looks then whether its angle is the right one.
+    HomeRotary,
     /// The bench is commissioned, step by step.
     Commission,
     /// This program is started again.
@@ -56,6 +58,10 @@ impl NextAction {
                 "; check with a rule, before a sample is placed, that the probe is where its position says: a \
                  drive with an absolute encoder goes to the zero that it remembers"
             }
+            Self::HomeRotary => {
+                "; check with a level, before a sample is touched, that the table is at the angle that is shown: a drive with \
+                 an absolute encoder goes to the zero that it remembers"
+            }
             _ => "",
         }
     }
@@ -64,12 +70,13 @@ impl NextAction {
 impl Hint {
     /// A hint for each next action, to see that every interface has its words for them.
     #[cfg(test)]
-    pub(crate) fn of_every_action() -> [Self; 6] {
+    pub(crate) fn of_every_action() -> [Self; 7] {
         [
             NextAction::Retract,
             NextAction::Prepare,
             NextAction::Home,
             NextAction::HomeAndMeasure,
+            NextAction::HomeRotary,
             NextAction::Commission,
             NextAction::Restart,
         ]
@@ -83,6 +90,9 @@ impl Hint {
                 "POST /api/v1/acknowledge, which moves the probe to its clear position before anything turns"
             }
             NextAction::Prepare => "POST /api/v1/acknowledge",
+            NextAction::HomeRotary => {
+                "POST /api/v1/acknowledge, which takes the probe to its clear position and homes the rotary stage anew"
+            }
             NextAction::Home | NextAction::HomeAndMeasure => {
                 "POST /api/v1/home with {\"nothing_below_probe\": true}, which homes the linear stage in \
                  the direction that is set in its drive"
@@ -117,6 +127,11 @@ impl Hint {
             NextAction::Commission => {
                 format!("{}; `rigd commission` asks for one step after the other", self.text)
             }
+            NextAction::HomeRotary => format!(
+                "{}; home the rotary stage with the program of its drive, because the next command believes its position{}",
+                self.text,
+                self.then.afterwards()
+            ),
             NextAction::Prepare | NextAction::Restart => self.text.to_owned(),
         }
     }
@@ -143,8 +158,8 @@ const UNHOMED: &str = "homing this stage may lead downwards: lift the probe by h
                        to the end of its travel";
 
 /// Advice for a rotary stage that is not where it came to rest.
-const TURNED: &str = "check by eye that the probe is clear of the table and that the table may turn: the acknowledgement \
-                      takes the probe to its clear position, and homes the rotary stage anew";
+const TURNED: &str =
+    "check by eye that the probe is clear of the table, and that the table may turn";
 
 /// Advice for a rigd that was held up.
 const HELD_UP: &str =
@@ -242,7 +257,7 @@ fn without_position(fault: &Fault) -> Option<Hint> {
         Fault::Device(failure) if failure.kind == FailureKind::Moved => {
             // Of the linear stage, a position that no last move explains is a jump, which has an advice of its own.
             let is_rotary = failure.device == Device::RotaryStage;
-            is_rotary.then_some(Hint { text: TURNED, then: NextAction::Prepare })
+            is_rotary.then_some(Hint { text: TURNED, then: NextAction::HomeRotary })
         }
         _ => None,
     }

@@ -156,6 +156,15 @@ struct Inner {
     closing: CancellationToken,
 }
 
+/// What a protocol is laid out for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Purpose {
+    /// A client looks at its plan.
+    Look,
+    /// It is run, now or from the queue.
+    Run,
+}
+
 impl Shared {
     /// State for the handlers: the rig, the protocol for a run without a body, the directory of the
     /// journal, and the rules of access. Documents of runs are built on the blocking threads of
@@ -310,14 +319,21 @@ impl Shared {
         working.await.map_err(|_| Problem::internal("the work for this request has panicked"))
     }
 
-    /// The text of a protocol, laid out for this rig, or its faults.
+    /// The text of a protocol, laid out for this rig, or its faults. What begins a run does not wait for documents.
     async fn laid_out(
         &self,
         name: &str,
         text: String,
+        purpose: Purpose,
     ) -> Result<Result<LoadedProtocol, Faults>, Problem> {
-        let name = name.to_owned();
-        self.work(move |inner| LoadedProtocol::check(&name, &text, &inner.facts)).await
+        let (inner, name) = (Arc::clone(&self.inner), name.to_owned());
+        let threads = match purpose {
+            Purpose::Look => self.inner.builders.clone(),
+            Purpose::Run => Handle::current(),
+        };
+        let check = move || LoadedProtocol::check(&name, &text, &inner.facts);
+        let laid_out = threads.spawn_blocking(check).await;
+        laid_out.map_err(|_| Problem::internal("the check of the protocol has panicked"))
     }
 
     /// Begins to write the folder of a run.

@@ -122,7 +122,12 @@ impl InterruptedRig {
     /// nothing shows that the probe is clear. A real rig may have had another name in its file: what a session of another name
     /// left since its own last one counts too, if the probe was not clear.
     pub(crate) fn left(reader: &Reader, rig: &str, is_simulated: bool) -> Option<Self> {
-        let own = Self::left_by(reader, rig);
+        let own = Self::left_by(reader, rig).map(|left| {
+            // The bench of a simulated rig is another one at each start.
+            let is_latched = left.is_latched
+                && (!is_simulated || left.is_interrupted || left.probe != LeftProbe::Clear);
+            Self { is_latched, ..left }
+        });
         if is_simulated || own.as_ref().is_some_and(Self::is_latched_in_contact) {
             return own;
         }

@@ -135,7 +135,7 @@ pub(crate) struct NextPrompt {
 
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct FaultView {
-    /// `interrupted` if the last program was killed; `not_homed` or `position_jumped` if the linear stage waits for a
+    /// `interrupted` if the last program was killed or left the rig latched; `not_homed` or `position_jumped` if the linear stage waits for a
     /// statement that nothing is below the probe; `position_lost` if an axis is where it cannot be; `not_commissioned` if a
     /// step of the commissioning is missing; `fault` otherwise.
     pub(crate) kind: String,

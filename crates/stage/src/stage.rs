@@ -58,8 +58,8 @@ pub struct Stage<U: Unit> {
     /// Where it came to rest at the end of its last motion, or was found, in counts; `None` once it was sent on. Other readings
     /// leave it: a position that is another one then is not where the axis was left.
     rest: Option<i32>,
-    /// It was read back elsewhere than where it came to rest, and was not homed since.
-    has_jumped: bool,
+    /// Where it had come to rest when it was read back elsewhere; `None` after a homing since.
+    jumped_from: Option<Position<U>>,
     /// When its position was read, if that is known: in the middle between question and answer.
     seen_at: Option<RigTime>,
     /// When it was read.
@@ -85,7 +85,7 @@ impl<U: Unit> Stage<U> {
             axis,
             seen: None,
             rest: None,
-            has_jumped: false,
+            jumped_from: None,
             seen_at: None,
             read_at: Instant::now(),
             are_settings_half: false,
@@ -149,12 +149,22 @@ impl<U: Unit> Stage<U> {
     /// Whether it was read back elsewhere than where it came to rest, and was not homed since: the count of its drive may be
     /// wrong.
     pub const fn has_jumped(&self) -> bool {
-        self.has_jumped
+        self.jumped_from.is_some()
+    }
+
+    /// Refuses an axis that [has jumped](Self::has_jumped).
+    ///
+    /// # Errors
+    /// [`StageError::Moved`]; [`StageError::NotIdentified`].
+    pub fn refuse_jump(&self) -> Result<(), StageError<U>> {
+        let Some(was) = self.jumped_from else { return Ok(()) };
+        let seen = self.seen.ok_or(StageError::NotIdentified)?;
+        Err(StageError::Moved { was, at: self.scale.position(seen.position.into()) })
     }
 
     /// The last reading says where the axis is at rest.
     fn came_to_rest(&mut self) {
-        self.has_jumped |= self.left_its_rest().is_some();
+        self.jumped_from = self.jumped_from.or(self.left_its_rest());
         self.rest = self.seen.filter(|seen| !seen.is_moving).map(|seen| seen.position);
     }
 

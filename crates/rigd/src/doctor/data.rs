@@ -118,7 +118,7 @@ fn journal(findings: &mut Findings, data: &Path, (rig, is_simulated): (&str, boo
                 Some(InterruptedRig { is_latched: true, message, .. }) => findings.warning(
                     "last session",
                     message,
-                    "the probe was left clear; the next start moves nothing before a person acknowledges the cause",
+                    "a daemon moves nothing before a person acknowledges the cause; the next command at a terminal acknowledges it",
                 ),
                 Some(InterruptedRig { message, .. }) => findings.ok("probe", message),
                 None => {}

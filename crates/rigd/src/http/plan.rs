@@ -14,7 +14,7 @@ use rig_store::{Amended, Reader, Record, RunId, RunKind, RunStarted, Sweep};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::{Problem, Shared, export, runs};
+use super::{Problem, Purpose, Shared, export, runs};
 use crate::{describe, protocol_file::LoadedProtocol, rig::Outcomes, rig_view::PromptAction};
 
 /// A protocol laid out for a bench.
@@ -84,7 +84,7 @@ pub(super) async fn check(
     headers: HeaderMap,
     body: Bytes,
 ) -> Result<Response, Problem> {
-    let protocol = runs::posted(&shared, &headers, &body).await?;
+    let protocol = runs::posted(&shared, &headers, &body, Purpose::Look).await?;
     let plan = shared.work(move |inner| PlanView::of(&protocol, &inner.facts.limits).written());
     shared.plan(plan.await??)
 }

@@ -23,7 +23,7 @@ use tokio_util::sync::CancellationToken;
 pub(super) use self::view::QueueView;
 use self::view::{first, wall_s};
 use super::{
-    Problem, Shared,
+    Problem, Purpose, Shared,
     object::{Object, ObjectBody, object_or_default},
     progress::unix_ms,
     runs::idempotency_key,
@@ -99,7 +99,7 @@ pub(super) async fn add(
     let form: QueueForm = object_or_default(&body)?;
     let facts = &shared.inner.facts;
     let protocol = if let Some(text) = form.protocol_toml {
-        let laid_out = shared.laid_out("protocol", text).await?;
+        let laid_out = shared.laid_out("protocol", text, Purpose::Run).await?;
         laid_out.map_err(|faults| Problem::protocol(&faults))?
     } else {
         shared.inner.loaded.clone().ok_or_else(|| {
@@ -317,7 +317,7 @@ impl Shared {
     async fn begin_entry(&self, kept: &mut Kept, entry: &Entry) {
         let (number, name) = (entry.number, &entry.protocol);
         let facts = &self.inner.facts;
-        let laid_out = match self.laid_out(name, entry.toml.clone()).await {
+        let laid_out = match self.laid_out(name, entry.toml.clone(), Purpose::Run).await {
             Ok(laid_out) => laid_out.map_err(|faults| first(&faults)),
             Err(problem) => Err(problem.detail().to_owned()),
         };

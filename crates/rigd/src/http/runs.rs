@@ -15,7 +15,7 @@ use rig_store::{Reader, Record, Run, RunId, RunKind, intact};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Problem, Shared, access::Client, object::object};
+use super::{Problem, Purpose, Shared, access::Client, object::object};
 use crate::{
     interruption::InterruptionView,
     local_time,
@@ -197,7 +197,7 @@ pub(super) async fn begin(
     headers: HeaderMap,
     body: Bytes,
 ) -> Result<Response, Problem> {
-    let protocol = posted(&shared, &headers, &body).await?;
+    let protocol = posted(&shared, &headers, &body, Purpose::Run).await?;
     // The lease may have been taken over while the protocol was laid out.
     shared.check_lease(&client)?;
     let operator = client.name;
@@ -299,6 +299,7 @@ pub(super) async fn posted(
     shared: &Shared,
     headers: &HeaderMap,
     body: &Bytes,
+    purpose: Purpose,
 ) -> Result<LoadedProtocol, Problem> {
     if body.is_empty() {
         return shared.inner.loaded.clone().ok_or_else(|| {
@@ -325,7 +326,7 @@ pub(super) async fn posted(
             )));
         }
     };
-    shared.laid_out("protocol", text).await?.map_err(|faults| Problem::protocol(&faults))
+    shared.laid_out("protocol", text, purpose).await?.map_err(|faults| Problem::protocol(&faults))
 }
 
 pub(super) fn begun(run: RunId) -> Response {

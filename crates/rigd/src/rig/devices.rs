@@ -77,6 +77,7 @@ impl Axes {
     /// Reads the rotary stage back, where nothing turns it.
     async fn read_rotary(&mut self) -> Result<(), StageError<Deg>> {
         let (at, is_at_rest) = read_back(&mut self.rotary).await?;
+        self.rotary.refuse_jump()?;
         if is_at_rest {
             self.gate.read(Outcome::RotaryAt(at));
         }
@@ -114,6 +115,8 @@ impl Axes {
                 moved.map(Report::LinearAt).map_err(linear)
             }
             &Operation::MoveRotary { target, speed_deg_per_s } => {
+                // A stop, which an abort begins with too, has taken the place where it is now for that of its rest.
+                self.rotary.refuse_jump().map_err(rotary)?;
                 let moved = self.rotary.move_to(target, speed_deg_per_s, stop).await;
                 moved.map(Report::RotaryAt).map_err(rotary)
             }

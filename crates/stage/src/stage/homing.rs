@@ -94,7 +94,7 @@ impl<U: Unit> Stage<U> {
                     return Err(StageError::NotHomed { at });
                 }
                 self.came_to_rest();
-                self.has_jumped = false;
+                self.jumped_from = None;
                 return Ok(at);
             }
             if at.value() < started_at - sinks_most {

@@ -207,7 +207,7 @@ impl Reader {
              ORDER BY records.id DESC"
         ));
         let sessions = "WHERE kind = 'session' AND name = ?1 ORDER BY key DESC";
-        let (mut last_moves_mm, mut is_homing_open, mut is_homed_later) = (None, false, false);
+        let (mut last_moves_mm, mut is_homing_open) = (None, false);
         'service: for session in self.select_runs(sessions, [rig])? {
             let mut statement = self.connection.prepare_cached(&of_epoch)?;
             let mut rows = statement.query([session.epoch.cast_signed()])?;
@@ -216,12 +216,12 @@ impl Reader {
                     // It comes to these after a homing, or where the position agrees with the last moves again.
                     Record::StateChanged(change) if change.state == "idle" => break 'service,
                     Record::Moved(moved) if moved.axis == Axis::LinearMm => break 'service,
+                    // One that had ended would have brought it to one of these. The fault may be the first word of its end.
                     Record::Operator(operator) if operator.action == HOMING => {
-                        is_homed_later = true;
+                        is_homing_open = true;
                     }
                     Record::Fault(Fault { last_moves_mm: Some(span), .. }) => {
                         last_moves_mm.get_or_insert(span);
-                        is_homing_open |= is_homed_later;
                     }
                     _ => {}
                 }

@@ -56,6 +56,12 @@ fn a_position_that_was_said_to_be_wrong_stays_so_until_the_rig_was_in_service() 
     assert_eq!(found("bench"), jump(true));
     session("bench", &[jumped.clone(), state("latched")]);
     assert_eq!(found("bench"), jump(true));
+    // One without a jump before it that breaks off: its fault is the first to say where the last moves had led.
+    let (action, who) = (HOMING.to_owned(), "mo".to_owned());
+    let homing = Record::Operator(Operator { action, who });
+    let broken_off = [state("latched"), homing, preparing(), jumped.clone(), state("latched")];
+    session("third", &[&[state("idle"), lost()], &broken_off[..]].concat());
+    assert_eq!(found("third"), jump(true));
     // It has ended with the move that follows a homing, though not that of another axis, or with service.
     session("bench", &[moved(Axis::RotaryDeg, 0.0, false)]);
     assert_eq!(found("bench"), jump(true));
