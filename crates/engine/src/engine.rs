@@ -27,8 +27,8 @@ use rig_protocol::Prompt;
 
 use self::{attempts::Attempts, reach::Reach};
 use crate::{
-    Effect, Event, Fault, Input, Interlock, Jump, LoweringPurpose, Operation, OperationId,
-    RefusedTouch, Report, RigState, RunPhase, RunStatus,
+    Device, Effect, Event, Failure, FailureKind, Fault, Input, Interlock, Jump, LoweringPurpose,
+    Operation, OperationId, RefusedTouch, Report, RigState, RunPhase, RunStatus,
     fault::StopReason,
     machine::{MachineEvent, MachineStep},
     operation::{Pending, limit, name},
@@ -63,6 +63,8 @@ pub struct Engine {
     /// The fault noted last, so that a repeated attempt does not note it again.
     last_fault: Option<Fault>,
     reach: Reach,
+    /// The same before a homing anew that is under way.
+    reach_before: Option<Reach>,
     /// Attempts of the latched rig to retract.
     attempts: Option<Attempts>,
 }
@@ -156,6 +158,7 @@ impl Engine {
             patience,
             last_fault: None,
             reach: Reach::Anywhere,
+            reach_before: None,
             attempts: None,
         }
     }
@@ -211,6 +214,7 @@ impl Engine {
                     self.reading_by = None;
                     self.interlock.ended(&pending.operation, result.as_ref().ok());
                     self.note_motion(&pending.operation, result.as_ref().ok());
+                    self.forget_unmade_homing(&pending.operation, &result);
                     self.ended(
                         now,
                         result
@@ -222,6 +226,17 @@ impl Engine {
             Input::Tick => self.tick(now, effects),
         }
         self.settle(effects);
+    }
+
+    /// A homing anew that has moved nothing says nothing of the position.
+    fn forget_unmade_homing(&mut self, operation: &Operation, result: &Result<Report, Failure>) {
+        let Some(before) = self.reach_before.take() else { return };
+        if matches!(operation, Operation::HomeLinear { .. })
+            && let Err(Failure { device, kind, .. }) = result
+            && (*kind == FailureKind::Unmoved || *device == Device::Interlock)
+        {
+            self.reach = before;
+        }
     }
 
     /// An operation has ended: with a report, or with a fault that may be a mere interruption.
@@ -359,6 +374,9 @@ impl Engine {
         }
         let id = OperationId(self.next_id);
         self.next_id += 1;
+        if matches!(operation, Operation::HomeLinear { anew: true }) {
+            self.reach_before = Some(self.reach);
+        }
         self.reach.extend(&operation, &self.limits.linear);
         if matches!(operation, Operation::MoveRotary { .. } | Operation::PrepareRotary) {
             (self.rotary, self.may_turn) = (None, true);

@@ -57,6 +57,8 @@ pub enum FailureKind {
     EmergencyStopped,
     /// The device did not answer, or its answer cannot be read.
     Line,
+    /// The axis was told to home, and nothing showed that it did: it is where it was.
+    Unmoved,
     /// An axis is elsewhere than where it came to rest. It was not sent from there.
     Moved,
     /// An axis reports a position where it cannot be. No move from there is safe, not even a retract.

@@ -127,9 +127,10 @@ impl RecoveryReport {
                 | FailureKind::HeldUp => Self::Unready,
                 FailureKind::Alarmed { code } => Self::Alarmed(code),
                 FailureKind::Moved | FailureKind::Lost | FailureKind::Unhomed => Self::Lost,
-                FailureKind::Blocked | FailureKind::Interrupted | FailureKind::EmergencyStopped => {
-                    Self::Blocked
-                }
+                FailureKind::Blocked
+                | FailureKind::Unmoved
+                | FailureKind::Interrupted
+                | FailureKind::EmergencyStopped => Self::Blocked,
             },
             Fault::PositionJumped { .. } => Self::Lost,
             _ => Self::Done,

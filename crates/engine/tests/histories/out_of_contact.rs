@@ -265,7 +265,8 @@ fn an_acknowledgement_moves_no_stage_that_is_not_where_its_last_moves_can_have_l
 /// its last moves can have led it.
 #[test]
 fn a_homing_anew_that_is_broken_off_leaves_no_position_that_is_believed() {
-    for kind in [FailureKind::Line, FailureKind::Blocked, FailureKind::Alarmed { code: 0x66 }] {
+    let alarmed = FailureKind::Alarmed { code: 0x66 };
+    for kind in [FailureKind::Line, FailureKind::Blocked, alarmed, FailureKind::Unmoved] {
         let mut world = World::new(None);
         world.play();
         world.command(Command::Stop);
@@ -277,9 +278,13 @@ fn a_homing_anew_that_is_broken_off_leaves_no_position_that_is_believed() {
         world.fail(id, kind);
         settle(&mut world, 0);
         let Snapshot { state, clearance, jump, .. } = world.engine.snapshot();
-        assert_eq!((state, clearance), (RigState::Latched, Clearance::Unknown), "{kind:?}");
-        assert!(jump.is_some_and(|jump| jump.is_homing_open), "{kind:?}");
-        world.command(Command::HomeLinear);
+        // One that has moved nothing leaves the position as it was.
+        let is_made = kind != FailureKind::Unmoved;
+        assert_eq!(jump.is_some_and(|jump| jump.is_homing_open), is_made, "{kind:?}");
+        let probe = if is_made { Clearance::Unknown } else { Clearance::Clear };
+        assert_eq!((state, clearance), (RigState::Latched, probe), "{kind:?}");
+        let next = if is_made { Command::HomeLinear } else { Command::Acknowledge };
+        world.command(next);
         settle(&mut world, 0);
         assert_eq!(world.engine.snapshot().state, RigState::Idle, "{kind:?}");
     }

@@ -1,5 +1,6 @@
 // Two runs beside each other: stiffness, shifts, and what they found otherwise.
 import { useEffect, useRef } from "preact/hooks";
+import { doubts } from "./doubts.ts";
 import { day, fixed, measured } from "./format.ts";
 import { SampleMark } from "./icons.tsx";
 import type { RunDetail, TouchRow } from "./wire.ts";
@@ -47,6 +48,7 @@ export function Compare({ a, b, onClose }: { a: RunDetail; b: RunDetail; onClose
   return (
     <section ref={ref} class="card compare" aria-label="Compare two runs">
       <div class="row"><h2>{a.name} and {b.name}</h2><button type="button" onClick={onClose}>Close</button></div>
+      {[a, b].flatMap((run) => doubts(run).map((doubt) => <p key={`${run.id} ${doubt}`} class="refused-word">{run.name}: {doubt}</p>))}
       <p><strong>{verdict(rows)}</strong></p>
       {a.protocol !== b.protocol && <p class="refused-word">They are runs of two protocols: {a.protocol} and {b.protocol}.</p>}
       {rows.length > 0 && (

@@ -1,6 +1,6 @@
 // Drawings of what is: the bench, the timeline, the shifts. Everything in them is a read-back, a
 // plan or a result; nothing is predicted.
-import { degrees, fixed } from "./format.ts";
+import { decimalsOfAll, degrees, fixed } from "./format.ts";
 import { shape } from "./icons.tsx";
 import { depthMm, type Model, type Touch } from "./model.ts";
 import { extent, linear, ticks } from "./scale.ts";
@@ -165,7 +165,7 @@ export function ShiftCharts({ samples, touches, before = [], live, nowStep, heig
   const blind = touches.filter((touch) => touch.phase === "blind");
   const hasBlind = blind.some((touch) => touch.status !== "not_reached" || touch.step === nowStep);
   const directions = DIRECTIONS.filter((d) => main.some((touch) => touch.direction === d));
-  const values = [...main, ...blind, ...before].flatMap((t) => (t.status === "measured" && t.shift_hz !== undefined ? [t.shift_hz] : []));
+  const values = [...main, ...blind, ...before].flatMap((t) => (t.status === "measured" && t.shift_hz !== undefined ? [t.shift_hz - 2 * (t.sigma_hz ?? 0), t.shift_hz + 2 * (t.sigma_hz ?? 0)] : []));
   const [low, high] = extent([0, ...values, ...(live ? [live.shift_hz] : [])], 0.06);
   const ys: [number, number] = [Math.min(0, low), high];
   return (
@@ -198,6 +198,8 @@ function Panel({ title, samples, touches, before, ys, height, live, nowStep, xOf
   const pad = (span[1] - span[0]) * 0.06;
   const x = linear([span[0] - pad, span[1] + pad], [box.left, box.left + w]);
   const yy = linear(ys, [box.top + h, box.top]);
+  const marks = ticks(...ys, h / 34);
+  const decimals = decimalsOfAll(marks);
   const labels = isJoined ? xs : ticks(span[0], span[1], Math.max(2, w / 60));
   const index = (touch: Touch) => Math.max(0, samples.indexOf(touch.sample));
   const done = touches.filter((t) => t.status === "measured" && t.shift_hz !== undefined);
@@ -213,7 +215,7 @@ function Panel({ title, samples, touches, before, ys, height, live, nowStep, xOf
         {width > 0 && (
           <svg width={width} height={height} role="img" aria-label={`Frequency shift, ${words}`}>
             <g class="grid">
-              {ticks(...ys, h / 34).map((t) => <g key={t}><path d={`M${box.left} ${yy(t)}h${w}`} /><text x={box.left - 6} y={yy(t) + 4} text-anchor="end">{fixed(t, ys[1] - ys[0] < 4 ? 1 : 0)}</text></g>)}
+              {marks.map((t) => <g key={t}><path d={`M${box.left} ${yy(t)}h${w}`} /><text x={box.left - 6} y={yy(t) + 4} text-anchor="end">{fixed(t, decimals)}</text></g>)}
               {labels.map((t) => <text key={t} x={x(t)} y={box.top + h + 16} text-anchor="middle">{xLabel(t)}</text>)}
             </g>
             {now && <rect class="now-band" x={x(xOf(now)) - 9} y={box.top} width="18" height={h} rx="4" />}

@@ -7,9 +7,16 @@ export function fixed(value: number, decimals: number): string {
   return value < 0 && Number(text) !== 0 ? MINUS + text : text;
 }
 
-/** A setting: without decimals if it has none. */
-export function setting(value: number): string {
-  return fixed(value, Number.isInteger(value) ? 0 : 1);
+/** A number that somebody has written, such as a limit: with its own digits, up to six. */
+export function asWritten(value: number): string {
+  const text = String(Math.abs(Number(value.toPrecision(6))));
+  return value < 0 && text !== "0" ? MINUS + text : text;
+}
+
+
+/** Decimals with which all of these values can be told apart. */
+export function decimalsOfAll(values: number[]): number {
+  return Math.max(0, ...values.map((value) => (String(Number(value.toPrecision(9))).split(".")[1] ?? "").length));
 }
 
 /** Decimals that show an uncertainty with one digit, or two when the first is 1. */
@@ -60,7 +67,7 @@ export function day(text: string): string {
 
 /** Blind angles are random and have many digits. */
 export function degrees(angle: number): string {
-  return `${setting(angle)}°`;
+  return `${fixed(angle, Number.isInteger(angle) ? 0 : 1)}°`;
 }
 
 /** How a run ended, in a word for people. */

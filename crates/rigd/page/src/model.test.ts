@@ -1,9 +1,10 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import { differences } from "./changes.ts";
-import { rows, timeline } from "./timeline.ts";
+import { rows, timeline, wordsOf } from "./timeline.ts";
 import { admittance, inverse } from "./circuit.ts";
-import { clock, decimalsOf, degrees, duration, fixed, measured, range } from "./format.ts";
+import { doubts } from "./doubts.ts";
+import { asWritten, clock, decimalsOf, decimalsOfAll, degrees, duration, fixed, measured, range } from "./format.ts";
 import { empty, stateOf, sweepOf, withEvent, withLive, withRig } from "./model.ts";
 import { Parser } from "./sse.ts";
 import { extent, ticks } from "./scale.ts";
@@ -47,6 +48,28 @@ test("digits are cut to the uncertainty", () => {
   }
   assert.equal(decimalsOf(0), 2);
   assert.equal(fixed(-0.001, 2), "0.00");
+});
+
+test("what somebody has written is shown as it was, and ticks can be told apart", () => {
+  assert.deepEqual([0.75, 8.25, -60, 2.4000000000000004, 0].map(asWritten), ["0.75", "8.25", "−60", "2.4", "0"]);
+  assert.deepEqual([[0, 0.05, 0.1], [0, 20, 40], []].map(decimalsOfAll), [2, 0, 0]);
+});
+
+test("what the report holds against a run stands beside its values", () => {
+  const row = { status: "measured", is_reference_steady: true };
+  const sound = { is_sound: true, touch_results: [row, { ...row, is_reference_steady: null }], model: { verdict: "holds" }, calibration: { is_beyond_description: false }, daily_check: { verdict: "accepted" } };
+  const of = (results: object) => doubts({ results: { ...sound, ...results } } as unknown as Parameters<typeof doubts>[0]);
+  assert.deepEqual(of({}), []);
+  assert.deepEqual(of({ model: null, calibration: null, daily_check: null }), []);
+  for (const [results, word] of [
+    [{ is_sound: false }, "do not use the results"], [{ model: { verdict: "rejected" } }, "rejected"], [{ model: { verdict: "strained" } }, "strained"],
+    [{ calibration: { is_beyond_description: true } }, "known samples"], [{ daily_check: { verdict: "not to be trusted" } }, "not to be trusted"],
+    [{ touch_results: [{ ...row, is_reference_steady: false }] }, "jumped after 1 touch,"],
+  ] as const) {
+    const said = of(results);
+    assert.equal(said.length, 1);
+    assert.ok(said[0]?.includes(word), said[0]);
+  }
 });
 
 test("durations are read at a glance", () => {
@@ -185,6 +208,10 @@ test("every touch of a plan has one cell, with the prompts before it", () => {
   assert.deepEqual(groups.map((g) => [g.label, g.cells.map((c) => `${c.needsPerson ? "▾" : ""}${c.state}`)]), [
     ["sample 1", ["▾measured", "refused"]], ["sample 2", ["▾now"]], ["blind", ["to come"]],
   ]);
+  // One that is left out is never under way.
+  const leftOut = new Map<string, object>([...done, ["c", { status: "skipped" }]]) as unknown as Parameters<typeof timeline>[1];
+  assert.deepEqual(timeline(plan, leftOut, "p2").slice(1).map((g) => g.cells.map((c) => c.state)), [["left out"], ["now"]]);
+  assert.match(wordsOf(timeline(plan, leftOut, "p2")), /1 refused, 1 left out, 0 to come/);
   const laid = rows(groups, 2).flat().flatMap((g) => g.cells.map((c) => c.step));
   assert.deepEqual(laid, ["a", "b", "c", "d"]);
 });

@@ -197,6 +197,9 @@ function apply(model: Model, { run: id, record }: Event, rig_s: number): Model {
       });
     case "touch_refused":
       return withTouch(model, id, { ...settingsOf(record.touch), status: "refused", reason: record.reason });
+    case "amended":
+      // The record is of a run of its own, and names the one under way. One that is measured again comes with its own records.
+      return record.what === "skip" ? withoutTouch(model, record.run, record.step) : model;
     case "refusal_answered":
       return ofNoStep(model);
     case "fault":
@@ -240,6 +243,14 @@ function withTouch(model: Model, id: string, touch: Touch): Model {
   if (!run) return model;
   const touches = new Map(run.touches).set(touch.step, touch);
   return { ...model, run: { ...run, touches }, surface_mm: undefined };
+}
+
+/** A touch of the plan that a person leaves out. */
+function withoutTouch(model: Model, id: string, step: string): Model {
+  const planned = ofRun(model, id)?.plan?.steps.find((one) => one.step === step);
+  if (planned?.action !== "touch") return model;
+  const { phase, sample, direction, angle_deg, repeat } = planned;
+  return withTouch(model, id, { step, phase, sample, direction, angle_deg, repeat, status: "skipped" });
 }
 
 const settingsOf = ({ step, phase, sample, pose, repeat }: TouchSettings) =>

@@ -220,7 +220,7 @@ function LatestTouches({ model }: { model: Model }) {
           <thead><tr><th scope="col">touch</th><th scope="col">sample</th><th scope="col">pose</th><th scope="col">shift, Hz</th></tr></thead>
           <tbody>{shown.map((t) => (
             <tr key={t.step}><td>{numbers.get(t.step) ?? ""}</td><td>{t.sample}</td><td>{t.direction} {degrees(t.angle_deg)}</td>
-              <td>{t.status === "refused" ? <span class="refused-word" title={t.reason}>✕ refused</span> : t.shift_hz !== undefined ? <><Value value={t.shift_hz} sigma={t.sigma_hz ?? 0} unit="" />{t.isSlipChecked === false && <small class="refused-word"> slip not checked</small>}</> : ""}</td></tr>
+              <td>{t.status === "refused" ? <span class="refused-word" title={t.reason}>✕ refused</span> : t.status === "skipped" ? <span class="soft">left out</span> : t.shift_hz !== undefined ? <><Value value={t.shift_hz} sigma={t.sigma_hz ?? 0} unit="" />{t.isSlipChecked === false && <small class="refused-word"> slip not checked</small>}</> : ""}</td></tr>
           ))}</tbody>
         </table>
       )}
@@ -359,7 +359,7 @@ export function FaultCard({ view }: { view: View }) {
             <dt>Where the probe is</dt><dd><strong class={isClear ? "good-word" : "bad-word"}>{where}</strong> {at}</dd>
             <dt>What to do</dt><dd>{steps.length > 1 ? <ol class="steps">{steps.map((step) => <li key={step}>{step}</li>)}</ol> : hint}</dd>
           </dl>
-          {needsLook && <HomeAfterLook isLost={view.link === "lost"} isDone={rig.state !== "latched"} />}
+          {needsLook && <HomeAfterLook key={`${rig.session} ${rig.state_since_s}`} isLost={view.link === "lost"} isDone={rig.state !== "latched"} />}
           {!isNew && <div class="answer-bar fault-bar">
             <AskButton class={isUntrusted ? "" : "primary done"} icon="up" send={() => post("acknowledge")} isDone={rig.state !== "latched"} disabled={view.link === "lost"}>{isUntrusted ? "Acknowledge and look again" : isClear ? "Acknowledge and prepare" : "Acknowledge and retract"}</AskButton>
             <p class="soft">Acknowledges the fault{operator() ? `, signed ${operator()}` : ""}. {isUntrusted ? "Both axes are asked again where they are; without a position that can be trusted nothing moves." : `The probe moves to its clear position; then the rotary stage is homed if it has no position, and turns to level.${isClear ? "" : " Keep your hands away."}`} A run does not go on by itself: continue it on its page in <a href="#/runs">Runs</a>.</p>
@@ -384,9 +384,11 @@ export function FaultCard({ view }: { view: View }) {
   );
 }
 
-/** Homes a linear stage that has lost its position, once a person has stated what no device can see. */
+/** Homes a linear stage that has lost its position, once a person has stated what no device can see: for this latch, and while the link stands. */
 function HomeAfterLook({ isLost, isDone }: { isLost: boolean; isDone: boolean }) {
   const [isSeen, setSeen] = useState(false);
+  // Meanwhile somebody may have laid a sample under the probe.
+  useEffect(() => { if (isLost) setSeen(false); }, [isLost]);
   const send = () => post("home", { type: "application/json", text: JSON.stringify({ nothing_below_probe: true }) });
   return (
     <div class="home-look">

@@ -2,7 +2,7 @@
 import uPlot from "uplot";
 import { useEffect, useRef } from "preact/hooks";
 import { admittance, impedanceOf, inverse, magnitude, phaseDeg, type Complex } from "./circuit.ts";
-import { fixed } from "./format.ts";
+import { decimalsOfAll, fixed } from "./format.ts";
 import { extent, linear, ticks } from "./scale.ts";
 import { useWidth } from "./size.ts";
 import type { LiveSweep } from "./model.ts";
@@ -17,7 +17,7 @@ function axis(label: string, space: number, size: number): uPlot.Axis {
   return {
     stroke: () => ink("soft"), font: FONT, labelFont: FONT, label, labelSize: label ? 16 : 0, labelGap: 0, space, size, gap: 4,
     grid: { stroke: () => ink("edge"), width: 1 }, ticks: { show: false },
-    values: (_, splits) => splits.map((v) => fixed(v, Math.max(0, ...splits.map((s) => (String(Number(s.toPrecision(9))).split(".")[1] ?? "").length)))),
+    values: (_, splits) => splits.map((v) => fixed(v, decimalsOfAll(splits))),
   };
 }
 
@@ -149,7 +149,7 @@ export function resonanceOf(sweep: LiveSweep): { hz: number; sigma: number } | u
   return last && { hz: last.resonance_hz, sigma: last.sigma_hz };
 }
 
-/** The resonance against the number of readings, narrowing into the band that is wanted. */
+/** The resonance ± 2 σ against the number of readings, narrowing into ± 2 σ of what is wanted. */
 export function NarrowingPlot({ sweep, height }: { sweep: LiveSweep; height: number }) {
   const { estimates, target_sigma_hz } = sweep;
   const final = resonanceOf(sweep) ?? { hz: (sweep.min_hz + sweep.max_hz) / 2, sigma: 1 };
@@ -168,7 +168,7 @@ export function NarrowingPlot({ sweep, height }: { sweep: LiveSweep; height: num
   const options: PlotProps["options"] = {
     padding: [8, 16, 0, 0],
     pxAlign: false,
-    axes: [axis("reading", 44, 22), axis("resonance Hz", 28, 58)],
+    axes: [axis("reading", 44, 22), axis("resonance ± 2 σ, Hz", 28, 58)],
     series: [
       {},
       { stroke: "transparent", points: { show: false } },
@@ -180,7 +180,7 @@ export function NarrowingPlot({ sweep, height }: { sweep: LiveSweep; height: num
       drawAxes: [(u) => {
         const { ctx, bbox } = u;
         const { hz, sigma } = wanted.current;
-        const [top, bottom] = [u.valToPos(hz + sigma, "y", true), u.valToPos(hz - sigma, "y", true)];
+        const [top, bottom] = [u.valToPos(hz + 2 * sigma, "y", true), u.valToPos(hz - 2 * sigma, "y", true)];
         ctx.save();
         ctx.fillStyle = ink("good-band");
         ctx.fillRect(bbox.left, top, bbox.width, bottom - top);
@@ -189,7 +189,7 @@ export function NarrowingPlot({ sweep, height }: { sweep: LiveSweep; height: num
     },
   };
   const x: [number, number] = [estimates[0]?.readings ?? 0, Math.max((estimates[0]?.readings ?? 0) + 10, (estimates.at(-1)?.readings ?? 10) + 2)];
-  const name = `Resonance after each reading, narrowing to ±${target_sigma_hz} Hz; now ±${fixed(final.sigma, 3)} Hz`;
+  const name = `Resonance ± 2 σ after each reading, narrowing to σ = ${target_sigma_hz} Hz; now ${fixed(final.sigma, 3)} Hz`;
   return <Plot name={name} height={height} options={options} data={data} ranges={{ x, y: [final.hz - limited, final.hz + limited] }} />;
 }
 

@@ -1,6 +1,6 @@
 // Before a start: what a protocol would do here, and the start itself.
 import { useEffect, useState } from "preact/hooks";
-import { clock, day, degrees, duration, fixed, range } from "./format.ts";
+import { asWritten, clock, day, degrees, duration, fixed, range } from "./format.ts";
 import { differences, type Change } from "./changes.ts";
 import { BenchDrawing, Timeline } from "./drawings.tsx";
 import { Icon } from "./icons.tsx";
@@ -219,7 +219,7 @@ function Extreme({ title, span: [from, to], limits: [min, max], unit }: { title:
       <svg width="100%" height="10" role="img" aria-label={`${title}: from ${fixed(from, 2)} to ${fixed(to, 2)} ${unit}, limits ${min} and ${max} ${unit}`}>
         <rect class="cell" width="100%" height="10" rx="5" /><rect class="span" x={`${at(from)}%`} width={`${Math.max(1, at(to) - at(from))}%`} height="10" rx="4" />
       </svg>
-      <p class="soft row"><span>limit {fixed(min, Number.isInteger(min) ? 0 : 1)}</span><span>{fixed(max, Number.isInteger(max) ? 0 : 1)} {unit}</span></p>
+      <p class="soft row"><span>limit {asWritten(min)}</span><span>{asWritten(max)} {unit}</span></p>
     </div>
   );
 }

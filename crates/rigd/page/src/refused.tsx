@@ -33,7 +33,7 @@ export function RefusedCard({ view, refused }: { view: View; refused: RefusedTou
           <AskButton key={answer} class={answer === "widen" ? "primary" : ""} icon={icon} send={say(answer)} disabled={view.link === "lost"} why="The link is lost.">{text}</AskButton>
         ))}
       </div>
-      <p class="soft"><strong>Nothing moves until you answer.</strong> The probe is {rig.probe}. Here, in the terminal or over HTTP{operator() ? `. Signed: ${operator()}` : ""}</p>
+      <p class="soft"><strong>{view.link === "lost" ? "The link is lost, and another person may have answered: keep your hands away." : "Nothing moves until somebody answers or stops the rig."}</strong> The probe {view.link === "lost" ? "was" : "is"} {rig.probe}. Here, in the terminal or over HTTP{operator() ? `. Signed: ${operator()}` : ""}</p>
     </section>
   );
 }

@@ -1,6 +1,6 @@
 // The rig: who its devices are, moves by hand, a single sweep, and what happened.
 import { useState } from "preact/hooks";
-import { clock, fixed, setting } from "./format.ts";
+import { asWritten, clock, fixed } from "./format.ts";
 import { CalibrateCard } from "./calibrate.tsx";
 import { CommissionCard } from "./commission.tsx";
 import { Bench } from "./drawings.tsx";
@@ -30,7 +30,7 @@ export function RigPage({ view }: { view: View }) {
         </div>
         <div class="row">
           <p class="soft">One press, one move, then the read-back. {off ? <strong>Off: {off}.</strong> : "A move beyond a limit is refused."}</p>
-          <AskButton icon="up" disabled={off !== undefined} why={off} send={() => post("moves", { type: "application/json", text: JSON.stringify({ axis: "linear", to: rig.limits.linear_mm.rest }) })}>Retract to {setting(rig.limits.linear_mm.rest)} mm</AskButton>
+          <AskButton icon="up" disabled={off !== undefined} why={off} send={() => post("moves", { type: "application/json", text: JSON.stringify({ axis: "linear", to: rig.limits.linear_mm.rest }) })}>Retract to {asWritten(rig.limits.linear_mm.rest)} mm</AskButton>
         </div>
       </section>
       <section class="card events" aria-label="What happened">
@@ -107,7 +107,7 @@ function Ports({ rig }: { rig: Rig }) {
   return found ? <>{found.ports.map((port) => <FrameList key={port.port} frames={[port]} rig={rig} title={port.port} isOpen />)}</> : <p class="soft">Reading…</p>;
 }
 
-const limitsOf = ({ min, max, rest }: AxisLimits, unit: string) => `soft limits ${setting(min)} to ${setting(max)} ${unit}, rests at ${setting(rest)} ${unit}`;
+const limitsOf = ({ min, max, rest }: AxisLimits, unit: string) => `soft limits ${asWritten(min)} to ${asWritten(max)} ${unit}, rests at ${asWritten(rest)} ${unit}`;
 
 interface AxisProps { title: string; axis: "linear" | "rotary"; unit: string; decimals: number; steps: number[]; at: number | undefined; limits: AxisLimits; more: string; less: string; off: string | undefined }
 

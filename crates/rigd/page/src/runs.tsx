@@ -1,6 +1,6 @@
 // The runs of this rig, and what one of them found.
 import { useEffect, useState } from "preact/hooks";
-import { day, degrees, duration, ending, fixed, stiffness } from "./format.ts";
+import { asWritten, day, degrees, duration, ending, fixed, stiffness } from "./format.ts";
 import { ShiftCharts } from "./drawings.tsx";
 import { Icon, SampleMark } from "./icons.tsx";
 import { touchOfRow, type LiveSweep } from "./model.ts";
@@ -8,6 +8,7 @@ import { Legend } from "./now.tsx";
 import { Amend } from "./refused.tsx";
 import { NarrowingPlot, SweepPlots } from "./plots.tsx";
 import { Compare } from "./compare.tsx";
+import { doubts } from "./doubts.ts";
 import { AskButton, Confirm, DialogStop } from "./shell.tsx";
 import { get, isChange, noted, open, post, reasonOf, useRead, type Body, type View } from "./store.ts";
 import type { Direction, Note, Notes, RunDetail, RunEntry, Sweep, TouchRow } from "./wire.ts";
@@ -206,6 +207,7 @@ export function RunPage({ id, view }: { id: string; view: View }) {
       <section class="card wide" aria-label="Stiffness">
         <h2>Stiffness (Young's modulus) from shift by the model, ± σ with that of the calibration</h2>
         {unchecked.length > 0 && results.stiffness.length > 0 && <p class="refused-word">{NOT_CHECKED}</p>}
+        {doubts(detail).map((doubt) => <p key={doubt} class="refused-word">{doubt}</p>)}
         {results.stiffness.length === 0 ? <p class="soft">None: too few touches were measured.</p> : (
           <div class="stiffness">{results.stiffness.map((s) => {
             const value = s.stiffness_mpa != null && s.sigma_mpa != null ? stiffness(s.stiffness_mpa, s.sigma_mpa) : undefined;
@@ -234,7 +236,7 @@ export function RunPage({ id, view }: { id: string; view: View }) {
         <div class="row"><h2>Shift (Hz) by angle</h2><Legend samples={samples} hasBefore={false} beforeName={undefined} /></div>
         <ShiftCharts samples={samples} touches={results.touch_results.map(touchOfRow)} height={170} />
       </section>
-      {opened && <SweepDialog run={detail} row={opened} view={view} onClose={() => openTouch(undefined)} onAmended={() => { openTouch(undefined); setAmended(amended + 1); }} />}
+      {opened && <SweepDialog run={detail} row={opened} view={view} onClose={() => openTouch(undefined)} onAmended={() => { known.delete(id); openTouch(undefined); setAmended(amended + 1); }} />}
     </main>
   );
 }
@@ -279,7 +281,7 @@ function Continue({ detail, view, onGivenUp }: { detail: RunDetail; view: View; 
 }
 
 /** A stiffness from another method, in the unit of the value beside it. */
-const knownAs = (mpa: number, unit = "MPa") => unit === "kPa" ? `${fixed(mpa * 1000, 0)} kPa` : `${fixed(mpa, 3)} MPa`;
+const knownAs = (mpa: number, unit?: string) => ((unit ?? (mpa < 0.1 ? "kPa" : "MPa")) === "kPa" ? `${asWritten(mpa * 1000)} kPa` : `${asWritten(mpa)} MPa`);
 
 function Downloads({ id, name }: { id: string; name: string }) {
   const base = `/api/v1/runs/${id}`;
@@ -322,11 +324,12 @@ function Matrix({ rows, samples, onOpen }: { rows: TouchRow[]; samples: string[]
 }
 
 function TouchCell({ row, label, onOpen }: { row: TouchRow; label: string | undefined; onOpen: (row: TouchRow) => void }) {
-  const mark = row.is_slip_checked === false ? "†" : "";
+  const [slip, jump] = [row.is_slip_checked === false, row.is_reference_steady === false];
+  const mark = `${slip ? "†" : ""}${jump ? "‡" : ""}`;
   const text = label ?? (row.status === "measured" ? `${fixed(row.shift_hz ?? 0, 2)}${mark}` : row.status === "refused" ? "✕ refused" : row.status === "skipped" ? "skipped" : "not reached");
   const where = row.phase === "blind" ? `blind touch ${row.repeat}` : `sample ${row.sample}, ${row.direction} ${degrees(row.angle_deg)}`;
   const words = { "✓": "recognised", "✗": "taken for another sample", "·": "measured" }[text] ?? text;
-  return <button type="button" class={`touch-cell ${row.status}${text === "✗" ? " wrong" : ""}`} title={row.reason ?? where} aria-label={`${where}: ${words}${mark && ", not checked for slip"}`} onClick={() => onOpen(row)}>{text}</button>;
+  return <button type="button" class={`touch-cell ${row.status}${text === "✗" ? " wrong" : ""}`} title={row.reason ?? where} aria-label={`${where}: ${words}${slip ? ", not checked for slip" : ""}${jump ? ", the free resonance jumped after it" : ""}`} onClick={() => onOpen(row)}>{text}</button>;
 }
 
 /** The sweep behind a touch: its readings, and the circuit where one was found. */

@@ -4,7 +4,7 @@ import type { ComponentChildren } from "preact";
 import { clock, fixed } from "./format.ts";
 import { Icon, ProbeIcon, type IconName } from "./icons.tsx";
 import { depthMm, stateOf, type Model } from "./model.ts";
-import { get, operator, post, reasonOf, setToken, stopAll, useAsking, useView, type Asking, type Link, type View } from "./store.ts";
+import { get, keep, operator, post, reasonOf, setToken, stopAll, stored, useAsking, useView, type Asking, type Link, type View } from "./store.ts";
 
 export type Tab = "now" | "protocols" | "runs" | "rig";
 export const TABS: { tab: Tab; label: string; icon: IconName }[] = [
@@ -211,7 +211,7 @@ const KEYS: [string, string][] = [
   ["1 2 3 4", "Now, Protocols, Runs, Rig"], ["P", "pause; going on needs the button"], ["?", "this list"],
 ];
 
-const hasSingleKeys = () => localStorage.getItem("single-keys") !== "off";
+const hasSingleKeys = () => stored("single-keys") !== "off";
 
 /** Whether a key is pressed for the page itself, and not for a field, a dialog or the browser. */
 export const isSingleKey = (event: KeyboardEvent) =>
@@ -240,7 +240,7 @@ export function KeysDialog({ onClose }: { onClose: () => void }) {
     <dialog ref={ref} class="card" aria-labelledby="keys-title" onClose={onClose}>
       <h2 id="keys-title">Keys</h2>
       <dl class="keys">{KEYS.map(([key, what]) => <div key={key}><dt><kbd>{key}</kbd></dt><dd>{what}</dd></div>)}</dl>
-      <label class="check"><input type="checkbox" checked={isOn} onChange={(event) => { const on = event.currentTarget.checked; localStorage.setItem("single-keys", on ? "on" : "off"); setOn(on); }} /> single keys (1 2 3 4, P, ?)</label>
+      <label class="check"><input type="checkbox" checked={isOn} onChange={(event) => { const on = event.currentTarget.checked; keep("single-keys", on ? "on" : "off"); setOn(on); }} /> single keys (1 2 3 4, P, ?)</label>
       <div class="buttons"><button type="button" onClick={onClose}>Close</button></div>
       <DialogStop />
     </dialog>

@@ -57,20 +57,21 @@ export function useView(): View {
 
 // ---- The token and the operator, where there are any ------------------------------------------------
 
-const stored = (store: Storage, key: string) => {
-  try { return store.getItem(key) ?? ""; } catch { return ""; }
+// A browser that blocks the data of sites refuses the storage itself.
+export const stored = (key: string) => {
+  try { return localStorage.getItem(key) ?? ""; } catch { return ""; }
 };
-const keep = (store: Storage, key: string, value: string) => {
-  try { store.setItem(key, value); } catch { /* A browser that keeps nothing is asked again. */ }
+export const keep = (key: string, value: string) => {
+  try { localStorage.setItem(key, value); } catch { /* A browser that keeps nothing is asked again. */ }
 };
 
 /** What rigd takes as a name. With another one it would refuse every command, also a stop. */
 export const isName = (name: string) => /^[\p{Alphabetic}\p{N} .\-_@'\\]{1,64}$/u.test(name) && name.trim() === name;
 export const operator = () => {
-  const name = stored(localStorage, "operator");
+  const name = stored("operator");
   return isName(name) ? name : "";
 };
-export const setOperator = (name: string) => { keep(localStorage, "operator", name.trim()); changed(); };
+export const setOperator = (name: string) => { keep("operator", name.trim()); changed(); };
 /** The daemon keeps the token's client in a cookie that this page cannot read. */
 export async function setToken(token: string): Promise<void> {
   await ask("session", { method: "POST", headers: headers({ Authorization: `Bearer ${token.trim()}` }), signal: limit() });
@@ -389,7 +390,8 @@ export function useAsking(send: () => Promise<unknown>, isDone: boolean): [Askin
   const go = () => {
     if (asking.at === "asked" && !asking.isLate) return;
     set({ at: "asked", isLate: false });
-    send().then(
+    // What throws before it is asked is an answer too.
+    Promise.resolve().then(send).then(
       () => { if (isDone) set({ at: "rest" }); },
       (error: unknown) => set({ at: "refused", why: reasonOf(error) }),
     );

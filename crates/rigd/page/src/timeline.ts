@@ -2,7 +2,7 @@
 import type { Plan } from "./wire.ts";
 import type { Touch } from "./model.ts";
 
-export type CellState = "measured" | "refused" | "now" | "to come";
+export type CellState = "measured" | "refused" | "left out" | "now" | "to come";
 export interface Cell { step: string; name: string; state: CellState; needsPerson: boolean }
 export interface Group { label: string; cells: Cell[] }
 
@@ -19,8 +19,9 @@ export function timeline(plan: Plan, touches: ReadonlyMap<string, Touch>, now: s
     if (group?.label !== label) groups.push((group = { label, cells: [] }));
     const status = touches.get(step.step)?.status;
     // The touch that the step under way is, or belongs to.
-    const isNow = isNowPassed && status !== "measured" && status !== "refused";
-    const state: CellState = status === "measured" || status === "refused" ? status : isNow ? "now" : "to come";
+    const outcome = status === "skipped" ? "left out" : status === "measured" || status === "refused" ? status : undefined;
+    const isNow = isNowPassed && outcome === undefined;
+    const state: CellState = outcome ?? (isNow ? "now" : "to come");
     if (isNow) isNowPassed = false;
     group.cells.push({ step: step.step, name: step.what_is_done, state, needsPerson });
     needsPerson = false;
@@ -50,5 +51,5 @@ export const wordsOf = (groups: Group[]): string => {
   const cells = groups.flatMap((group) => group.cells);
   const count = (state: CellState) => cells.filter((cell) => cell.state === state).length;
   const prompts = cells.filter((cell) => cell.needsPerson && cell.state === "to come").length;
-  return `${cells.length} touches: ${count("measured")} measured, ${count("refused")} refused, ${count("to come")} to come; a person is needed before ${prompts} of these.`;
+  return `${cells.length} touches: ${count("measured")} measured, ${count("refused")} refused, ${count("left out") > 0 ? `${count("left out")} left out, ` : ""}${count("to come")} to come; a person is needed before ${prompts} of these.`;
 };

@@ -175,7 +175,7 @@ export type JournalRecord =
   | { kind: "state_changed"; state: string }
   | { kind: "resumed"; who: string; next?: string; touches_left: number }
   | { kind: "given_up"; who: string }
-  | { kind: "amended"; step: string; what: "redo" | "skip"; who: string; why: string }
+  | { kind: "amended"; run: string; step: string; what: "redo" | "skip"; who: string; why: string }
   | { kind: "run_finished"; status: string };
 
 export type Axis = "linear_mm" | "rotary_deg";
@@ -254,6 +254,7 @@ export interface TouchRow {
   reason?: string | null;
   is_confirmed?: boolean | null;
   is_slip_checked?: boolean | null;
+  is_reference_steady?: boolean | null;
   sweep?: number | null;
   resonance_hz?: number | null;
   sigma_hz?: number | null;
@@ -280,6 +281,10 @@ export interface RunDetail extends RunEntry {
     stiffness: { sample: string; stiffness_mpa?: number | null; sigma_mpa?: number | null; sets_scale?: boolean; known_mpa?: number | null; used: number; planned: number }[];
     recognition: { method: string; trials: number; correct: number; rate: number; low: number; high: number }[];
     touch_results: TouchRow[];
+    is_sound: boolean;
+    model?: { verdict: string } | null;
+    calibration?: { is_beyond_description: boolean } | null;
+    daily_check?: { verdict: string } | null;
   };
 }
 

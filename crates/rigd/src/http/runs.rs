@@ -205,20 +205,24 @@ pub(super) async fn begin(
     let Some(key) = idempotency_key(&headers)? else {
         return Ok(begun(shared.inner.rig.run(protocol, operator.as_str()).await?));
     };
-    let _keyed = shared.inner.keyed.lock().await;
-    let wanted = key.clone();
-    let Some(first) = shared.read(move |reader| Ok(reader.keyed_run(&wanted)?)).await? else {
-        return Ok(begun(
-            shared.inner.rig.keyed_run(protocol, operator.as_str(), Some(key)).await?,
-        ));
-    };
-    match first.record()? {
-        Record::RunStarted(started) if started.protocol.toml == text => Ok(begun(first.run)),
-        _ => Err(Problem::unprocessable(format!(
-            "Idempotency-Key {key} was used for run {} with another protocol; take another key",
-            first.run
-        ))),
-    }
+    // A client that goes away does not leave the key half used.
+    let beginning = tokio::spawn(async move {
+        let _keyed = shared.inner.keyed.lock().await;
+        let wanted = key.clone();
+        let Some(first) = shared.read(move |reader| Ok(reader.keyed_run(&wanted)?)).await? else {
+            return Ok(begun(
+                shared.inner.rig.keyed_run(protocol, operator.as_str(), Some(key)).await?,
+            ));
+        };
+        match first.record()? {
+            Record::RunStarted(started) if started.protocol.toml == text => Ok(begun(first.run)),
+            _ => Err(Problem::unprocessable(format!(
+                "Idempotency-Key {key} was used for run {} with another protocol; take another key",
+                first.run
+            ))),
+        }
+    });
+    beginning.await.map_err(|_| Problem::internal("the beginning of the run has panicked"))?
 }
 
 /// The idempotency key of a request, if it has one.

@@ -305,6 +305,7 @@ pub(crate) fn stage_failure<U: Unit>(device: Device, error: &StageError<U>) -> F
         StageError::Bus(BusError::Failed(_)) => FailureKind::Line,
         StageError::BeyondTravel { .. } | StageError::HomesDownwards { .. } => FailureKind::Lost,
         StageError::Moved { .. } => FailureKind::Moved,
+        StageError::HomingUnseen { .. } => FailureKind::Unmoved,
         StageError::Unhomed { .. } => FailureKind::Unhomed,
         StageError::EmergencyStopped { .. } => FailureKind::EmergencyStopped,
         StageError::Alarmed { alarm, .. } | StageError::AlarmPersists { alarm } => {
@@ -314,8 +315,7 @@ pub(crate) fn stage_failure<U: Unit>(device: Device, error: &StageError<U>) -> F
         | StageError::NotThere { .. }
         | StageError::Overdue { .. }
         | StageError::WillNotStop { .. }
-        | StageError::NotHomed { .. }
-        | StageError::HomingUnseen { .. } => FailureKind::Blocked,
+        | StageError::NotHomed { .. } => FailureKind::Blocked,
         _ => FailureKind::Refused,
     };
     Failure { device, kind, detail: with_causes(error) }
