@@ -21,8 +21,8 @@ const SHOWS_WITHIN: Duration = Duration::from_secs(2);
 impl<U: Unit> Stage<U> {
     /// Lets the drive find its zero. May move over the whole travel.
     ///
-    /// A drive that says that it is homed, and goes on saying so without a motion, has not been homed: one whose stop input or
-    /// servo is off acknowledges the command and does nothing.
+    /// A drive that says that it is homed, and goes on saying so without a motion, has not been homed unless it stands ready at its
+    /// zero: one whose stop input or servo is off acknowledges the command and does nothing.
     ///
     /// # Errors
     /// As [`move_to`](Self::move_to), [`StageError::NotHomed`], and [`StageError::HomingUnseen`].
@@ -83,6 +83,12 @@ impl<U: Unit> Stage<U> {
             let is_elsewhere = (at.value() - started_at).abs() > self.axis.tolerance();
             is_seen |= reading.is_moving || !reading.is_homed || is_elsewhere;
             if !is_seen && started + unseen_within <= now {
+                // One that stands at its zero need not move, as after a homing whose end was not heard.
+                let off_zero = (at.value() - self.scale.position(0).value()).abs();
+                if reading.is_ready && off_zero <= self.axis.tolerance() {
+                    is_seen = true;
+                    continue;
+                }
                 return Err(StageError::HomingUnseen { at, hint: &self.map.ignored_hint });
             }
             if !is_seen || !reading.is_moving && now < started + self.start_within() {

@@ -229,12 +229,17 @@ async fn a_drive_that_does_not_move_as_told_is_found_out() {
     let stop = StopSignal::new();
     for make in MAKES {
         let (drive, mut stage) = ready(make).await;
+        stage.move_to(target(2.0), 6.0, &stop).await.unwrap();
         drive.ignore_moves();
         let error = stage.move_to(target(10.0), 6.0, &stop).await.unwrap_err();
         assert!(matches!(error, StageError::Ignored { .. }), "{}: {error}", make.map.name);
         // It still says that it is homed.
         let error = stage.home(&stop).await.unwrap_err();
         assert!(matches!(error, StageError::HomingUnseen { .. }), "{}: {error}", make.map.name);
+        // One that stands at its zero has nowhere to go.
+        let (drive, mut stage) = ready(make).await;
+        drive.ignore_moves();
+        assert_eq!(stage.home(&stop).await.unwrap().value(), 0.0, "{}", make.map.name);
 
         let (drive, mut stage) = ready(make).await;
         drive.lose_counts(counts(make, 0.03));
