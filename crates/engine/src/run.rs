@@ -384,7 +384,7 @@ impl Run {
             }
             MachineEvent::Resumed => {
                 self.driven = None;
-                // Whoever paused may have touched the sample.
+                // The person who paused may have touched the sample.
                 self.changed(Change::Placed);
             }
             MachineEvent::Decided { .. } => self.driven = None,

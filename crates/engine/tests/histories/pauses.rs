@@ -72,7 +72,7 @@ fn a_pause_comes_before_a_refused_touch_is_made_again() {
     }
 }
 
-/// Whoever pauses may reseat the sample, which is then higher.
+/// A person who pauses may reseat the sample, which is then higher.
 #[test]
 fn a_sample_that_was_moved_during_a_pause_contradicts_no_touch_before_it() {
     let mut twice = plan();
