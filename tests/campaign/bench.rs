@@ -143,6 +143,11 @@ impl Bench {
         if number < IN_STEPS { Self::in_steps(number) } else { Self::descending(number - IN_STEPS) }
     }
 
+    /// The speed at which a probe may go into a sample, mm/s.
+    pub(crate) const fn contact_speed_mm_per_s(&self) -> f64 {
+        self.rig.limits.motion.contact_speed_mm_per_s
+    }
+
     /// Whether its drives have an alarm when they stall.
     pub(crate) fn has_alarm_at_stall(&self) -> bool {
         self.makes == LEADSHINE_PR

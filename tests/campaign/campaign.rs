@@ -74,6 +74,7 @@ impl Campaign {
         for violation in &known.undisturbed.violations {
             failures.push(format!("undisturbed: {violation}"));
         }
+        failures.extend(judge::refused(&known.undisturbed.touches));
         failures.append(&mut judge::wrong_marks(&known.bench, &played));
         let undisturbed: &Touches = &known.undisturbed.touches;
         let mut unnoticed = None;

@@ -154,6 +154,23 @@ pub(crate) fn differences(
     differences
 }
 
+/// Touches that an undisturbed run refuses: nothing could be compared with them.
+pub(crate) fn refused(undisturbed: &Touches) -> Vec<String> {
+    let word = |(step, outcome): (&String, &Outcome)| match outcome {
+        Outcome::Measured { .. } => None,
+        Outcome::Refused(reason) => Some(format!("undisturbed: touch {step} is refused: {reason}")),
+    };
+    undisturbed.iter().filter_map(word).collect()
+}
+
+/// A probe goes into a sample at no more than the speed of the rig file for that, but for rounding.
+pub(crate) fn is_hit_fast(fastest_mm_per_s: f64, limit_mm_per_s: f64) -> Option<String> {
+    const ROUNDING: f64 = 1.02;
+    (fastest_mm_per_s > ROUNDING * limit_mm_per_s).then(|| {
+        format!("the probe went into a sample at {fastest_mm_per_s:.2} mm/s; {limit_mm_per_s} are allowed")
+    })
+}
+
 /// Measured touches that do not say as they should whether they were checked for slip.
 pub(crate) fn wrong_marks(bench: &Bench, played: &Played) -> Vec<String> {
     let is_wrong = |outcome: &Outcome| match outcome {

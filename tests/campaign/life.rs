@@ -397,10 +397,15 @@ impl Life<'_> {
     /// Judges what was left behind: the truth of the bench, the journal and the results.
     fn judge(&mut self, checker: &MemoryJournal) {
         if let Some(simulation) = &self.simulation {
-            let (is_in_contact, violations) = simulation.with(|now, rig| {
+            let (is_in_contact, violations, hit) = simulation.with(|now, rig| {
                 let world = rig.world();
-                (world.is_in_contact(now), world.violations(now).to_vec())
+                let hit = world.fastest_hit_mm_per_s(now);
+                (world.is_in_contact(now), world.violations(now).to_vec(), hit)
             });
+            let limit = self.bench.contact_speed_mm_per_s();
+            if let Some(fast) = judge::is_hit_fast(hit, limit) {
+                self.fail(&fast);
+            }
             for violation in violations {
                 if matches!(violation.kind, ViolationKind::SankTooDeep { .. })
                     || judge::is_beyond_knowledge(&violation.kind, &self.played)

@@ -122,7 +122,7 @@ pub(crate) struct Jump {
 
 /// What the references so far say of the drift.
 #[derive(Debug, Clone)]
-pub(crate) struct Drift {
+pub struct Drift {
     pairs: Vec<Pair>,
     /// When the last reference was measured.
     at: Option<RigTime>,

@@ -14,14 +14,21 @@ use rig_resonance::{Bench, Resonance};
 
 use crate::drift::Drift;
 
-/// Sweeps after which the levels are judged at the latest, the survey among them. The last one is at the full level.
-const MOST: usize = 25;
-/// The difference is known well enough with this part of the mean standard deviation of the sweeps at the full level.
+/// Sweeps after which the levels are judged at the earliest and at the latest, the survey among them. The last one is at the
+/// full level.
+const LEAST: usize = 9;
+const MOST: usize = 49;
+/// A difference is judged once it is known to this part of the usual standard deviation of a sweep at the full level.
 const PART: f64 = 0.5;
+/// The levels are the same if their difference is certainly less than this many of these standard deviations. A resonance at the
+/// full level is then shifted by less than four thirds of that.
+const SAME_SIGMAS: f64 = 2.0;
+/// Standard deviations of the difference that are certain, in one check of four thousand not.
+const CERTAIN: f64 = 3.5;
 
 /// A check of the level after a survey.
 #[derive(Debug, Clone)]
-pub(crate) struct LevelCheck {
+pub struct LevelCheck {
     /// From the survey.
     pub(crate) bench: Option<Bench>,
     /// Every resonance, with the middle of its sweep: the survey, and then half and full level in turn.
@@ -30,7 +37,7 @@ pub(crate) struct LevelCheck {
 
 /// What follows a sweep of a check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Levels {
+pub enum Levels {
     /// Another sweep is needed.
     Open,
     /// The resonance does not depend on the level.
@@ -50,13 +57,18 @@ struct Difference {
 
 impl LevelCheck {
     /// Begins with the survey.
-    pub(crate) fn new(bench: Option<Bench>, survey: &(RigTime, Resonance)) -> Self {
+    pub fn new(bench: Option<Bench>, survey: &(RigTime, Resonance)) -> Self {
         Self { bench, found: vec![*survey] }
     }
 
     /// Whether the next sweep is at half the level.
-    pub(crate) const fn is_half_next(&self) -> bool {
+    pub const fn is_half_next(&self) -> bool {
         self.found.len() % 2 == 1
+    }
+
+    /// Number of sweeps so far, with the survey.
+    pub const fn sweeps(&self) -> usize {
+        self.found.len()
     }
 
     /// The resonances so far. The last one is at the full level.
@@ -65,16 +77,14 @@ impl LevelCheck {
     }
 
     /// Takes in the resonance of a sweep. `drift` is what the references before the survey say.
-    pub(crate) fn take(&mut self, found: &(RigTime, Resonance), drift: &Drift) -> Levels {
+    pub fn take(&mut self, found: &(RigTime, Resonance), drift: &Drift) -> Levels {
         self.found.push(*found);
         if !self.is_half_next() {
             return Levels::Open;
         }
         let Some(difference) = self.difference() else { return Levels::Open };
-        let full: Vec<f64> =
-            self.found.iter().step_by(2).skip(1).map(|(_, full)| full.sigma_hz).collect();
-        let mean_hz = full.iter().sum::<f64>() / full.len() as f64;
-        let is_known = difference.sigma_hz <= PART * mean_hz;
+        let usual_hz = self.usual_sigma_hz();
+        let is_known = self.found.len() >= LEAST && difference.sigma_hz <= PART * usual_hz;
         if !is_known && self.found.len() < MOST {
             return Levels::Open;
         }
@@ -83,7 +93,19 @@ impl LevelCheck {
             drift.measured(*at, full.resonance_hz, full.sigma_hz);
         }
         let Difference { hz, sigma_hz, walked_s } = difference;
-        if drift.is_beyond_walk(hz, sigma_hz, walked_s) { Levels::Differ } else { Levels::Same }
+        if drift.is_beyond_walk(hz, sigma_hz, walked_s) {
+            return Levels::Differ;
+        }
+        let is_same = hz.abs() + CERTAIN * sigma_hz < SAME_SIGMAS * usual_hz;
+        if is_same || self.found.len() >= MOST { Levels::Same } else { Levels::Open }
+    }
+
+    /// The standard deviation of a sweep at the full level, Hz, without the survey. Those that know more count more, because
+    /// a shift is larger in theirs.
+    fn usual_sigma_hz(&self) -> f64 {
+        let full = self.found.iter().step_by(2).skip(1).map(|(_, full)| full.sigma_hz.powi(-2));
+        let (sum, count) = full.fold((0.0, 0.0), |(sum, count), one| (sum + one, count + 1.0));
+        f64::sqrt(count / sum)
     }
 
     /// The difference by least squares, beside a resonance and an even drift; `None` as long as these can make it.

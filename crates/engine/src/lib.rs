@@ -39,6 +39,7 @@ mod touch;
 pub use command::{Command, CommandRefusal, TouchPlace};
 pub use contact_sense::{ContactSenseFault, TouchRefusal};
 pub use descent::{Descended, DescentEnd};
+pub use drift::Drift;
 pub use effect::{Effect, Input};
 pub use engine::{Admitted, Engine, Progress, Snapshot};
 pub use event::{
@@ -47,6 +48,7 @@ pub use event::{
 };
 pub use fault::{Device, Failure, FailureKind, Fault, Jump, LeftRig};
 pub use interlock::{Interlock, InterlockError};
+pub use level::{LevelCheck, Levels};
 pub use operation::{Operation, OperationId, Report};
 pub use refusal::{RefusalAnswer, RefusedTouch};
 pub use search::{Search, SearchStep, Surface};

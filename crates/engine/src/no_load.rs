@@ -142,8 +142,13 @@ impl NoLoad {
             let max_hz = request.window.max_hz.min(high_hz);
             Prior::moved(last, Window { min_hz, max_hz }, bench)
         });
-        let (sweep, step) =
-            Sweep::begin(context.now, SweepPurpose::NoLoad, request, Some(&prior), context.notes);
+        let (sweep, step) = Sweep::begin(
+            context.now,
+            SweepPurpose::NoLoad,
+            request,
+            Some(&prior),
+            (context.limits, context.notes),
+        );
         self.sweep = Some(sweep);
         step
     }

@@ -1,6 +1,6 @@
 //! Measures one resonance: asks the planner for points until it has an answer.
 
-use rig_model::{DriveLevel, PointResult, Reading, RigTime, SweepRequest};
+use rig_model::{DriveLevel, PointResult, Reading, RigLimits, RigTime, SweepRequest};
 use rig_resonance::{FitOutcome, Next, Planner, Prior, flagged};
 
 use crate::{Event, Fault, FinishedSweep, Operation, SweepPurpose};
@@ -36,10 +36,11 @@ impl Sweep {
         purpose: SweepPurpose,
         request: &SweepRequest,
         prior: Option<&Prior>,
-        notes: &mut Vec<Event>,
+        (limits, notes): (&RigLimits, &mut Vec<Event>),
     ) -> (Self, SweepStep) {
         notes.push(Event::SweepBegun { purpose, request: *request });
-        let planner = Planner::new(request, prior);
+        let shortest_s = limits.analyzer.shortest_integration_s;
+        let planner = Planner::new(request, prior).with_shortest_integration(shortest_s);
         let mut sweep = Self {
             purpose,
             planner,

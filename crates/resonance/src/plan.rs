@@ -122,6 +122,15 @@ impl Planner {
         }
     }
 
+    /// Sets the shortest integration time of the analyzer, s: fewer cycles than it has take this long.
+    #[must_use]
+    pub fn with_shortest_integration(mut self, integration_s: f64) -> Self {
+        if let Method::Adaptive { decay, .. } = &mut self.method {
+            decay.set_shortest(integration_s);
+        }
+        self
+    }
+
     /// Returns the next action. A call without new readings in between can end the sweep with the
     /// present readings.
     #[expect(
@@ -297,10 +306,11 @@ impl Planner {
             }
         }
         let (elapsed_s, limit_s) = (self.elapsed_s(), self.request.time_limit_s);
-        let points = match &mut self.method {
-            Method::Adaptive { decay, .. } => decay.next(&self.request, &self.readings, elapsed_s),
-            Method::Uniform { .. } => Ok(Vec::new()),
+        let Method::Adaptive { decay, .. } = &mut self.method else {
+            return self.finish(Limit::Steps { max: decay::STEPS_MAX });
         };
+        let points = decay.next(&self.request, &self.readings, elapsed_s);
+        let pace = decay.pace();
         self.work += ROWS_PER_PLAN;
         let mut points = match points {
             Ok(points) => points,
@@ -313,7 +323,7 @@ impl Planner {
         }
         let mut end_s = elapsed_s;
         let is_in_time = |point: &&SweepPoint| {
-            end_s += point.duration_s();
+            end_s += pace.point_s(point);
             end_s <= limit_s
         };
         let count = points.iter().take_while(is_in_time).count();

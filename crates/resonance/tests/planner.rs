@@ -453,3 +453,30 @@ fn a_target_that_cannot_be_reached_is_refused_within_the_time_allowed() {
     assert!((2.0..=3.0).contains(&seconds), "{seconds}");
     assert_eq!(limit(&verdict), Limit::Time { limit_s: 3.0 });
 }
+
+/// Fewer cycles than an analyzer integrates take as long as those that it does.
+#[test]
+fn the_time_allowed_holds_on_an_analyzer_that_integrates_longer_than_asked() {
+    const SHORTEST_S: f64 = 0.28;
+    let circuit = circuit(30.0, 0.1);
+    for time_limit_s in [0.2, 1.0, 2.0, 5.0] {
+        let request =
+            SweepRequest { target_sigma_hz: 1e-5, time_limit_s, ..request(SweepMethod::Adaptive) };
+        let mut planner = Planner::new(&request, None).with_shortest_integration(SHORTEST_S);
+        let mut now = RigTime::ZERO;
+        while let Next::Measure(points) = planner.next() {
+            for point in points {
+                let value = circuit.impedance_ohm(point.frequency_hz);
+                let mut reading = support::reading(point.frequency_hz, value);
+                (reading.started, reading.settle_s) = (now, 0.0);
+                reading.integration_s =
+                    SHORTEST_S.max(f64::from(point.cycles) / point.frequency_hz);
+                now = now + Duration::from_secs_f64(reading.integration_s);
+                planner.add(&[reading]);
+            }
+        }
+        let taken_s = now.since(RigTime::ZERO).as_secs_f64();
+        assert!(taken_s <= time_limit_s, "{taken_s} of {time_limit_s} s");
+        assert!(taken_s > 0.5 * (time_limit_s - SHORTEST_S), "{taken_s} of {time_limit_s} s");
+    }
+}

@@ -92,8 +92,19 @@ mod tests {
         ];
         for (name, values, has_ended, expected) in rows {
             let [run, head, who, step, what, why] = values.map(str::to_owned);
-            let amended =
-                Amended { run, head, who, step, what, why, rig: None, calibrations: None };
+            let amended = Amended {
+                run,
+                head,
+                who,
+                step,
+                what,
+                why,
+                software: None,
+                rig: None,
+                calibrations: None,
+                devices: Vec::new(),
+                changes: Vec::new(),
+            };
             let mut findings = Findings::default();
             check(1, &amended, Some(&amends(has_ended)), &mut findings);
             assert_eq!(findings.0.len(), expected, "{name}: {findings:?}");

@@ -18,8 +18,11 @@ use rusqlite::{
 };
 use sha2::{Digest, Sha256};
 
-use crate::record::{Cited, Record, RunStarted};
-use amendments::{amended_steps, done_elsewhere, head, settings_of};
+use crate::{
+    record::{Cited, Record, RunStarted},
+    seam::Stated,
+};
+use amendments::{done_elsewhere, head, left_out, settings_of};
 
 pub(crate) use amendments::Head;
 pub(crate) use before::before;
@@ -83,16 +86,19 @@ pub(crate) struct Journal {
     /// The records from the first of the run to its last that may concern it, in the order in which they were
     /// written.
     pub(crate) entries: Vec<Entry>,
-    /// Addresses of touches that have an amendment, and so an outcome elsewhere.
-    pub(crate) elsewhere: Vec<String>,
+    /// Addresses of the touches that were left out before the run had ended. Those in [`Self::done_elsewhere`] need not be made
+    /// either.
+    pub(crate) left_out: Vec<String>,
+    /// Whether the run has an amendment.
+    pub(crate) is_amended: bool,
     /// Records of sweeps, and the largest number of a sweep of the amendments of the run, or of the run and
     /// its other amendments, before each: all of them are numbered together.
     pub(crate) numbered: BTreeMap<u64, u64>,
     /// Records at which the run goes on, and the touches that have an outcome in an ended amendment before each, with
     /// whether that is a refusal.
     pub(crate) done_elsewhere: BTreeMap<u64, BTreeMap<String, bool>>,
-    /// The settings of the run that an amendment amends.
-    pub(crate) amended: Option<Box<RunStarted>>,
+    /// The settings of the run that an amendment amends, and what its last part states.
+    pub(crate) amended: Option<(Box<RunStarted>, Stated)>,
     /// The end of that run when it was amended.
     pub(crate) head: Option<Head>,
     /// The last record of a session, µs, in each epoch of the run. The end of a killed one is written later.
@@ -104,6 +110,12 @@ pub(crate) struct Journal {
 }
 
 impl Journal {
+    /// The addresses of the touches that need no outcome in the run itself.
+    pub(crate) fn elsewhere(&self) -> impl Iterator<Item = &String> {
+        let done = self.done_elsewhere.values().flat_map(BTreeMap::keys);
+        self.left_out.iter().chain(done)
+    }
+
     /// The calibrations that the run or the amendment cites, at its beginning and where it goes on.
     pub(crate) fn cited(&self) -> Vec<Cited> {
         let own = self.entries.iter().filter(|entry| entry.is_own);
@@ -138,7 +150,8 @@ impl Journal {
             stretches,
             seal: Some(seal),
             entries,
-            elsewhere: Vec::new(),
+            left_out: Vec::new(),
+            is_amended: false,
             numbered: BTreeMap::new(),
             done_elsewhere: BTreeMap::new(),
             amended: None,
@@ -258,10 +271,12 @@ pub(crate) fn read(connection: &Connection, run: &str) -> Result<Journal, Journa
         return Err(JournalError::OtherFormat { found });
     }
     let (run, links) = listed(connection, run)?;
+    let (left_out, is_amended) = left_out(connection, &run)?;
     let mut journal = Journal {
         stretches: stretches(connection, run.key)?,
         seal: seal(connection, run.key)?,
-        elsewhere: amended_steps(connection, &run.id)?,
+        left_out,
+        is_amended,
         numbered: numbered(connection, &run)?,
         done_elsewhere: done_elsewhere(connection, &run)?,
         links,

@@ -12,6 +12,7 @@ mod sweep;
 mod touch;
 
 pub(crate) use sweep::{CLOCK_SLACK_S, READINGS_PER_OUTLIER};
+pub(crate) use touch::{check_depth, check_shift};
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -138,7 +139,7 @@ impl Labels {
     /// Touches may have an outcome in an amendment, whose sweeps are numbered together with those of the
     /// run.
     pub(crate) fn new(journal: &Journal) -> Self {
-        let elsewhere = journal.elsewhere.iter().cloned().collect();
+        let elsewhere = journal.elsewhere().cloned().collect();
         let (numbered, done_elsewhere) = (journal.numbered.clone(), journal.done_elsewhere.clone());
         Self { elsewhere, done_elsewhere, numbered, ..Self::default() }
     }

@@ -53,6 +53,8 @@ use rusqlite::Connection;
 pub use finding::{ArchivedPart, Check, Finding, Verdict};
 pub use folder::{FileFinding, verify_folder};
 pub use journal::JournalError;
+use record::Cited;
+
 pub use model::{ModelCheck, StatedModel, verify_model};
 pub use object::{ObjectError, ObjectVerdict, verify_object};
 
@@ -68,6 +70,10 @@ pub fn verify(data: &Path, run: &str) -> Result<Verdict, JournalError> {
     let mut findings = finding::Findings::default();
     let read = |file: &str| std::fs::read_to_string(data.join("calibrations").join(file)).ok();
     let cited = journal.cited();
+    let missing = cited.iter().filter(|one| one.cable.is_none() && read(&one.file).is_none());
+    verdict.notes.extend(missing.map(|Cited { file, .. }| {
+        format!("the calibration {file} is not here: what is cited of it was not compared with it")
+    }));
     let maps = screw::check_files(&cited, read, &mut findings);
     for map in &maps {
         verdict.notes.extend(screw_map::check(&connection, map, &mut findings)?);

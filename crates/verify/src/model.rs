@@ -139,7 +139,7 @@ struct UncertaintyKeys {
 
 /// The last result of each touch.
 fn touches(journal: &Journal) -> Result<(RunStarted, Vec<TouchResult>), &'static str> {
-    if !journal.elsewhere.is_empty() {
+    if journal.is_amended {
         return Err("touches of the run were measured again or left out");
     }
     let (mut started, mut touches, mut between) = (None, BTreeMap::new(), Between::default());

@@ -75,9 +75,14 @@ pub(crate) struct Device {
 #[derive(Debug, Clone, Deserialize)]
 pub(crate) struct Cited {
     pub(crate) kind: String,
+    pub(crate) made: String,
     pub(crate) file: String,
     pub(crate) sha256: String,
+    /// Of a daily check, which the others do not have.
+    pub(crate) verdict: Option<String>,
     pub(crate) screw: Option<Screw>,
+    /// Of a correction of the analyzer, which the others do not have.
+    pub(crate) cable: Option<String>,
 }
 
 /// The error of the linear screw at heights.
@@ -505,8 +510,13 @@ pub(crate) struct Amended {
     pub(crate) step: String,
     pub(crate) what: String,
     pub(crate) why: String,
+    pub(crate) software: Option<String>,
     pub(crate) rig: Option<Source>,
     pub(crate) calibrations: Option<Vec<Cited>>,
+    #[serde(default)]
+    pub(crate) devices: Vec<Device>,
+    #[serde(default)]
+    pub(crate) changes: Vec<Change>,
 }
 
 #[derive(Debug, Clone, Deserialize)]

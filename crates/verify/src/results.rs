@@ -3,7 +3,7 @@
 use std::{f64::consts::PI, num::NonZero, thread};
 
 use crate::{
-    finding::{Check, Findings},
+    finding::{Check, Finding, Findings},
     fit::{self, Fitted, Motion, Stated},
     labels::READINGS_PER_OUTLIER,
     record::{Bench, Circuit, Extra, FitNoise, FitSettings, Outcome, Reading, Sweep},
@@ -158,56 +158,70 @@ fn check_together(sweeps: &[Accepted], agreements: &[Option<Agreement>], finding
     }
 }
 
-/// Fits an accepted sweep. `None` on a given grid, and where a reading was left out or something was found.
+/// Fits an accepted sweep. `None` on a given grid, and where something was found.
 fn check_one(accepted: &Accepted, findings: &mut Findings) -> Option<Agreement> {
     let usable = |reading: &&Reading| fit::is_usable(reading);
     let Accepted { seq, sweep, .. } = accepted;
     let readings = sweep.readings.iter().skip(sweep.probe_readings).filter(usable);
-    let mut readings: Vec<Reading> = readings.copied().collect();
+    let readings: Vec<Reading> = readings.copied().collect();
     if readings.len() < READINGS_MIN {
         let what = format!("sweep {}: the number of readings behind a resonance", sweep.number);
         let (found, expected) = (readings.len() as f64, format!("at least {READINGS_MIN}"));
         findings.within(Check::Resonance, *seq, what, expected, found, None);
         return None;
     }
-    let (found, _, agreement) = check_readings(accepted, &readings);
+    let all = follows(accepted, &readings);
     let Outcome::Accepted { left_out, .. } = sweep.outcome else { return None };
     let most = left_out.min(readings.len().div_ceil(READINGS_PER_OUTLIER));
-    let mut left = found.0.len();
-    // Two readings that are off by any factor keep each fit without one of them from converging: those that are
-    // farthest from the stated circuit go first, and the statement must follow from the others as well.
-    if let (1.., 1.., Some(rest)) = (left, most, nearest(&readings, &sweep.outcome, most)) {
-        left = check_readings(accepted, &rest).0.0.len();
-    }
-    for _ in 0..most {
-        if left == 0 {
-            break;
+    let rest = nearest(&readings, &sweep.outcome, most).filter(|_| most > 0);
+    // The statement must follow from the others as well. Two readings that are off by any factor keep each fit without one of
+    // them from converging: those that are farthest from the stated circuit go first.
+    let agreement = match (all, rest.map(|rest| follows(accepted, &rest))) {
+        (Ok(all), Some(Ok(rest))) => {
+            let nearer =
+                |one: &Agreement, other: &Agreement| one.off.abs().total_cmp(&other.off.abs());
+            Ok(all.into_iter().chain(rest).min_by(nearer))
         }
+        (Ok(agreement), _) | (Err(_), Some(Ok(agreement))) => Ok(agreement),
+        (Err(found), _) => without_worst(accepted, readings, (most, found)),
+    };
+    agreement.unwrap_or_else(|found| {
+        findings.0.extend(found);
+        None
+    })
+}
+
+/// How well a result agrees with these readings, or what is found about it. A result on a given grid is not compared.
+fn follows(accepted: &Accepted, readings: &[Reading]) -> Result<Option<Agreement>, Vec<Finding>> {
+    let (found, _, agreement) = check_readings(accepted, readings);
+    if found.0.is_empty() { Ok(agreement) } else { Err(found.0) }
+}
+
+/// The same without the readings, at most `most`, whose absence lowers the scatter most, one after the other. `found` is what
+/// is found with them.
+fn without_worst(
+    accepted: &Accepted,
+    mut readings: Vec<Reading>,
+    (most, found): (usize, Vec<Finding>),
+) -> Result<Option<Agreement>, Vec<Finding>> {
+    for _ in 0..most {
         let without = |k: usize| {
             let mut rest = readings.clone();
             rest.remove(k);
-            let (found, scatter, _) = check_readings(accepted, &rest);
-            (scatter, found.0.len(), rest)
+            let (found, scatter, agreement) = check_readings(accepted, &rest);
+            (scatter, found.0.is_empty(), agreement, rest)
         };
-        let all = suspects(&readings)
-            .into_iter()
-            .map(without)
-            .filter(|(scatter, ..)| scatter.is_finite());
-        let all: Vec<_> = all.collect();
+        let all = suspects(&readings).into_iter().map(without);
+        let mut all: Vec<_> = all.filter(|(scatter, ..)| scatter.is_finite()).collect();
+        all.sort_by(|a, b| a.0.total_cmp(&b.0));
         // Two readings may be about as far off: the record does not say which one was left out.
-        let is_explained = all.iter().any(|(_, left, _)| *left == 0);
-        let best = all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
-        let Some(best) = best.filter(|_| !is_explained) else {
-            left = if is_explained { 0 } else { left };
-            break;
-        };
-        (_, left, readings) = best;
+        if let Some((_, _, agreement, _)) = all.iter().find(|(_, is_explained, ..)| *is_explained) {
+            return Ok(*agreement);
+        }
+        let Some((.., rest)) = all.into_iter().next() else { break };
+        readings = rest;
     }
-    let is_sound = found.0.is_empty();
-    if left > 0 {
-        findings.0.extend(found.0);
-    }
-    agreement.filter(|_| is_sound && left_out == 0)
+    Err(found)
 }
 
 /// The readings without the `most` ones whose impedance is farthest from that of a stated circuit, relative to it.

@@ -172,7 +172,9 @@ mod tests {
         let sha256 = hex(&Sha256::digest(text.as_bytes()));
         let count = |screw: Screw, file: &str, text: Option<&str>| {
             let (kind, sha256) = ("blocks".to_owned(), sha256.clone());
-            let cited = Cited { kind, file: file.to_owned(), sha256, screw: Some(screw) };
+            let (file, made) = (file.to_owned(), String::new());
+            let screw = Some(screw);
+            let cited = Cited { kind, made, file, sha256, verdict: None, screw, cable: None };
             let mut findings = Findings::default();
             check_files(&[cited], |_| text.map(str::to_owned), &mut findings);
             findings.0.len()

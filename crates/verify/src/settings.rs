@@ -260,6 +260,15 @@ impl SweepKeys {
         self.points.filter(|_| self.method == "uniform" && self.survey_s.is_none())
     }
 
+    /// What a fit knows of the times of the readings; `None` if the sweeps are of both methods.
+    pub(crate) fn timing(&self) -> Option<&'static str> {
+        match (&*self.method, self.survey_s) {
+            ("uniform", None) => Some("waited"),
+            ("uniform", Some(_)) => None,
+            _ => Some("any-phase"),
+        }
+    }
+
     /// The standard deviation that is asked for, Hz; a uniform sweep has none.
     pub(crate) fn target_sigma_hz(&self) -> Option<f64> {
         self.target_sigma_hz.filter(|_| self.method != "uniform")

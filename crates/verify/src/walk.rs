@@ -62,7 +62,8 @@ pub(crate) fn check(connection: &Connection, journal: &Journal) -> Verdict {
         is_stopped: false,
         ending: None,
     };
-    if let Some(started) = &journal.amended {
+    if let Some((started, stated)) = &journal.amended {
+        walk.stated = Some(stated.clone());
         walk.settings = Settings::read(started).ok();
         let (run, touches) = (journal.run.name.clone(), started.touches.clone());
         walk.amends = Some(Amends { run, touches, head: journal.head.clone() });
@@ -392,6 +393,9 @@ impl Walk {
             self.amendment = Some(Amendment::Skip);
         } else {
             self.amendment = Some(Amendment::Redo);
+            if let Some(stated) = &self.stated {
+                stated.redone(seq, amended, &mut self.findings);
+            }
             self.begins(seq, "a touch was measured again");
         }
         let touch = self.amends.as_ref().and_then(|amends| amends.touch(&amended.step)).cloned();

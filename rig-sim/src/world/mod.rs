@@ -4,6 +4,7 @@
 //! Time only ever comes in as an argument. Nothing here knows how it is commanded; that is the
 //! devices' business.
 
+mod hit;
 mod motion;
 mod nuisance;
 mod reading;
@@ -15,7 +16,7 @@ mod tests;
 mod true_geometry;
 mod truth;
 
-use std::{f64::consts::TAU, mem::Discriminant};
+use std::{f64::consts::TAU, iter, mem::Discriminant};
 
 use rig_contact::Circuit;
 use rig_model::{
@@ -99,6 +100,8 @@ pub struct World {
     violations: Vec<Violation>,
     /// The kinds of violation since the probe was last clear.
     told: Vec<Discriminant<ViolationKind>>,
+    /// The highest speed at which the probe has gone into a sample, mm/s.
+    hit_mm_per_s: f64,
     contact_fault: Option<ContactFault>,
     is_stop_pressed: bool,
     /// Where the linear stage stands while its lower limit switch is held pressed.
@@ -187,6 +190,7 @@ impl World {
             watched_until: RigTime::ZERO,
             violations: Vec::new(),
             told: Vec::new(),
+            hit_mm_per_s: 0.0,
             contact_fault: None,
             is_stop_pressed: false,
             held_at_mm: None,
@@ -437,16 +441,22 @@ impl World {
         if is_behind && self.is_felt(now) != self.is_plant_loaded {
             self.advance_plant(self.crossing(since, now));
         }
-        // A lowering probe is deepest at the end of its way; a tilting sample may rise in between.
+        // A lowering probe is deepest where it turns round, or at the end of its way; a tilting sample may rise in between.
         let looks = if is_turning { LOOKS_PER_TURN } else { 1 };
         let span = now.as_micros() - since.as_micros();
         let limit_mm = self.limit_mm();
-        for look in 0..=looks {
-            let at = RigTime::from_micros(since.as_micros() + span * look / looks);
+        let turn = self.linear.turns().filter(|turn| !is_turning && (since..now).contains(turn));
+        let even = |look| RigTime::from_micros(since.as_micros() + span * look / looks);
+        let mut before = None;
+        for at in iter::once(since).chain(turn).chain((1..=looks).map(even)) {
             let indentation_mm = self.indentation_mm(at);
+            let clear_at = before.replace((at, indentation_mm <= 0.0));
             if indentation_mm <= 0.0 {
                 self.told.clear();
                 continue;
+            }
+            if let Some((clear_at, true)) = clear_at {
+                self.hit(clear_at, at);
             }
             if self.rotary.is_moving(at) {
                 self.record(at, ViolationKind::RotatedInContact { indentation_mm });

@@ -130,6 +130,12 @@ impl Motion {
         (elapsed_s > first.duration_s).then(|| first.position(first.duration_s))
     }
 
+    /// When the motor turns round, if it does.
+    pub(super) fn turns(&self) -> Option<RigTime> {
+        let first = self.segments.first().filter(|segment| segment.speed != 0.0)?;
+        (self.segments.len() > 1).then(|| after(self.began, first.duration_s))
+    }
+
     fn state(&self, now: RigTime) -> (f64, f64) {
         let mut left_s = now.since(self.began).as_secs_f64();
         for segment in &self.segments {

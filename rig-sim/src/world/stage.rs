@@ -101,6 +101,11 @@ impl Stage {
         self.motion.speed(now)
     }
 
+    /// When the motor turns round, past or future, if it does.
+    pub(super) fn turns(&self) -> Option<RigTime> {
+        self.motion.turns()
+    }
+
     /// Whether the motor is under way.
     pub fn is_moving(&self, now: RigTime) -> bool {
         now < self.motion.ends()

@@ -90,6 +90,34 @@ fn a_contact_at_an_edge_is_softer_and_beside_it_there_is_none() {
     assert!((0.4..0.7).contains(&part), "{part}");
 }
 
+#[test]
+fn the_speed_into_a_sample_and_the_depth_at_which_a_motor_turns_round_are_seen() {
+    let mut world = quiet();
+    let target = below(&world, 0.1);
+    world.drive(RigTime::ZERO, AxisId::Linear).start(RigTime::ZERO, target, &FAST);
+    // The last tenth of a millimetre of a deceleration of 1000 mm/s².
+    let found = world.fastest_hit_mm_per_s(at(5.0));
+    assert!((13.0..15.0).contains(&found), "{found}");
+
+    let mut world = quiet();
+    let (target, above) = (below(&world, 5.0), below(&world, -0.1));
+    world.drive(RigTime::ZERO, AxisId::Linear).start(RigTime::ZERO, target, &FAST);
+    let mut now = RigTime::ZERO;
+    while world.stage(AxisId::Linear).motor(now) > above {
+        now = now + Duration::from_millis(1);
+    }
+    // It brakes for 1.25 mm, and goes up again before anybody looks.
+    let up = below(&world, -5.0);
+    world.drive(now, AxisId::Linear).start(now, up, &FAST);
+    assert!(world.fastest_hit_mm_per_s(at(5.0)) > 40.0);
+    let [Violation { kind: ViolationKind::PressedTooDeep { indentation_mm, .. }, .. }] =
+        world.violations(at(5.0))
+    else {
+        panic!("{:?}", world.violations(at(5.0)))
+    };
+    assert!((1.05..1.25).contains(indentation_mm), "{indentation_mm}");
+}
+
 /// The depth of the probe, the action, and the expected violation.
 type Row = (f64, fn(&mut World), fn(&ViolationKind) -> bool);
 

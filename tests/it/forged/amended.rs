@@ -49,7 +49,30 @@ async fn a_touch_that_is_measured_again_is_of_the_run_in_whose_name_it_is_listed
     });
     forged.records[0].payload["calibrations"] = json!([cited]);
     forged.write(true);
-    assert_eq!(names(&forged.verdict()), [Check::Calibration]);
+    // Nothing is said to have changed.
+    assert_eq!(names(&forged.verdict()), [Check::Calibration, Check::Plan]);
+    rig.close().await;
+}
+
+/// A redo that was made after the end of a run, or was cut short, is no outcome in the run; a redo of another rig says so.
+#[tokio::test]
+async fn a_touch_that_is_missing_is_not_excused_by_a_later_amendment() {
+    let (rig, run) = sound().await;
+    let id = redone(&rig, &run).await.to_string();
+    let mut forged = Forgery::of(rig.data(), &run);
+    let is_of = |payload: &serde_json::Value| payload["touch"]["step"] == STEP;
+    let result = forged.nth("touch_result", 0, is_of);
+    let begun = forged.nth("step_started", 0, |payload| payload["step"] == STEP);
+    forged.records.drain(begun..=result);
+    forged.write(true);
+    assert!(names(&forged.verdict()).contains(&Check::Row), "{:?}", forged.verdict().findings);
+
+    let mut forged = Forgery::of(rig.data(), &id);
+    let rig_file = Forgery::of(rig.data(), &run).records[0].payload["rig"].clone();
+    let toml = format!("{}\n# another", rig_file["toml"].as_str().unwrap());
+    forged.records[0].payload["rig"] = json!({ "name": rig_file["name"], "toml": toml });
+    forged.write(true);
+    assert!(names(&forged.verdict()).contains(&Check::Plan), "{:?}", forged.verdict().findings);
     rig.close().await;
 }
 

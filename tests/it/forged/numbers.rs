@@ -92,6 +92,19 @@ pub(super) const CASES: &[Case] = &[
             loaded(forged, n, |hz| hz, |sigma| 0.75 * sigma);
         }
     }),
+    ("the same by readings that are said to be left out", Check::Resonance, |forged| {
+        for n in 0..18 {
+            let sigma = get(sweep(forged, n), "/outcome/sigma_hz");
+            loaded(forged, n, |hz| hz + 0.5 * sigma, |sigma| sigma);
+            sweep(forged, n)["outcome"]["left_out"] = json!(1);
+        }
+    }),
+    ("a sweep without what its fit knew", Check::Request, |forged| {
+        sweep(forged, 2).as_object_mut().expect("a record").remove("fit");
+    }),
+    ("readings that are said to have settled", Check::Request, |forged| {
+        sweep(forged, 2)["fit"]["timing"] = json!("waited");
+    }),
     ("a stated noise that is too small", Check::Sigma, |forged| noise(forged, 5, 20.0, 1000.0)),
     ("a small noise with plausible degrees of freedom", Check::Sigma, |forged| {
         noise(forged, 5, 20.0, 60.0);

@@ -166,8 +166,9 @@ impl Engine {
                 self.begin_run(now, Run::new(*plan, from, has_refusals), effects);
             }
             Command::Sweep(request) => {
+                let context = (&self.limits, &mut self.notes);
                 let (sweep, step) =
-                    Sweep::begin(now, SweepPurpose::Manual, &request, None, &mut self.notes);
+                    Sweep::begin(now, SweepPurpose::Manual, &request, None, context);
                 self.activity = Activity::Sweeping(Box::new(sweep));
                 self.follow_sweep(now, step, effects);
             }

@@ -26,8 +26,13 @@ impl TouchMachine {
         } else {
             Prior::anywhere(request.window, context.bench)
         };
-        let (sweep, step) =
-            Sweep::begin(context.now, SweepPurpose::Touch, request, Some(&prior), context.notes);
+        let (sweep, step) = Sweep::begin(
+            context.now,
+            SweepPurpose::Touch,
+            request,
+            Some(&prior),
+            (context.limits, context.notes),
+        );
         self.phase = Phase::Sweeping { contact, sweep: Box::new(sweep), retries_left };
         self.swept(step, context)
     }

@@ -30,7 +30,9 @@ use crate::{
         prior::{Estimate, Prior},
     },
 };
-use options::{Aim, Pace, PlanStart};
+use options::{Aim, PlanStart};
+
+pub(crate) use options::Pace;
 
 /// The first stay: cycles per reading and number of readings.
 const OPENING: (u32, usize) = (2, 5);
@@ -97,6 +99,8 @@ pub(crate) struct Decay {
     aim_hz: f64,
     /// The reason of the last refusal.
     doubt: Option<Reason>,
+    /// The analyzer integrates no shorter than this, s.
+    shortest_s: f64,
 }
 
 impl Decay {
@@ -126,7 +130,17 @@ impl Decay {
             is_searched: false,
             aim_hz: AIM * request.target_sigma_hz,
             doubt: None,
+            shortest_s: 0.0,
         }
+    }
+
+    pub(crate) const fn set_shortest(&mut self, integration_s: f64) {
+        self.shortest_s = integration_s;
+    }
+
+    /// The durations of readings.
+    pub(crate) fn pace(&self) -> Pace {
+        Pace::of(self.stays.as_ref(), self.shortest_s)
     }
 
     pub(crate) fn add(&mut self, readings: &[Reading], window: Window) {
@@ -264,7 +278,6 @@ impl Decay {
             }
             return Ok(points(request.window, frequency_hz, FORCED));
         }
-        let pace = Pace::of(of, elapsed_s);
         let ground = PlanStart {
             stays: of,
             best,
@@ -272,7 +285,8 @@ impl Decay {
             window: request.window,
             aim: self.aim(best),
             modes: self.modes.as_ref(),
-            pace,
+            pace: self.pace(),
+            spent_s: elapsed_s,
             left_s: request.time_limit_s - elapsed_s,
         };
         let (frequency_hz, cycles, count) = ground.choose();

@@ -251,10 +251,10 @@ fn beyond(page: &mut Page, cells: &[Cell]) {
         "A spring that softens slightly at the peak changes the readings of one sweep in the same \
          way as another resonance does. No estimator can detect it in the readings, and all of \
          them, the production fit included, are silently wrong here. A second sweep at another \
-         level detects it (above, `with a step of the level`: the result is a sweep at the full level, as in the daemon, or a \
-         refusal if the resonances at half and at full level differ by four standard deviations. Eight sweeps at each level \
-         find the difference, as the `level_check` of a protocol does. A softening that they do not show shifts the result by \
-         up to 4·½·4/3 = 2.7 of its standard deviations. A shift in contact is the difference of two sweeps at one level, in \
+         level detects it (above, `with a step of the level`: the result is a sweep at the full level, or a refusal by the \
+         daemon's own check of the level, the `level_check` of a protocol. It measures until the difference of the levels is \
+         certainly less than two standard deviations of a sweep. A softening that it does not show shifts a result by up to \
+         2·4/3 = 2.7 of its standard deviations. A shift in contact is the difference of two sweeps at one level, in \
          which most of that cancels). This map is not part of the count.",
     );
     let wrong = where_wrong(cells.iter().filter(|cell| cell.axis.is_beyond_one_sweep()));

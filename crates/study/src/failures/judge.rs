@@ -1,9 +1,10 @@
 //! Judgement of a result: right, refused, or silently wrong.
 
-use std::{borrow::Cow, ops::Range};
+use std::{borrow::Cow, ops::Range, time::Duration};
 
 use rayon::prelude::*;
-use rig_model::{Reading, SweepMethod, Window, random::Stream};
+use rig_engine::{Drift, LevelCheck, Levels};
+use rig_model::{Reading, RigTime, SweepMethod, Window, random::Stream};
 use rig_resonance::{
     Estimator, FitOptions, FitOutcome, NoisePrior, Planner, Prior, Reason, Refusal, fit,
 };
@@ -40,8 +41,6 @@ const OWN_SIGMAS: f64 = 5.0;
 const BOUNDS: f64 = 10.0;
 /// Time limit of a planned sweep, s: that of the shipped protocols.
 const LIMIT_S: f64 = 30.0;
-/// Sweeps at each level by which the daemon checks it.
-const SWEEPS_OF_LEVEL: f64 = 8.0;
 /// Duration of the survey before a planned sweep, s.
 pub(super) const SURVEY_S: u32 = 240;
 /// The resonance of a planned sweep is shifted at random by at most this much, Hz.
@@ -349,28 +348,39 @@ fn production(axis: Axis, scene: &Scene, id: SweepId, readings: &[Reading]) -> S
     SweepResult { differ, ..result(axis, &scene, id, &verdict) }
 }
 
-/// A check of the level, and a sweep at the full one behind it. As in the daemon, the difference of the two levels is measured
-/// until it is known twice as well as a resonance: by eight sweeps each, which are one with as much less noise here.
+/// The daemon's check of the level, and a sweep at the full one behind it. Sweeps at half and at full level follow in turn, a
+/// second each, until the check ends.
 fn with_step(
     axis: Axis,
     scene: &Scene,
     id: SweepId,
     mut random: Stream,
 ) -> (Vec<Reading>, SweepResult) {
-    let full = Scene { noise: scene.noise / SWEEPS_OF_LEVEL.sqrt(), ..*scene };
-    let half = Scene { softening: 0.25 * scene.softening, ..full };
-    let [of_low, of_high] =
-        [half, full].map(|scene| verdict(axis, &scene, &scene.measure(random.fork())));
-    let readings = scene.measure(random);
-    let differ = differ(&of_low, &of_high);
-    let verdict = match (of_low, of_high) {
-        (FitOutcome::Accepted(_), FitOutcome::Accepted(_)) if differ => {
-            FitOutcome::Refused(Refusal { reason: Reason::Nonlinear, estimate: None })
+    let half = Scene { softening: 0.25 * scene.softening, ..*scene };
+    let (mut check, drift) = (None::<LevelCheck>, Drift::default());
+    let (mut levels, mut refused) = (Levels::Open, None);
+    while levels == Levels::Open && refused.is_none() {
+        let is_half = check.as_ref().is_some_and(LevelCheck::is_half_next);
+        let level = if is_half { &half } else { scene };
+        match (verdict(axis, level, &level.measure(random.fork())), &mut check) {
+            (FitOutcome::Accepted(found), Some(check)) => {
+                let at = RigTime::ZERO + Duration::from_secs(check.sweeps() as u64);
+                levels = check.take(&(at, found), &drift);
+            }
+            (FitOutcome::Accepted(survey), None) => {
+                check = Some(LevelCheck::new(None, &(RigTime::ZERO, survey)));
+            }
+            (outcome @ FitOutcome::Refused(_), _) => refused = Some(outcome),
         }
-        (FitOutcome::Accepted(_), FitOutcome::Accepted(_)) => verdict(axis, scene, &readings),
-        (FitOutcome::Accepted(_), refused) | (refused, _) => refused,
-    };
-    (readings, SweepResult { differ: Some(differ), ..result(axis, scene, id, &verdict) })
+    }
+    let readings = scene.measure(random);
+    let is_different = levels == Levels::Differ;
+    if is_different {
+        let refusal = Refusal { reason: Reason::Nonlinear, estimate: None };
+        refused = Some(FitOutcome::Refused(refusal));
+    }
+    let verdict = refused.unwrap_or_else(|| verdict(axis, scene, &readings));
+    (readings, SweepResult { differ: Some(is_different), ..result(axis, scene, id, &verdict) })
 }
 
 fn verdict(axis: Axis, scene: &Scene, readings: &[Reading]) -> FitOutcome {

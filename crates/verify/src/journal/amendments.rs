@@ -5,12 +5,17 @@ use std::collections::BTreeMap;
 use rusqlite::{Connection, OptionalExtension, params};
 
 use super::Listed;
-use crate::record::{Amended, Record, RunStarted};
+use crate::{
+    record::{Amended, Record, RunStarted},
+    seam::Stated,
+};
 
-/// What each amendment of a run amends.
+/// What each amendment of a run amends, and whether it was written before the run had ended.
 pub(super) const AMENDED: &str = "
-    SELECT payload FROM runs CROSS JOIN records ON records.run = runs.key
-    WHERE runs.kind = 'amendment' AND runs.name = ?1 AND records.kind = 'amended' AND seq = 1";
+    SELECT payload, records.id < ifnull((SELECT max(ends.id) FROM records AS ends
+        WHERE ends.run = ?1 AND ends.kind = 'run_finished'), records.id + 1)
+    FROM runs CROSS JOIN records ON records.run = runs.key
+    WHERE runs.kind = 'amendment' AND runs.name = ?2 AND records.kind = 'amended' AND seq = 1";
 
 /// What may be the outcome of a touch in an amendment that ended before a run went on.
 pub(super) const DONE_ELSEWHERE: &str = "
@@ -51,20 +56,24 @@ pub(crate) struct Head {
     pub(crate) is_of_run: bool,
 }
 
-/// The touches of a run that were measured again or left out.
-pub(super) fn amended_steps(
+/// The touches of a run that were left out before it had ended, and whether it has any amendment.
+pub(super) fn left_out(
     connection: &Connection,
-    run: &str,
-) -> Result<Vec<String>, rusqlite::Error> {
+    run: &Listed,
+) -> Result<(Vec<String>, bool), rusqlite::Error> {
     let mut statement = connection.prepare_cached(AMENDED)?;
-    let payloads = statement.query_map([run], |row| row.get::<_, String>(0))?;
-    let mut steps = Vec::new();
-    for payload in payloads {
-        if let Ok(Record::Amended(amended)) = serde_json::from_str(&payload?) {
-            steps.push(amended.step);
+    let mut rows = statement.query(params![run.key, run.id])?;
+    let (mut left_out, mut is_amended) = (Vec::new(), false);
+    while let Some(row) = rows.next()? {
+        is_amended = true;
+        if let Ok(Record::Amended(amended)) = serde_json::from_str(&row.get::<_, String>(0)?)
+            && amended.what == "skip"
+            && row.get(1)?
+        {
+            left_out.push(amended.step);
         }
     }
-    Ok(steps)
+    Ok((left_out, is_amended))
 }
 
 /// The touches of a run with an outcome in an amendment that had ended, before each record at which the run goes on,
@@ -88,13 +97,14 @@ pub(super) fn done_elsewhere(
     Ok(done)
 }
 
-/// The settings of an amendment: its own, or those of the last resumption of its run before. Its run is the one in whose name
-/// it is listed, whatever its first record says. `None` if that run is not there.
+/// The settings of an amendment: its own, or those of the last resumption of its run before, and what the last part of the run
+/// before it states. Its run is the one in whose name it is listed, whatever its first record says. `None` if that run is not
+/// there.
 pub(super) fn settings_of(
     connection: &Connection,
     Amended { rig, .. }: &Amended,
     &Listed { key, name: ref run, .. }: &Listed,
-) -> Result<Option<Box<RunStarted>>, rusqlite::Error> {
+) -> Result<Option<(Box<RunStarted>, Stated)>, rusqlite::Error> {
     let payload: Option<String> = connection
         .query_row(
             "SELECT payload FROM records WHERE run = (SELECT key FROM runs WHERE id = ?1) AND seq = 1",
@@ -107,19 +117,16 @@ pub(super) fn settings_of(
     else {
         return Ok(None);
     };
+    let mut stated = Stated::of(&started);
     let mut seams = connection.prepare_cached(SEAMS_BEFORE)?;
     let mut rows = seams.query(params![run, key])?;
     while let Some(row) = rows.next()? {
-        if let Ok(Record::Resumed(resumed)) = serde_json::from_str(&row.get::<_, String>(0)?)
-            && let Some(rig) = resumed.rig
-        {
-            started.rig = rig;
+        if let Ok(Record::Resumed(resumed)) = serde_json::from_str(&row.get::<_, String>(0)?) {
+            stated.take(&resumed);
         }
     }
-    if let Some(rig) = rig {
-        started.rig = rig.clone();
-    }
-    Ok(Some(started))
+    started.rig = rig.clone().unwrap_or_else(|| stated.rig().clone());
+    Ok(Some((started, stated)))
 }
 
 /// The end of a run when it was amended; `None` if it has no record before the amendment.

@@ -12,7 +12,7 @@ const SWEEPS_AT_DEPTH: u32 = 2;
 /// A reference that is too vague is measured once more, and then taken as it is.
 const REFERENCES: u32 = 2;
 /// The same for each of the sweeps by which the level is checked, at most so many with the survey.
-const SWEEPS_OF_LEVELS: u32 = 25;
+const SWEEPS_OF_LEVELS: u32 = 49;
 /// Begins of the reason if the analyzer has given up on its readings.
 const FLAGGED: &str = "the analyzer flagged ";
 /// Numbers of a reason are those of the readings but for their last digits.

@@ -269,6 +269,11 @@ fn request(
         findings.within(Check::Request, seq, what, "within", resonance_hz, window.clone());
     }
     if let Some(fit) = &sweep.fit {
+        let timing = asked.timing();
+        if timing.is_some_and(|timing| timing != fit.timing) {
+            let what = "what a fit knows of the times of the readings";
+            findings.add(Check::Request, seq, what, timing.unwrap_or_default(), &fit.timing);
+        }
         let [min, max] = fit.window_hz;
         if min < min_hz || max > max_hz {
             let what = "the window of a fit is wider than that of the protocol";
@@ -279,6 +284,9 @@ fn request(
                 (format!("{:?}", asked.target_sigma_hz()), format!("{:?}", fit.target_sigma_hz));
             findings.add(Check::Request, seq, "the precision asked for, Hz", expected, found);
         }
+    } else {
+        let what = "what the fit of an accepted sweep knew before it";
+        findings.add(Check::Request, seq, what, "its window and its noise", "nothing");
     }
     if let Some(target) =
         asked.target_sigma_hz().filter(|target| sigma_hz.is_nan() || sigma_hz > *target)

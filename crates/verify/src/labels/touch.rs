@@ -269,13 +269,7 @@ impl Labels {
         self.halfway(seq, result, settings, findings);
         let of = (result.no_load_sweep, result.no_load_hz, result.no_load_sigma_hz);
         self.reference(seq, of, findings);
-        let shift = result.resonance_hz - result.no_load_hz;
-        let what = "the shift, Hz: loaded less reference";
-        findings.agree(Check::Shift, seq, what, (shift, result.shift_hz), COPY);
-        let sigma = result.sigma_hz.hypot(result.no_load_sigma_hz);
-        let with_drift = sigma.hypot(result.drift_sigma_hz);
-        let what = "the standard deviation of the shift, Hz: of both resonances and the drift";
-        findings.agree(Check::Shift, seq, what, (with_drift, result.shift_sigma_hz), COPY);
+        let (shift, sigma) = check_shift(seq, result, findings);
         self.references.drifted(seq, self.swept_s, result, findings);
         self.felt(seq, true, (shift, sigma), settings, findings);
         self.last = Some(result.clone());
@@ -471,9 +465,7 @@ impl Labels {
             let what = "the surface of a touch is that of another one";
             findings.add(Check::Copy, seq, what, &step.started.step, &surface.step);
         }
-        let what = "the depth, mm: surface less linear stage";
-        let depth = surface_mm - linear_mm;
-        findings.agree(Check::Indentation, seq, what, (depth, indentation_mm), COPY);
+        check_depth(seq, (surface_mm, linear_mm), indentation_mm, findings);
         if let Some(settings) = settings {
             let (asked, rig) = (settings.protocol.touch.indentation_mm, &settings.rig);
             let tolerance = rig.linear.tolerance_mm + ROUNDING;
@@ -537,4 +529,28 @@ fn contradicted(seq: u64, result: &TouchResult, refused: &TouchRefused, findings
         let what = "the sweeps of a contradicted touch";
         findings.add(Check::Copy, seq, what, format!("{sweeps:?}"), format!("{found:?}"));
     }
+}
+
+/// Checks the shift of a result and its standard deviation. Returns what they are, without the drift, Hz.
+pub(crate) fn check_shift(seq: u64, result: &TouchResult, findings: &mut Findings) -> (f64, f64) {
+    let shift = result.resonance_hz - result.no_load_hz;
+    let what = "the shift, Hz: loaded less reference";
+    findings.agree(Check::Shift, seq, what, (shift, result.shift_hz), COPY);
+    let sigma = result.sigma_hz.hypot(result.no_load_sigma_hz);
+    let with_drift = sigma.hypot(result.drift_sigma_hz);
+    let what = "the standard deviation of the shift, Hz: of both resonances and the drift";
+    findings.agree(Check::Shift, seq, what, (with_drift, result.shift_sigma_hz), COPY);
+    (shift, sigma)
+}
+
+/// Checks the depth of a touch by its surface and the linear stage, mm.
+pub(crate) fn check_depth(
+    seq: u64,
+    (surface_mm, linear_mm): (f64, f64),
+    indentation_mm: f64,
+    findings: &mut Findings,
+) {
+    let what = "the depth, mm: surface less linear stage";
+    let depth = surface_mm - linear_mm;
+    findings.agree(Check::Indentation, seq, what, (depth, indentation_mm), COPY);
 }

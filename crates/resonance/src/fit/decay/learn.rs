@@ -60,6 +60,9 @@ const NEAREST: f64 = 0.4;
 const RELEVANT: f64 = 4.5;
 /// Twice the log-likelihood that a second mode must gain. Chance reaches it in one survey of a thousand.
 const MODE_GAIN: f64 = 18.0;
+/// The same from which on a mode that is not certain counts with the size that it would have. Chance reaches it in one survey
+/// of fifty.
+const MODE_POSSIBLE: f64 = 9.0;
 
 /// The knowledge of the bench from readings around the resonance `options.near`.
 ///
@@ -174,7 +177,7 @@ impl Remainder {
 
 /// What the readings say of second modes.
 struct Modes {
-    /// Standard deviation of the capacitance of a possible one relative to the first, the largest of all places.
+    /// Root of the mean square of the capacitance of a possible one relative to the first, the largest of all places.
     sigma: f64,
     /// The frequencies in the window at which one would have been noticed; nowhere if no place was looked at.
     surveyed: Window,
@@ -226,7 +229,8 @@ fn modes(stays: &Stays, best: &Hypothesis, expected: &CircuitPrior, bench: &Benc
             present = Some(Mode { near_hz, gain, dispersion_step: -step[DISPERSION] });
         }
         if (near_hz - at_hz).abs() < RELEVANT * width_hz {
-            let of_place = variance.sqrt() / best.at.c1;
+            let size = if step[MODE] < 0.0 && gain > MODE_POSSIBLE { step[MODE] } else { 0.0 };
+            let of_place = size.hypot(variance.sqrt()) / best.at.c1;
             sigma = Some(sigma.map_or(of_place, |sigma| sigma.max(of_place)));
         }
     }

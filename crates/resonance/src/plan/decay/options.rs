@@ -3,7 +3,7 @@
 use std::{borrow::Cow, f64::consts::TAU};
 
 use num_complex::Complex64;
-use rig_model::Window;
+use rig_model::{SweepPoint, Window};
 
 use crate::{
     circuit::trace::{CIRCUIT, UNKNOWNS},
@@ -42,28 +42,39 @@ const GAP_S: f64 = 1.5e-3;
 /// Largest ratio of variances, used before the readings determine one.
 const MISSING_MAX: f64 = 1e12;
 
-/// Durations of readings and of the sweep, s.
+/// Durations of readings.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Pace {
+pub(crate) struct Pace {
     /// Mean gap between two readings of a stay, s.
     gap_s: f64,
-    /// Duration of the sweep so far, s.
-    pub(super) spent_s: f64,
+    /// The analyzer integrates no shorter than this, s.
+    shortest_s: f64,
 }
 
 impl Pace {
-    pub(super) fn of(stays: &Stays, spent_s: f64) -> Self {
+    pub(super) fn of(stays: Option<&Stays>, shortest_s: f64) -> Self {
         let (mut sum, mut count) = (GAP_S, 1.0);
-        for pair in stays.all.iter().flat_map(|one| one.samples.windows(2)) {
+        let stays = stays.map_or(&[][..], |stays| &stays.all);
+        for pair in stays.iter().flat_map(|one| one.samples.windows(2)) {
             sum += (pair[1].start_s - pair[0].start_s - pair[0].integration_s).max(0.0);
             count += 1.0;
         }
-        Self { gap_s: sum / count, spent_s }
+        Self { gap_s: sum / count, shortest_s }
+    }
+
+    /// The integration time of a reading, s.
+    fn integration_s(&self, cycles: u32, frequency_hz: f64) -> f64 {
+        (f64::from(cycles) / frequency_hz).max(self.shortest_s)
     }
 
     /// Duration of one reading with the gap before it, s.
-    pub(super) fn reading_s(&self, cycles: u32, frequency_hz: f64) -> f64 {
-        self.gap_s + f64::from(cycles) / frequency_hz
+    fn reading_s(&self, cycles: u32, frequency_hz: f64) -> f64 {
+        self.gap_s + self.integration_s(cycles, frequency_hz)
+    }
+
+    /// The duration of this reading with its settling and the gap before it, s.
+    pub(crate) fn point_s(&self, point: &SweepPoint) -> f64 {
+        point.settle_s + self.reading_s(point.cycles, point.frequency_hz)
     }
 }
 
@@ -77,6 +88,8 @@ pub(super) struct PlanStart<'a> {
     pub(super) aim: Aim,
     pub(super) modes: Option<&'a Modes>,
     pub(super) pace: Pace,
+    /// Duration of the sweep so far, s.
+    pub(super) spent_s: f64,
     /// Remaining time, s.
     pub(super) left_s: f64,
 }
@@ -236,7 +249,7 @@ impl PlanStart<'_> {
         };
         let reading_s = self.pace.reading_s(chosen.cycles, chosen.frequency_hz);
         let allowed_s =
-            (PART * chosen.seconds).min(PART * self.pace.spent_s).min(self.left_s).max(SHORT_S);
+            (PART * chosen.seconds).min(PART * self.spent_s).min(self.left_s).max(SHORT_S);
         let whole = chosen.seconds <= SHORT_S;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small")]
         let part = ((allowed_s / reading_s).ceil() as usize).clamp(2, chosen.count.max(2));
@@ -293,7 +306,7 @@ impl PlanStart<'_> {
         for cycles in self.cycles() {
             let frequency_hz = stay.frequency_hz;
             let reading_s = self.pace.reading_s(cycles, frequency_hz);
-            let reading = (reading_s, f64::from(cycles) / frequency_hz);
+            let reading = (reading_s, self.pace.integration_s(cycles, frequency_hz));
             let next = Course::new(model, &stay.samples, reading, COUNT_MAX);
             let model = (model, &self.stays.known);
             let mut forecast = Forecast::new(model, ring, modes.last(*place), &stay.samples, &next);
@@ -322,7 +335,7 @@ impl PlanStart<'_> {
         let end_of_mode = present.modes.last(present.place).motion(since_s);
         for cycles in self.cycles() {
             let reading_s = self.pace.reading_s(cycles, frequency_hz);
-            let reading = (reading_s, f64::from(cycles) / frequency_hz);
+            let reading = (reading_s, self.pace.integration_s(cycles, frequency_hz));
             let next = Course::new(&model, &[], reading, COUNT_MAX);
             let mut forecasts: [Forecast<'_>; PHASES] = std::array::from_fn(|phase| {
                 let turn = Complex64::cis(TAU * phase as f64 / PHASES as f64);
