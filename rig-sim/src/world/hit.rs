@@ -5,7 +5,7 @@ use rig_model::RigTime;
 use super::World;
 
 impl World {
-    /// The highest speed of the linear stage at which the probe has gone into a sample, mm/s; 0 if it has not.
+    /// The highest speed downwards of the linear stage at which the probe has gone into a sample, mm/s; 0 if it has not.
     pub fn fastest_hit_mm_per_s(&mut self, now: RigTime) -> f64 {
         self.watch(now);
         self.hit_mm_per_s
@@ -20,7 +20,8 @@ impl World {
             let is_in = self.indentation_mm(RigTime::from_micros(middle)) > 0.0;
             if is_in { after = middle } else { before = middle }
         }
-        let speed = self.linear.speed(RigTime::from_micros(before)).abs();
-        self.hit_mm_per_s = self.hit_mm_per_s.max(speed);
+        // Lost steps can take it in while the motor goes up.
+        let downwards = -self.linear.speed(RigTime::from_micros(before));
+        self.hit_mm_per_s = self.hit_mm_per_s.max(downwards);
     }
 }

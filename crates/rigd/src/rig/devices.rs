@@ -21,6 +21,9 @@ pub(super) struct Axes {
     pub(super) rotary: Stage<Deg>,
     /// Whether the linear stage is known to home upwards, away from the sample.
     pub(super) is_homing_up: bool,
+    /// Whether the rotary stage is homed anew before it is used, although its drive may say that it is homed: the program
+    /// before noted a fault and did not bring the rig into service again, and it may have been one of the count of the drive.
+    pub(super) is_rotary_doubtful: bool,
     pub(super) gate: Gate,
 }
 
@@ -108,7 +111,10 @@ impl Axes {
                 homed.map(Report::LinearHomed).map_err(linear)
             }
             Operation::PrepareRotary => {
-                prepare(&mut self.rotary, false, stop).await.map(Report::RotaryAt).map_err(rotary)
+                let anew = self.is_rotary_doubtful;
+                let at = prepare(&mut self.rotary, anew, stop).await.map_err(rotary)?;
+                self.is_rotary_doubtful = false;
+                Ok(Report::RotaryAt(at))
             }
             &Operation::MoveLinear { target, speed_mm_per_s } => {
                 let moved = self.linear.move_to(target, speed_mm_per_s, stop).await;

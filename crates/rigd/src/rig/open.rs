@@ -171,7 +171,7 @@ pub(super) async fn open_rig(
     let is_homing_up = file.linear.is_homing_up;
     let patience = Duration::from_secs_f64(file.recovery_patience_s);
     let gate = Gate::new(&file.limits, proven, clock);
-    let axes = Axes { linear, rotary, is_homing_up, gate: gate.clone() };
+    let axes = Axes { linear, rotary, is_homing_up, is_rotary_doubtful: false, gate: gate.clone() };
     // A descent ends at its target at the latest, so that some hundred readings wait here at most.
     let (readings, streamed) = mpsc::unbounded_channel();
     let analyzer = GatedAnalyzer { analyzer, gate: gate.clone(), readings };

@@ -307,6 +307,7 @@ async fn retract(
         linear: stage(&bus, &file.linear, instruments.linear, file.limits.linear),
         rotary: stage(&bus, &file.rotary, instruments.rotary, file.limits.rotary),
         is_homing_up: file.linear.is_homing_up,
+        is_rotary_doubtful: false,
         gate: Gate::new(&file.limits, Proven::Bench, clock),
     };
     let frames = axes.halt_frames().map_err(device("bus", &file.bus))?;

@@ -230,6 +230,37 @@ impl Reader {
         Ok(last_moves_mm.map(|last_moves_mm| Jump { last_moves_mm, is_homing_open }))
     }
 
+    /// Whether a program that brought a rig into service has noted a fault of it since it was last in service. The faults that
+    /// a way out of contact notes are those of the program before.
+    ///
+    /// # Errors
+    /// [`StoreError`] of the system or of SQLite, or [`StoreError::Unreadable`].
+    pub fn is_faulted_since_service(&self, rig: &str) -> Result<bool, StoreError> {
+        let of_epoch = select_records(&format!(
+            "WHERE {OF_EPOCH} AND records.kind IN ('fault', 'state_changed') ORDER BY records.id DESC"
+        ));
+        let sessions = "WHERE kind = 'session' AND name = ?1 ORDER BY key DESC";
+        for session in self.select_runs(sessions, [rig])? {
+            let (mut is_faulted, mut was_preparing) = (false, false);
+            let mut statement = self.connection.prepare_cached(&of_epoch)?;
+            let mut rows = statement.query([session.epoch.cast_signed()])?;
+            while let Some(row) = rows.next()? {
+                match record_from(row)?.record()? {
+                    Record::StateChanged(change) if change.state == "idle" => {
+                        return Ok(is_faulted);
+                    }
+                    Record::StateChanged(change) => was_preparing |= change.state == "preparing",
+                    Record::Fault(_) => is_faulted = true,
+                    _ => {}
+                }
+            }
+            if was_preparing && is_faulted {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
     fn last_step(&self, run: RunId) -> Result<Option<String>, StoreError> {
         let mut statement = self.connection.prepare_cached(&select_records(
             "WHERE run = (SELECT key FROM runs WHERE id = ?1) AND records.kind = 'step_started'

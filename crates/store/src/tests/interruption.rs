@@ -74,6 +74,28 @@ fn a_position_that_was_said_to_be_wrong_stays_so_until_the_rig_was_in_service() 
 }
 
 #[test]
+fn a_fault_stands_until_the_rig_is_in_service_again_and_that_of_a_way_out_is_none() {
+    let directory = Directory::new();
+    let found = |said: &[Record]| {
+        let store = Store::open(directory.path()).unwrap();
+        let mut journal = store.begin(RunKind::Session, "bench").unwrap();
+        for record in said {
+            append(&mut journal, 0, record);
+        }
+        journal.commit().unwrap();
+        Reader::open(directory.path()).unwrap().is_faulted_since_service("bench").unwrap()
+    };
+    let way_out = [lost(), state("retracting"), state("latched")];
+    assert!(!found(&[preparing(), state("idle")]));
+    assert!(!found(&way_out));
+    assert!(found(&[preparing(), state("idle"), lost(), state("latched")]));
+    // A start that finds it latched, a way out, and a preparation that does not end.
+    assert!(found(&[lost(), state("latched")]) && found(&way_out) && found(&[preparing()]));
+    assert!(!found(&[lost(), state("latched"), preparing(), state("idle")]));
+    assert!(found(&[preparing(), lost()]));
+}
+
+#[test]
 fn a_run_goes_on_as_long_as_its_program_lives() {
     let directory = Directory::new();
     let store = Store::open(directory.path()).unwrap();
