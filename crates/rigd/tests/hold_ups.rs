@@ -24,7 +24,7 @@ use rig_store::{MoveReason, Reader, Record, StoredRecord, SweepPurpose};
 use rustix::process::Signal;
 use tempfile::TempDir;
 
-use program::{Program, at_once, check_clear};
+use program::{Program, at_once, check_clear, post, request, wait_until};
 
 /// The phases of a touch, each by the record with which it begins.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -233,4 +233,42 @@ fn a_wall_clock_that_jumps_to_and_fro_changes_no_result_and_is_recorded() {
     assert!(forward > 0 && back > 0, "{jumps:?}");
     let report = fs::read_to_string(with_jumps["report"].as_str().unwrap()).unwrap();
     assert!(report.contains("the wall clock was set by +86400.0 s"));
+}
+
+/// The id of a run has its time.
+#[test]
+fn runs_after_the_wall_clock_was_set_back_are_sound() {
+    let folder = TempDir::new().unwrap();
+    let library = preload::library("hold_ups/clock.c", folder.path());
+    let back = folder.path().join("back");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rigd"));
+    command.env("LD_PRELOAD", &library).env("RIGD_CLOCK_BACK", &back);
+    command
+        .args(["serve", "--rig", "config/rigs/simulated.toml"])
+        .args(["--listen", "127.0.0.1:0", "--data"])
+        .arg(folder.path().join("data"))
+        .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../.."));
+    let mut daemon = Program::spawn(&mut command, folder.path().join("data"));
+    let address = daemon.wait_for_address();
+    let latest = || Reader::open(&daemon.data).and_then(|reader| reader.find("latest"));
+    for run in 1..=3 {
+        if run == 2 {
+            fs::write(&back, "").unwrap();
+        }
+        wait_until("the rig to be idle", || {
+            request(&address, "GET /api/v1/rig", "").contains("\"state\":\"idle\"")
+        });
+        let smoke = include_str!("../../../config/protocols/smoke.toml");
+        let begun = serde_json::json!({ "protocol_toml": smoke }).to_string();
+        let begun = post(&address, "runs", &begun);
+        assert!(begun.starts_with("HTTP/1.1 202"), "{begun}");
+        wait_until("the run to end", || {
+            latest().is_ok_and(|latest| latest.number == run && latest.is_sealed)
+        });
+        let id = latest().unwrap().id.to_string();
+        let verdict = rig_verify::verify(&daemon.data, &id).unwrap();
+        assert!(verdict.is_sound, "run {run}: {:?}", verdict.findings);
+    }
+    daemon.signal(Signal::TERM);
+    assert!(daemon.end().0.success());
 }

@@ -11,7 +11,7 @@ use std::{
 };
 
 use rusqlite::params;
-use uuid::Uuid;
+use uuid::{NoContext, Timestamp, Uuid};
 
 use crate::{
     Digest, Ending, GivenUp, MemoryDisk, Reader, Record, RunFinished, RunId, RunKind, RunStatus,
@@ -151,7 +151,8 @@ impl Store {
     /// # Errors
     /// [`StoreError`] of the system or of SQLite, or [`StoreError::Closed`].
     pub fn begin(&self, kind: RunKind, name: &str) -> Result<Journal, StoreError> {
-        let id = RunId::new(Uuid::now_v7());
+        // `now_v7` keeps its ids in order: after the wall clock was set back, it goes on from the time before.
+        let id = RunId::new(Uuid::new_v7(Timestamp::now(NoContext)));
         let last = locked(&self.writer, |writer| writer.insert_run(id, kind, name))?;
         Ok(self.journal(id, kind, last))
     }
