@@ -155,7 +155,7 @@ impl InterruptedRig {
                 intact(session.id, &reader.verify(session.id)?)?;
                 let is_last =
                     |run: &Run| run.kind != RunKind::Session && run.epoch == session.epoch;
-                if let Some(run) = reader.runs()?.into_iter().find(is_last) {
+                if let Some(run) = reader.every_run()?.into_iter().find(is_last) {
                     // One that is archived has all records that tell where the probe was.
                     intact(run.id, &reader.verify(run.id)?)?;
                 }
@@ -213,7 +213,7 @@ impl InterruptedRig {
             true if Self::was_lowered(reader, &session)? => LeftProbe::Lowered,
             true => LeftProbe::Unproven,
         };
-        let run = reader.runs()?.into_iter().find(is_its_run);
+        let run = reader.every_run()?.into_iter().find(is_its_run);
         let (what, left) = match run {
             // It ended with its program, so that nothing was said of the probe after it.
             Some(run) => (run.short_name(), InterruptionView::read(reader, &run)?.unwrap_or(left)),
@@ -230,7 +230,7 @@ impl InterruptedRig {
     /// after every end, leaves the rig latched; where it has shown the probe clear, what the program before it left stands.
     fn before_ways_out(reader: &Reader, latest: &Run) -> Result<Option<Run>, StoreError> {
         let is_own = |run: &Run| run.kind == RunKind::Session && run.name == latest.name;
-        for session in reader.runs()?.into_iter().filter(is_own) {
+        for session in reader.every_run()?.into_iter().filter(is_own) {
             if session.status.is_interrupted() || was_in_service(reader, &session)? {
                 intact(session.id, &reader.verify(session.id)?)?;
                 return Ok(Some(session));
@@ -245,7 +245,7 @@ impl InterruptedRig {
         let is_earlier = |run: &Run| {
             run.kind == RunKind::Session && run.name == session.name && run.epoch <= session.epoch
         };
-        for session in reader.runs()?.into_iter().filter(is_earlier) {
+        for session in reader.every_run()?.into_iter().filter(is_earlier) {
             match reader.probe_word(&session)? {
                 ProbeWord::Silent => {}
                 word => return Ok(word != ProbeWord::Clear),
@@ -269,7 +269,7 @@ fn was_in_service(reader: &Reader, session: &Run) -> Result<bool, StoreError> {
 
 /// The names of the sessions since the last one of a rig, the latest first.
 fn names_since(reader: &Reader, rig: &str) -> Result<Vec<String>, StoreError> {
-    let sessions = reader.runs()?.into_iter().filter(|run| run.kind == RunKind::Session);
+    let sessions = reader.every_run()?.into_iter().filter(|run| run.kind == RunKind::Session);
     let mut seen = BTreeSet::new();
     let names = sessions.map(|run| run.name).take_while(|name| name != rig);
     Ok(names.filter(|name| seen.insert(name.clone())).collect())

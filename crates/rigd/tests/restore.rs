@@ -122,25 +122,57 @@ fn a_backup_with_a_flaw_is_not_restored_and_the_flaw_is_named() {
 }
 
 #[test]
+fn a_run_whose_entry_in_the_list_is_damaged_is_named_and_its_backup_is_not_whole() {
+    let folder = backed_up();
+    let [data, backup, new] = ["data", "again", "new"].map(|name| folder.path().join(name));
+    let id = Reader::open(&data).unwrap().runs().unwrap()[1].id.to_string();
+    let database = rusqlite::Connection::open(data.join("rigd.db")).unwrap();
+    database.execute("UPDATE runs SET kind = 'rux' WHERE key = 1", []).unwrap();
+    drop(database);
+    let listed = rigd(&[Path::new("runs"), Path::new("--data"), &data], &[]);
+    assert!(listed.status.success(), "{}", said(&listed));
+    assert!(String::from_utf8_lossy(&listed.stdout).contains("test-1"), "{listed:?}");
+    let told = said(&listed);
+    assert!(told.contains(&format!("not listed: {id}")) && told.contains("rigd salvage"), "{told}");
+    let shown = rigd(&[Path::new("show"), Path::new(&id), Path::new("--data"), &data], &[]);
+    assert!(said(&shown).contains("rigd salvage NEW"), "{}", said(&shown));
+    let copied = rigd(&[Path::new("backup"), &backup, Path::new("--data"), &data], &[]);
+    assert_eq!(copied.status.code(), Some(7), "{}", said(&copied));
+    assert!(said(&copied).contains("its kind is damaged"), "{}", said(&copied));
+    assert_eq!(restore(&backup, &new, &[]).status.code(), Some(7));
+}
+
+#[test]
 fn a_kill_at_any_call_leaves_no_journal_or_all_of_it() {
     let folder = backed_up();
+    let (data, backup) = (folder.path().join("data"), folder.path().join("backup"));
+    check_kills(&folder, "restored", |to, environment| restore(&backup, to, environment));
+    for command in ["backup", "salvage"] {
+        check_kills(&folder, &format!("by-{command}"), |to, environment| {
+            rigd(&[Path::new(command), to, Path::new("--data"), &data], environment)
+        });
+    }
+}
+
+/// A command that makes a directory with a journal is killed at each of its calls, and begun again where it left none.
+fn check_kills(folder: &TempDir, name: &str, command: impl Fn(&Path, &[(&str, String)]) -> Output) {
     let shim = preload::library("disk/kill.c", folder.path());
-    let (backup, count) = (folder.path().join("backup"), folder.path().join("count"));
+    let count = folder.path().join("count");
     let killed = |data: &Path, at: Option<u32>| {
         let mut environment = vec![
             ("LD_PRELOAD", shim.to_str().unwrap().to_owned()),
             ("RIGD_KILL_COUNT", count.to_str().unwrap().to_owned()),
         ];
         environment.extend(at.map(|at| ("RIGD_KILL_AT", at.to_string())));
-        let output = restore(&backup, data, &environment);
+        let output = command(data, &environment);
         (output, fs::read_to_string(&count).unwrap().parse::<u32>().unwrap())
     };
-    let (output, calls) = killed(&folder.path().join("first"), None);
+    let (output, calls) = killed(&folder.path().join(name), None);
     assert!(output.status.success() && calls > 10, "{calls} calls, {}", said(&output));
     let (mut none, mut all) = (0, 0);
     for at in 1..=calls {
-        let here = format!("call {at} of {calls}");
-        let data = folder.path().join(format!("at-{at}"));
+        let here = format!("{name}, call {at} of {calls}");
+        let data = folder.path().join(format!("{name}-{at}"));
         let (output, _) = killed(&data, Some(at));
         assert_eq!(output.status.signal(), Some(9), "{here}");
         if data.join("rigd.db").exists() {
@@ -153,5 +185,5 @@ fn a_kill_at_any_call_leaves_no_journal_or_all_of_it() {
         assert!(again.status.success(), "{here}: {}", said(&again));
         assert_restored(&data, &here);
     }
-    assert!(none > 0 && all > 0, "{none} without a journal, {all} with all of it");
+    assert!(none > 0 && all > 0, "{name}: {none} without a journal, {all} with all of it");
 }

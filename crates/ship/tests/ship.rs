@@ -119,7 +119,7 @@ fn two_runs_with_one_id_clash() {
     // The bench was cloned: each copy gives the run up in its own way.
     let clone = folder.path().join("clone");
     fs::create_dir(&clone).unwrap();
-    rig_store::back_up(&data, &clone).unwrap();
+    rig_store::back_up(&data, &clone, &[]).unwrap();
     Store::open(&data).unwrap().give_up(run.id, 1, "one").unwrap();
     Store::open(&clone).unwrap().give_up(run.id, 1, "another").unwrap();
     assert!(matches!(ship(&shipper(&folder, None), &data)[2], Ok(Outcome::Shipped { .. })));

@@ -8,7 +8,10 @@ use rusqlite::{
     backup::{Backup, StepResult},
 };
 
-use crate::{ChainCheck, Flaw, PathAct, Reader, StoreError, lock::DirectoryLock, schema};
+use crate::{
+    ChainCheck, Flaw, PathAct, Reader, StoreError, directory::copy_all_beside, lock::DirectoryLock,
+    schema,
+};
 
 /// A run in a copy.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -21,13 +24,14 @@ pub struct BackedUpRun {
     pub flaw: Option<Flaw>,
 }
 
-/// Copies the committed records of the journal in `from` to a new journal in `to`, and reads every run
-/// of the copy. A program that writes the journal meanwhile goes on: it waits for nothing.
+/// Copies the committed records of the journal in `from` to a new journal in `to`, with those of the files and folders
+/// `beside` that are beside it, and reads every run of the copy. A program that writes the journal meanwhile goes on: it
+/// waits for nothing. A copy that was broken off is begun again.
 ///
 /// # Errors
 /// [`StoreError::NoJournal`]; [`StoreError::NotEmpty`] if `to` has a journal already; or an error of the
 /// system or of SQLite. A copy that is not complete has another name than a journal.
-pub fn back_up(from: &Path, to: &Path) -> Result<Vec<BackedUpRun>, StoreError> {
+pub fn back_up(from: &Path, to: &Path, beside: &[&str]) -> Result<Vec<BackedUpRun>, StoreError> {
     let source = schema::database(from);
     if !source.exists() {
         return Err(StoreError::NoJournal);
@@ -48,6 +52,7 @@ pub fn back_up(from: &Path, to: &Path) -> Result<Vec<BackedUpRun>, StoreError> {
         return Err(StoreError::InUse);
     }
     new.close().map_err(|(_, error)| error)?;
+    copy_all_beside(from, to, beside)?;
     let place = || {
         sync_file(&part)?;
         fs::rename(&part, &target)?;
@@ -63,5 +68,8 @@ pub fn back_up(from: &Path, to: &Path) -> Result<Vec<BackedUpRun>, StoreError> {
         };
         Ok(BackedUpRun { id: run.id.to_string(), records, flaw })
     };
-    reader.runs()?.into_iter().map(check).collect()
+    let mut runs = reader.runs()?.into_iter().map(check).collect::<Result<Vec<_>, StoreError>>()?;
+    let damaged = |(id, flaw)| BackedUpRun { id, records: 0, flaw: Some(flaw) };
+    runs.extend(reader.damaged_entries()?.into_iter().map(damaged));
+    Ok(runs)
 }

@@ -4,12 +4,24 @@ use std::{fs, io, path::Path};
 
 use rig_system::files::{sync_file, sync_folder};
 
+use crate::{PathAct, StoreError};
+
+/// Copies those of the files and folders with these names that a data directory has beside its journal. The journal of the
+/// copy gets its name after this: a directory with a journal has everything.
+pub(crate) fn copy_all_beside(from: &Path, to: &Path, names: &[&str]) -> Result<(), StoreError> {
+    for name in names {
+        let copy = to.join(name);
+        copy_beside(&from.join(name), &copy).map_err(PathAct::Place.failed(&copy))?;
+    }
+    sync_folder(to).map_err(PathAct::Place.failed(to))
+}
+
 /// Copies what stands beside a journal, if it is there: a file, or a folder with its files and without the folders in it.
 /// The copy is on the disk when this returns.
 ///
 /// # Errors
 /// [`io::Error`] of a file that cannot be read or written.
-pub fn copy_beside(from: &Path, to: &Path) -> io::Result<()> {
+pub(crate) fn copy_beside(from: &Path, to: &Path) -> io::Result<()> {
     if from.is_dir() {
         make_directory(to)?;
         for entry in fs::read_dir(from)? {

@@ -156,6 +156,13 @@ pub enum StoreError {
     },
 }
 
+impl StoreError {
+    /// Whether the journal itself is damaged, so that a salvage helps.
+    pub const fn is_damage(&self) -> bool {
+        matches!(self, Self::Damaged(_) | Self::Broken { .. })
+    }
+}
+
 /// What is done with a directory or a file of a journal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PathAct {
@@ -224,7 +231,19 @@ impl From<rusqlite::Error> for StoreError {
             Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase) => {
                 Self::Damaged(SqliteError(error))
             }
+            None if is_of_value(&error) => Self::Damaged(SqliteError(error)),
             _ => Self::Sqlite(SqliteError(error)),
         }
     }
+}
+
+/// Whether a value in the database is none that is ever written to its column.
+const fn is_of_value(error: &rusqlite::Error) -> bool {
+    matches!(
+        error,
+        rusqlite::Error::InvalidColumnType(..)
+            | rusqlite::Error::FromSqlConversionFailure(..)
+            | rusqlite::Error::IntegralValueOutOfRange(..)
+            | rusqlite::Error::Utf8Error(..)
+    )
 }

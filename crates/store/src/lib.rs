@@ -34,7 +34,8 @@ mod sql;
 mod tests;
 
 pub use backup::{BackedUpRun, back_up};
-pub use directory::{copy_beside, make_directory};
+pub(crate) use directory::copy_beside;
+pub use directory::make_directory;
 pub use error::{PathAct, SqliteError, StoreError};
 pub use excerpt::excerpt;
 pub use journal::{Journal, Store};

@@ -18,6 +18,7 @@ use rusqlite::{OptionalExtension, Params, Row, params};
 
 pub(crate) use archive::has_no_content;
 pub use interruption::{HOMING, Interruption, Jump, ProbeWord};
+pub(crate) use list::unread;
 pub use shipment::{RunEnd, Shipment};
 pub use walk::Pages;
 
@@ -80,15 +81,24 @@ impl Reader {
         matches!(first, Ok(Some(Record::RunStarted(started))) if started.is_simulated)
     }
 
-    /// All runs and sessions, the latest first.
+    /// All runs and sessions, the latest first, without those of [`Reader::damaged_entries`].
     ///
     /// # Errors
     /// [`StoreError`] of the system or of SQLite.
     pub fn runs(&self) -> Result<Vec<Run>, StoreError> {
+        self.select_readable("ORDER BY key DESC", [], usize::MAX)
+    }
+
+    /// All runs and sessions, the latest first, for decisions in which none may be missing.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] if an entry of the list cannot be read, or an error of the system or of SQLite.
+    pub fn every_run(&self) -> Result<Vec<Run>, StoreError> {
         self.select_runs("ORDER BY key DESC", [])
     }
 
     /// The latest runs of protocols, the latest first: at most so many, and only those that were begun before another one.
+    /// Those of [`Reader::damaged_entries`] are left out.
     ///
     /// # Errors
     /// [`StoreError`] of the system or of SQLite.
@@ -97,13 +107,12 @@ impl Reader {
         limit: Option<usize>,
         before: Option<RunId>,
     ) -> Result<Vec<Run>, StoreError> {
-        // SQLite takes a negative limit for none.
-        let limit = limit.map_or(-1, |limit| i64::try_from(limit).unwrap_or(-1));
         let before = before.map(|before| before.to_string());
-        self.select_runs(
-            "WHERE kind = 'run' AND (?2 IS NULL OR key < (SELECT key FROM runs WHERE id = ?2))
-             ORDER BY key DESC LIMIT ?1",
-            params![limit, before],
+        self.select_readable(
+            "WHERE kind = 'run' AND (?1 IS NULL OR key < (SELECT key FROM runs WHERE id = ?1))
+             ORDER BY key DESC",
+            params![before],
+            limit.unwrap_or(usize::MAX),
         )
     }
 
@@ -129,12 +138,34 @@ impl Reader {
         found.ok_or(StoreError::NoSuchRun { wanted: id })
     }
 
+    /// The selected runs, all of which can be read.
     fn select_runs(&self, tail: &str, values: impl Params + Copy) -> Result<Vec<Run>, StoreError> {
-        let select = select_runs(if self.is_excerpt { excerpt::RUNS } else { RUNS }, tail);
-        let mut statement = self.connection.prepare_cached(&select)?;
+        self.select(tail, values, usize::MAX, |_| true)
+    }
+
+    /// The selected runs whose entries can be read, at most so many.
+    fn select_readable(
+        &self,
+        tail: &str,
+        values: impl Params + Copy,
+        limit: usize,
+    ) -> Result<Vec<Run>, StoreError> {
+        self.select(tail, values, limit, |error| !is_of_entry(error))
+    }
+
+    /// The selected runs, at most so many. An error of one entry ends the selection if it `counts`.
+    fn select(
+        &self,
+        tail: &str,
+        values: impl Params + Copy,
+        limit: usize,
+        counts: impl Fn(&rusqlite::Error) -> bool,
+    ) -> Result<Vec<Run>, StoreError> {
+        let mut statement = self.connection.prepare_cached(&self.list(tail))?;
         let mut select = || {
             let rows = statement.query_map(values, |row| Ok((run_from(row)?, row.get(10)?)))?;
-            rows.collect::<Result<Vec<(Run, Option<i64>)>, _>>()
+            let rows = rows.filter(|row| row.as_ref().map_or_else(&counts, |_| true));
+            rows.take(limit).collect::<Result<Vec<(Run, Option<i64>)>, _>>()
         };
         let mut runs = select()?;
         let is_unended = |(run, _): &(Run, _)| run.status == RunStatus::Running;
@@ -164,6 +195,11 @@ impl Reader {
         Ok(settled.collect())
     }
 
+    /// The statement that lists runs.
+    fn list(&self, tail: &str) -> String {
+        select_runs(if self.is_excerpt { excerpt::RUNS } else { RUNS }, tail)
+    }
+
     /// The first record of the run that was requested with this idempotency key, if it is one of the last 200.
     ///
     /// # Errors
@@ -179,10 +215,10 @@ impl Reader {
     /// that was run once, an id, or enough of the beginning or the end of one.
     ///
     /// # Errors
-    /// [`StoreError::NoSuchRun`] or [`StoreError::Ambiguous`].
+    /// [`StoreError::NoSuchRun`] or [`StoreError::Ambiguous`]; [`StoreError::Damaged`] if the entry of a run that fits cannot be read.
     pub fn find(&self, wanted: &str) -> Result<Run, StoreError> {
         let mut runs = if wanted == "latest" {
-            self.latest_runs(Some(1), None)?
+            self.select_runs("WHERE kind = 'run' ORDER BY key DESC LIMIT 1", [])?
         } else {
             self.select_runs(
                 "WHERE substr(id, 1, length(?1)) = ?1 OR substr(id, -length(?1)) = ?1
@@ -336,7 +372,8 @@ fn select_runs(runs: &str, tail: &str) -> String {
                 EXISTS (SELECT 1 FROM seals WHERE run = key),
                 coalesce((SELECT max(epoch) FROM stretches WHERE run = key), epoch),
                 (SELECT max(n) FROM epochs),
-                coalesce(amendments, 0)
+                coalesce(amendments, 0),
+                key
          FROM ({runs}) AS all_runs LEFT JOIN amendments ON amendments.run = id {tail}"
     )
 }
@@ -360,8 +397,13 @@ fn run_from(row: &Row<'_>) -> rusqlite::Result<Run> {
     })
 }
 
+/// Whether an error is that of one row, and the others can be read.
+fn is_of_entry(error: &rusqlite::Error) -> bool {
+    error.sqlite_error_code().is_none()
+}
+
 /// A column whose words are known.
-fn parsed<T>(
+pub(crate) fn parsed<T>(
     row: &Row<'_>,
     column: usize,
     known: impl FnOnce(&str) -> Option<T>,

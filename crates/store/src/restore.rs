@@ -37,7 +37,7 @@ pub fn restore(backup: &Path, to: &Path, beside: &[&str]) -> Result<Vec<BackedUp
     if is_again {
         fs::remove_dir_all(&stage).map_err(PathAct::Remove.failed(&stage))?;
     }
-    let copied = backup::back_up(backup, &stage);
+    let copied = backup::back_up(backup, &stage, &[]);
     let is_whole = |runs: &Vec<BackedUpRun>| runs.iter().all(|run| run.flaw.is_none());
     let placed = match &copied {
         Ok(runs) if is_whole(runs) => place(backup, &stage, to, beside),

@@ -9,11 +9,11 @@ use rig_system::files::{sync_file, sync_folder};
 use rusqlite::{Connection, OptionalExtension, params};
 
 use crate::{
-    Clearance, Digest, Ending, Fault, Flaw, PathAct, Record, RunKind, Store, StoreError,
-    directory::make_directory,
+    Clearance, Digest, Ending, Fault, Flaw, PathAct, Record, RunId, RunKind, Store, StoreError,
+    directory::{copy_all_beside, make_directory},
     journal::{ENTRY, entry_from, insert_entry, insert_stretch, stretches},
     lock::DirectoryLock,
-    reader::has_no_content,
+    reader::{has_no_content, parsed},
     schema,
 };
 use list::List;
@@ -52,12 +52,13 @@ struct Copied {
 /// is unchanged.
 ///
 /// If records of the last start of a program are lost, what is left may show the probe clear although it was lowered since. The
-/// copy then ends with a session that says that this is not known. The copy gets its name when it is whole.
+/// copy then ends with a session that says that this is not known. The copy gets its name when it is whole, and with it
+/// are those of the files and folders `beside` that are beside the journal.
 ///
 /// # Errors
 /// [`StoreError::NotEmpty`] if `to` has a journal already; [`StoreError::NoJournal`] or
 /// [`StoreError::Damaged`] if the list of runs cannot be read at all; or an error of the system.
-pub fn salvage(from: &Path, to: &Path) -> Result<Vec<SalvagedRun>, StoreError> {
+pub fn salvage(from: &Path, to: &Path, beside: &[&str]) -> Result<Vec<SalvagedRun>, StoreError> {
     let source = schema::database(from);
     if !source.exists() {
         return Err(StoreError::NoJournal);
@@ -105,6 +106,7 @@ pub fn salvage(from: &Path, to: &Path) -> Result<Vec<SalvagedRun>, StoreError> {
     new.execute_batch("COMMIT")?;
     new.close().map_err(|(_, error)| error)?;
     losses.tell(&stage)?;
+    copy_all_beside(from, to, beside)?;
     sync_file(&built).map_err(PathAct::Place.failed(to))?;
     fs::rename(&built, &target).map_err(PathAct::Place.failed(to))?;
     sync_folder(to).map_err(PathAct::Place.failed(to))?;
@@ -140,7 +142,12 @@ impl Losses {
 
     /// Adds a session to the copy if what it shows of the probe may be out of date.
     fn tell(self, to: &Path) -> Result<(), StoreError> {
-        let Some((rig, last)) = self.session else { return Ok(()) };
+        let Some((rig, last)) = self.session.or_else(|| {
+            // It may have been that of the only session. A real rig looks at what was left under other names too.
+            self.has_lost_entry.then(|| ("unknown".to_owned(), 0))
+        }) else {
+            return Ok(());
+        };
         if !self.has_lost_entry && self.epochs.iter().all(|epoch| *epoch < last) {
             return Ok(());
         }
@@ -215,7 +222,12 @@ impl Found {
         let (entry, finished_at, status, digest) = old.query_row(
             &format!("SELECT {ENTRY}, finished_at, status, digest FROM runs WHERE key = ?1"),
             [key],
-            |row| Ok((entry_from(row)?, row.get(8)?, row.get(9)?, row.get::<_, Vec<u8>>(10)?)),
+            |row| {
+                // The list of the copy must be readable.
+                parsed(row, 2, |id| id.parse::<RunId>().ok())?;
+                parsed(row, 3, RunKind::from_name)?;
+                Ok((entry_from(row)?, row.get(8)?, row.get(9)?, row.get::<_, Vec<u8>>(10)?))
+            },
         )?;
         let is_archived = list.is_archived(&entry.run);
         let read = |order| read_records(old, key, is_archived, order);

@@ -13,7 +13,7 @@ use crate::support::{
 /// A copy of a journal as it is now.
 fn copy(data: &Path) -> TempDir {
     let copied = TempDir::new().unwrap();
-    back_up(data, copied.path()).unwrap();
+    back_up(data, copied.path(), &[]).unwrap();
     copied
 }
 

@@ -329,8 +329,6 @@ impl Failure {
             | Self::RunFiles(RunFilesError::Store(StoreError::Io(_))) => {
                 Some("check the disk of the data directory")
             }
-            Self::Store(StoreError::Broken { .. })
-            | Self::RunFiles(RunFilesError::Store(StoreError::Broken { .. })) => Some(SALVAGE),
             Self::RunFiles(RunFilesError::File { source, .. })
                 if matches!(
                     source.kind(),
@@ -361,14 +359,7 @@ impl Failure {
             Self::Refused(RequestRefusal::NoSpace { .. }) => {
                 Some("move old runs elsewhere, or choose another directory with --data")
             }
-            Self::Refused(RequestRefusal::Resume(refusal))
-                if matches!(**refusal, ResumeRefusal::Changed { .. }) =>
-            {
-                Some(
-                    "confirm the change with --accept-changes, or name the other rig file with \
-                     --rig",
-                )
-            }
+            Self::Refused(RequestRefusal::Resume(refusal)) => on_resume(refusal),
             Self::Daemon(DaemonError::Endpoint(EndpointError::None { .. })) => Some(
                 "`rigd serve --data DIR` starts one; `rigd runs --data DIR` lists the runs without one",
             ),
@@ -377,7 +368,28 @@ impl Failure {
             Self::BadFile(FileError::Missing { path, .. }) if path == Path::new(SHIPPED_RIG) => {
                 Some(NO_RIG_FILE)
             }
+            Self::Store(error)
+            | Self::RunFiles(RunFilesError::Store(error))
+            | Self::Archive(ArchiveError::Store(error))
+                if error.is_damage() =>
+            {
+                Some(SALVAGE)
+            }
             _ => None,
         }
+    }
+}
+
+/// Advice for a run that is not resumed, or a touch that is not amended.
+fn on_resume(refusal: &ResumeRefusal) -> Option<&'static str> {
+    match refusal {
+        ResumeRefusal::Changed { .. } => {
+            Some("confirm the change with --accept-changes, or name the other rig file with --rig")
+        }
+        ResumeRefusal::Sealed { .. } | ResumeRefusal::Store(StoreError::Sealed { .. }) => Some(
+            "`rigd redo RUN STEP` measures one touch again; `rigd run PROTOCOL` begins a new run",
+        ),
+        ResumeRefusal::Store(error) if error.is_damage() => Some(SALVAGE),
+        _ => None,
     }
 }

@@ -14,6 +14,7 @@ use serde::Serialize;
 use super::{
     Failure,
     args::{DataArgs, OperatorArgs, OutputArgs, RunArg, TouchArgs},
+    failure::SALVAGE,
     output_file::{self, OutputKind},
     table::{columns, duration, note, print, print_json},
 };
@@ -163,6 +164,9 @@ fn views_of(reader: &Reader) -> Result<Vec<RunView>, Failure> {
             name,
         }
     };
+    for (id, flaw) in reader.damaged_entries()? {
+        note(&format!("not listed: {id}: {flaw}; {SALVAGE}"));
+    }
     Ok(reader.runs()?.into_iter().filter(is_run).map(view).collect())
 }
 
@@ -254,8 +258,7 @@ const BESIDE: [&str; 3] = ["notes.json", CORRECTIONS, CALIBRATIONS];
 pub(super) fn back_up(args: &BackupArgs) -> Result<(), Failure> {
     let from = args.data.dir();
     let data_error = |source| copy_failed(source, &from, &args.to);
-    let runs = rig_store::back_up(&from, &args.to).map_err(data_error)?;
-    copy_all_beside(&from, &args.to)?;
+    let runs = rig_store::back_up(&from, &args.to, &BESIDE).map_err(data_error)?;
     let is_whole = is_whole(&runs);
     print(&format!("{} copied to {}, and read there", sizes(&runs), args.to.display()))?;
     if is_whole { Ok(()) } else { Err(Failure::NotSound) }
@@ -273,15 +276,6 @@ fn copy_failed(source: StoreError, from: &Path, to: &Path) -> Failure {
         _ => false,
     };
     Failure::Data { data: if is_of_copy { to } else { from }.to_path_buf(), source }
-}
-
-/// Copies what a data directory has beside its journal.
-fn copy_all_beside(from: &Path, to: &Path) -> Result<(), Failure> {
-    BESIDE.into_iter().try_for_each(|name| {
-        let copy = to.join(name);
-        rig_store::copy_beside(&from.join(name), &copy)
-            .map_err(|source| Failure::File { path: copy, source })
-    })
 }
 
 #[derive(Debug, Args)]
@@ -331,8 +325,7 @@ pub(super) fn salvage(args: &SalvageArgs) -> Result<(), Failure> {
         StoreError::Damaged(_) => Failure::NothingReadable { data: from.clone(), source },
         source => copy_failed(source, &from, &args.to),
     };
-    let salvaged = rig_store::salvage(&from, &args.to).map_err(data_error)?;
-    copy_all_beside(&from, &args.to)?;
+    let salvaged = rig_store::salvage(&from, &args.to, &BESIDE).map_err(data_error)?;
     let view = |run: rig_store::SalvagedRun| SalvagedView {
         run_id: run.id,
         name: run.name,

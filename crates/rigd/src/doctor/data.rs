@@ -90,11 +90,11 @@ fn journal(findings: &mut Findings, data: &Path, (rig, is_simulated): (&str, boo
             "the other rigd also has the ports open: end it, or use its HTTP interface",
         ),
         Ok((false, left)) => {
-            match Reader::open(data).and_then(|reader| reader.broken_link()) {
+            match flaw_of_list(data) {
                 Ok(None) => findings.ok("journal", "can be opened; the list of runs is whole"),
-                Ok(Some(run)) => findings.problem(
+                Ok(Some(flaw)) => findings.problem(
                     "journal",
-                    format!("the list of runs has been changed at run {run} or before it"),
+                    flaw,
                     "keep the directory; `rigd salvage NEW --data DIR` copies what verifies",
                 ),
                 Err(error) => findings.problem(
@@ -130,6 +130,18 @@ fn journal(findings: &mut Findings, data: &Path, (rig, is_simulated): (&str, boo
             "keep the directory for the maintainer of rigd, and start another one with --data",
         ),
     }
+}
+
+/// What is wrong with the list of runs; `None` if it is whole.
+fn flaw_of_list(data: &Path) -> Result<Option<String>, StoreError> {
+    let reader = Reader::open(data)?;
+    let damaged = reader.damaged_entries()?.into_iter();
+    let damaged: Vec<_> = damaged.map(|(id, flaw)| format!("{id}: {flaw}")).collect();
+    if !damaged.is_empty() {
+        return Ok(Some(damaged.join("; ")));
+    }
+    let changed = reader.broken_link()?;
+    Ok(changed.map(|run| format!("the list of runs has been changed at run {run} or before it")))
 }
 
 #[cfg(test)]

@@ -120,7 +120,9 @@ impl Writer {
             .collect::<Result<Vec<(i64, String, String)>, _>>()?;
         let mut runs = Vec::new();
         for (run, id, kind) in unended {
-            runs.push(id.parse()?);
+            // Nothing is added to a run whose entry in the list is damaged.
+            let (Ok(id), Some(_)) = (id.parse(), RunKind::from_name(&kind)) else { continue };
+            runs.push(id);
             if kind == RunKind::Run.name() {
                 continue;
             }

@@ -2,7 +2,7 @@
 
 use rusqlite::OptionalExtension;
 
-use super::{Reader, walk::Followed};
+use super::{Reader, is_of_entry, run_from, walk::Followed};
 use crate::{
     Digest, Flaw, Run, RunKind, RunStatus, StoreError,
     journal::{ENTRY, entry_from, link, stretches},
@@ -60,6 +60,29 @@ impl Reader {
         Ok((!is_right).then_some(Flaw::SealDiffers))
     }
 
+    /// The entries of the list of runs that cannot be read, the oldest first: the id of each, which may be damaged itself, and what
+    /// is wrong. [`Reader::runs`] leaves them out.
+    ///
+    /// # Errors
+    /// [`StoreError`] of the system or of SQLite.
+    pub fn damaged_entries(&self) -> Result<Vec<(String, Flaw)>, StoreError> {
+        let mut statement = self.connection.prepare_cached(&self.list("ORDER BY key"))?;
+        let mut rows = statement.query([])?;
+        let mut damaged = Vec::new();
+        while let Some(row) = rows.next()? {
+            match run_from(row) {
+                Err(error) if is_of_entry(&error) => {
+                    let id = row.get_ref(0)?.as_bytes().unwrap_or_default();
+                    let reason = unread(row.get(12)?, &error);
+                    let id = String::from_utf8_lossy(id).into_owned();
+                    damaged.push((id, Flaw::Unreadable { reason }));
+                }
+                read => _ = read?,
+            }
+        }
+        Ok(damaged)
+    }
+
     /// The first run whose entry is not linked to the one before it, as when an entry was removed or
     /// changed; `None` if the list is whole.
     ///
@@ -78,5 +101,15 @@ impl Reader {
             before = linked;
         }
         Ok(None)
+    }
+}
+
+/// Why the entry with this key cannot be read.
+pub(crate) fn unread(key: i64, error: &rusqlite::Error) -> String {
+    match error {
+        rusqlite::Error::InvalidColumnType(_, column, _) => {
+            format!("entry {key} of the list of runs: its {column} is damaged")
+        }
+        error => format!("entry {key} of the list of runs: {error}"),
     }
 }

@@ -5,7 +5,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use rusqlite::Connection;
 
 use super::SalvagedRun;
-use crate::{Flaw, RunKind, StoreError};
+use crate::{
+    Flaw, RunId, RunKind, StoreError,
+    reader::{parsed, unread},
+};
 
 /// Most entries on a page of 4096 bytes: each has three ids of 36 bytes and two digests of 32 bytes.
 const ENTRIES_A_PAGE: i64 = 24;
@@ -74,10 +77,6 @@ impl List {
     }
 }
 
-fn unread(key: i64, error: &rusqlite::Error) -> String {
-    format!("entry {key} of the list of runs: {error}")
-}
-
 /// The greatest key that a run may have. The list cannot tell it if its last page is lost.
 fn last_key(old: &Connection) -> Result<i64, StoreError> {
     const TELLING: [&str; 3] = [
@@ -103,10 +102,13 @@ fn last_key(old: &Connection) -> Result<i64, StoreError> {
 
 /// The run whose readings were archived by the note with this key; `None` if the key is that of another entry.
 fn archived_by(old: &Connection, key: i64) -> rusqlite::Result<Option<String>> {
-    let entry = "SELECT kind, name FROM runs WHERE key = ?1";
-    let (kind, name): (String, String) =
-        old.query_row(entry, [key], |row| Ok((row.get(0)?, row.get(1)?)))?;
-    if kind != RunKind::Archive.name() {
+    let entry = "SELECT id, kind, name FROM runs WHERE key = ?1";
+    let (kind, name): (RunKind, String) = old.query_row(entry, [key], |row| {
+        // A note that is not copied itself tells nothing of the copy.
+        parsed(row, 0, |id| id.parse::<RunId>().ok())?;
+        Ok((parsed(row, 1, RunKind::from_name)?, row.get(2)?))
+    })?;
+    if kind != RunKind::Archive {
         return Ok(None);
     }
     // The copy of a note whose seal cannot be read is sealed again.

@@ -206,9 +206,9 @@ fn a_backup_and_a_salvage_of_a_journal_with_archived_runs_are_whole() {
     let store = Store::open(data.path()).unwrap();
     let [first, second] = session(&store);
     store.archive(first, "/archive/first", "somebody").unwrap();
-    let copied = back_up(data.path(), backup.path()).unwrap();
+    let copied = back_up(data.path(), backup.path(), &[]).unwrap();
     assert!(copied.len() == 4 && copied.iter().all(|run| run.flaw.is_none()), "{copied:?}");
-    let found = salvage(data.path(), salvaged.path()).unwrap();
+    let found = salvage(data.path(), salvaged.path(), &[]).unwrap();
     assert!(found.len() == 4 && found.iter().all(|run| run.flaw.is_none()), "{found:?}");
     for copy in [backup, salvaged] {
         let reader = Reader::open(copy.path()).unwrap();

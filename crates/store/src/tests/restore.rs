@@ -18,7 +18,7 @@ fn backup(runs: usize) -> Directory {
         }
         run.commit().unwrap();
     }
-    back_up(data.path(), to.path()).unwrap();
+    back_up(data.path(), to.path(), &[]).unwrap();
     fs::write(to.path().join("notes.json"), "{}").unwrap();
     to
 }

@@ -7,7 +7,7 @@ use rusqlite::Connection;
 use super::sample::{Directory, append, names, records, sweep};
 use crate::{
     Axis, ChainCheck, Ending, Flaw, Move, ProbeWord, Reader, Record, RunFinished, RunId, RunKind,
-    Store, StoreError, StoredRecord, SweepPurpose, salvage,
+    Store, StoreError, StoredRecord, SweepPurpose, back_up, salvage,
 };
 
 /// Size of a page of the database, bytes.
@@ -44,7 +44,7 @@ fn payloads(records: &[StoredRecord]) -> Vec<&str> {
 fn a_sound_journal_is_copied_as_it_is() {
     let (directory, runs) = journal();
     let target = Directory::new();
-    let salvaged = salvage(directory.path(), target.path()).unwrap();
+    let salvaged = salvage(directory.path(), target.path(), &[]).unwrap();
     assert!(salvaged.iter().all(|run| run.flaw.is_none()) && salvaged.len() == 4, "{salvaged:?}");
     let (old, new) = (directory.path(), target.path());
     let (old, new) = (Reader::open(old).unwrap(), Reader::open(new).unwrap());
@@ -53,7 +53,7 @@ fn a_sound_journal_is_copied_as_it_is() {
         assert_eq!(&new.records(*id).unwrap(), expected);
     }
     assert_eq!(new.broken_link().unwrap(), None);
-    let refusal = salvage(directory.path(), target.path()).unwrap_err();
+    let refusal = salvage(directory.path(), target.path(), &[]).unwrap_err();
     assert!(matches!(refusal, StoreError::NotEmpty), "{refusal}");
     drop(new);
     // The copy can be written, and the run without an end can be resumed.
@@ -105,7 +105,7 @@ fn records_that_an_index_does_not_show_are_copied() {
     let shown = Reader::open(directory.path()).unwrap().records(runs[2].0).unwrap();
     assert_eq!(shown.len(), 5, "the index shows them");
     let target = Directory::new();
-    let salvaged = salvage(directory.path(), target.path()).unwrap();
+    let salvaged = salvage(directory.path(), target.path(), &[]).unwrap();
     assert!(salvaged.iter().all(|run| run.flaw.is_none()), "{salvaged:?}");
     assert_eq!(&Reader::open(target.path()).unwrap().records(runs[2].0).unwrap(), &runs[2].1);
 }
@@ -144,7 +144,7 @@ fn a_copy_that_has_lost_the_last_records_does_not_show_the_probe_clear() {
         old.execute_batch(damage).unwrap();
         drop(old);
         let target = Directory::new();
-        salvage(directory.path(), target.path()).unwrap();
+        salvage(directory.path(), target.path(), &[]).unwrap();
         let reader = Reader::open(target.path()).unwrap();
         let latest = reader.latest_session("the bench").unwrap().unwrap();
         let word = reader.probe_word(&latest).unwrap();
@@ -163,7 +163,7 @@ fn an_altered_epoch_costs_the_rest_of_its_run_and_no_other() {
         old.execute("UPDATE epochs SET opened_at = CAST(x'ff' AS TEXT)", []).unwrap();
         drop(old);
         let target = Directory::new();
-        let salvaged = salvage(directory.path(), target.path()).unwrap();
+        let salvaged = salvage(directory.path(), target.path(), &[]).unwrap();
         let found: Vec<_> = salvaged.iter().map(|run| (run.records, run.flaw.is_some())).collect();
         assert_eq!(found, [(21, false), (4, true), (20, false), (21, false)], "{altered}");
         assert_eq!(Reader::open(target.path()).unwrap().broken_link().unwrap(), None);
@@ -182,7 +182,7 @@ fn a_ruined_page_costs_the_runs_that_stand_on_it_and_no_other() {
         bytes[page * PAGE..(page + 1) * PAGE].fill(0xa5);
         fs::write(damaged.path().join("rigd.db"), bytes).unwrap();
         let target = Directory::new();
-        let Ok(salvaged) = salvage(damaged.path(), target.path()) else {
+        let Ok(salvaged) = salvage(damaged.path(), target.path(), &[]) else {
             lost += 1;
             continue;
         };
@@ -273,7 +273,7 @@ fn a_ruined_page_of_the_list_of_runs_costs_its_entries_and_each_is_named() {
         let mut bytes = clean.clone();
         bytes[(page - 1) * PAGE..page * PAGE].fill(0xa5);
         fs::write(damaged.path().join("rigd.db"), bytes).unwrap();
-        let salvaged = salvage(damaged.path(), target.path()).unwrap();
+        let salvaged = salvage(damaged.path(), target.path(), &[]).unwrap();
         assert!(salvaged.iter().map(|run| &run.id).eq(&ids), "page {page}: {salvaged:?}");
         let reader = Reader::open(target.path()).unwrap();
         let is_kept = |id: &str| reader.run(id.parse().unwrap()).is_ok();
@@ -310,7 +310,7 @@ fn of_a_journal_that_was_cut_the_records_before_the_cut_are_copied() {
         fs::write(damaged.path().join("rigd.db"), cut).unwrap();
         let refusal = Reader::open(damaged.path()).unwrap_err();
         assert!(matches!(refusal, StoreError::Damaged(_)), "{percent} %: {refusal}");
-        let salvaged = salvage(damaged.path(), target.path()).unwrap();
+        let salvaged = salvage(damaged.path(), target.path(), &[]).unwrap();
         let reader = Reader::open(target.path()).unwrap();
         for found in &salvaged {
             let (id, expected) = runs.iter().find(|(id, _)| id.to_string() == found.id).unwrap();
@@ -337,13 +337,81 @@ fn a_damaged_run_does_not_hide_the_list_of_runs_nor_the_others() {
     let reader = Reader::open(directory.path()).unwrap();
     assert_eq!(reader.runs().unwrap().len(), 4);
     let target = Directory::new();
-    let salvaged = salvage(directory.path(), target.path()).unwrap();
+    let salvaged = salvage(directory.path(), target.path(), &[]).unwrap();
     let found: Vec<_> = salvaged.iter().map(|run| (run.records, run.flaw.clone())).collect();
     assert_eq!(found, [(21, None), (2, Some(Flaw::Altered)), (20, None), (21, None)]);
     // From the copy, the damaged run can be resumed after its last good record.
     let store = Store::open(target.path()).unwrap();
     assert_eq!(store.reader().unwrap().run(runs[1].0).unwrap().records, 2);
     store.reopen(runs[1].0).unwrap();
+}
+
+/// One altered byte in the list of runs costs its run, and no other.
+#[test]
+fn a_damaged_id_or_kind_hides_no_other_run_and_is_not_copied() {
+    for (damage, column) in
+        [("kind = 'rux'", "kind"), ("id = 'g' || substr(id, 2)", "id"), ("status = 'enden'", "")]
+    {
+        let directory = Directory::new();
+        let store = Store::open(directory.path()).unwrap();
+        let mut ids = Vec::new();
+        for status in [Some(Ending::Completed), None, Some(Ending::Completed)] {
+            let mut journal = store.begin(RunKind::Run, "one touch").unwrap();
+            append(&mut journal, 0, &records()[0]);
+            if let Some(status) = status {
+                append(&mut journal, 1, &Record::RunFinished(RunFinished { status }));
+            }
+            journal.commit().unwrap();
+            ids.push(journal.id());
+        }
+        drop(store);
+        let database = Connection::open(directory.path().join("rigd.db")).unwrap();
+        database.execute(&format!("UPDATE runs SET {damage} WHERE key = 2"), []).unwrap();
+        drop(database);
+
+        let others = [ids[2], ids[0]];
+        let reader = Reader::open(directory.path()).unwrap();
+        let listed = |runs: Vec<crate::Run>| -> Vec<_> {
+            let is_run = |run: &crate::Run| run.kind == RunKind::Run;
+            runs.into_iter().filter(is_run).map(|run| run.id).collect()
+        };
+        assert_eq!(listed(reader.runs().unwrap()), others, "{damage}");
+        assert_eq!(listed(reader.latest_runs(Some(2), None).unwrap()), others, "{damage}");
+        let refusal = reader.every_run().unwrap_err();
+        assert!(matches!(refusal, StoreError::Damaged(_)), "{damage}: {refusal}");
+        // Another run is not taken for the one that a person means.
+        let refusal = reader.find(&ids[1].to_string()[1..]).unwrap_err();
+        assert!(matches!(refusal, StoreError::Damaged(_)), "{damage}: {refusal}");
+        let [(id, flaw)] = &reader.damaged_entries().unwrap()[..] else { panic!("{damage}") };
+        let said = flaw.to_string();
+        assert!(id[1..] == ids[1].to_string()[1..] && said.contains("entry 2 of"), "{said}");
+        drop(reader);
+        // The journal itself can be written on.
+        assert!(Store::open(directory.path()).is_ok(), "{damage}");
+
+        // A copy is no backup without flaws.
+        let backup = Directory::new();
+        let copied = back_up(directory.path(), backup.path(), &[]).unwrap();
+        assert_eq!(copied.iter().filter(|run| run.flaw.is_some()).count(), 1, "{copied:?}");
+        let target = Directory::new();
+        let salvaged = salvage(directory.path(), target.path(), &[]).unwrap();
+        let flaws: Vec<_> = salvaged.iter().filter_map(|run| run.flaw.as_ref()).collect();
+        assert_eq!((salvaged.len(), flaws.len()), (3, 1), "{salvaged:?}");
+        assert!(flaws[0].to_string().ends_with(&*if column.is_empty() {
+            Flaw::Missing.to_string()
+        } else {
+            format!("entry 2 of the list of runs: its {column} is damaged")
+        }));
+        assert!(Store::open(target.path()).is_ok(), "{damage}");
+        let copy = Reader::open(target.path()).unwrap();
+        let expected =
+            if column.is_empty() { [ids[2], ids[1], ids[0]].to_vec() } else { others.to_vec() };
+        assert_eq!(listed(copy.every_run().unwrap()), expected, "{damage}");
+        assert!(copy.damaged_entries().unwrap().is_empty(), "{damage}");
+        // What the lost entry was about is not known: it may have been the last session.
+        let has_session = copy.latest_session("unknown").unwrap().is_some();
+        assert_eq!(has_session, !column.is_empty(), "{damage}");
+    }
 }
 
 /// Takes the right to write away from a directory and its files, or gives it back.
@@ -415,6 +483,6 @@ fn a_copy_that_was_broken_off_is_made_again() {
     let stage = target.path().join(".salvage.part");
     fs::create_dir(&stage).unwrap();
     fs::write(stage.join("rigd.db"), "half").unwrap();
-    assert_eq!(salvage(directory.path(), target.path()).unwrap().len(), runs.len());
+    assert_eq!(salvage(directory.path(), target.path(), &[]).unwrap().len(), runs.len());
     assert_eq!(names(target.path()), ["rigd.db", "rigd.lock"]);
 }
