@@ -90,6 +90,11 @@ pub(crate) enum ArchiveError {
 }
 
 impl ArchiveError {
+    /// Whether an amendment of the run has not ended.
+    pub(crate) const fn is_under_way(&self) -> bool {
+        matches!(self, Self::Store(StoreError::UnderWay { .. }))
+    }
+
     /// Whether the run itself is at fault, and not the system or another program.
     pub(crate) const fn is_of_run(&self) -> bool {
         matches!(

@@ -73,7 +73,7 @@ pub use open::{DeviceError, OpenError};
 pub(crate) use open::{Ports, analyzer_on, bus_settings, runtime_of};
 pub use pace::{Pace, Remaining};
 pub use pulse::{Doing, Silence};
-pub(crate) use resume::{Outcomes, Present, changes_since, cited};
+pub(crate) use resume::{Outcomes, Present, changes_since, cited, may_amend, may_resume};
 pub use resume::{ResumeRefusal, SOFTWARE};
 #[cfg(test)]
 pub(crate) use rig_loop::open_in;

@@ -60,6 +60,76 @@ fn a_daemon_says_where_an_archived_run_is_and_has_its_readings_no_more() {
     assert!(daemon.end().0.success());
 }
 
+/// Its results are those of the archive, which is never written again.
+#[test]
+fn no_touch_of_an_archived_run_is_left_out() {
+    let folder = with_runs(1);
+    let (data, archive) = (folder.path().join("data"), folder.path().join("archive"));
+    json(&data, &["archive", archive.to_str().unwrap(), "smoke-1"]);
+    let touch = "main/1/left/30/1";
+    let refused = rigd(&data, &["skip", "smoke-1", touch, "--why", "it slipped"], &[]);
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert_eq!(refused.status.code(), Some(1), "{said}");
+    assert!(said.contains("is archived; its readings are in"), "{said}");
+    let (daemon, address) = program::Program::serve(folder.path());
+    let body = serde_json::json!({ "step": touch, "why": "it slipped" }).to_string();
+    let refused = program::post(&address, "runs/smoke-1/skip", &body);
+    assert!(refused.starts_with("HTTP/1.1 409"), "{refused}");
+    daemon.signal(rustix::process::Signal::TERM);
+    assert!(daemon.end().0.success());
+    let all = Reader::open(&data).unwrap().runs().unwrap();
+    assert!(all.iter().all(|run| run.kind != RunKind::Amendment), "{all:?}");
+}
+
+/// The journal of a program that was killed while it measured a touch of the first run again.
+fn with_killed_redo(folder: &Path) -> PathBuf {
+    let data = folder.join("data");
+    let redo = ["redo", "smoke-1", "main/1/left/30/1", "--why", "it slipped"];
+    let redone = rigd(&data, &redo, &[]);
+    assert!(redone.status.success(), "{}", String::from_utf8_lossy(&redone.stderr));
+    let database = rusqlite::Connection::open(data.join("rigd.db")).unwrap();
+    let kill = "
+        CREATE TEMP TABLE last AS SELECT records.id FROM records JOIN runs ON runs.key = run
+            WHERE runs.kind = 'amendment' AND seq = 3;
+        CREATE TEMP TABLE cut AS SELECT DISTINCT run FROM records WHERE id > (SELECT id FROM last);
+        DELETE FROM seals WHERE run IN (SELECT run FROM cut);
+        DELETE FROM records WHERE id > (SELECT id FROM last);
+        UPDATE runs SET status = 'running' WHERE key IN (SELECT run FROM cut);";
+    database.execute_batch(kill).unwrap();
+    data
+}
+
+#[test]
+fn an_amendment_that_was_killed_keeps_no_run_from_the_archive() {
+    let folder = with_runs(2);
+    let data = with_killed_redo(folder.path());
+    let outcomes = |to: &Path| -> (Option<i32>, Vec<(String, String)>) {
+        let args = ["archive", to.to_str().unwrap(), "--older-than", "0d", "--json"];
+        let done = rigd(&data, &args, &[]);
+        let said = String::from_utf8_lossy(&done.stderr);
+        let view: Value = serde_json::from_slice(&done.stdout).unwrap_or_else(|_| panic!("{said}"));
+        let text = |run: &Value, of: &str| run[of].as_str().unwrap().to_owned();
+        let runs = view.as_array().unwrap().iter();
+        let runs = runs.map(|run| (text(run, "name"), text(run, "outcome")));
+        (done.status.code(), runs.collect())
+    };
+    let named = |outcomes: [(&str, &str); 2]| {
+        outcomes.map(|(run, outcome)| (run.to_owned(), outcome.to_owned())).to_vec()
+    };
+    // Another program has the journal, and may still be measuring that touch: the other run goes on.
+    let lock = fs::File::options().write(true).open(data.join("rigd.lock")).unwrap();
+    lock.try_lock().unwrap();
+    let expected = named([("smoke-1", "kept"), ("smoke-2", "copied")]);
+    assert_eq!(outcomes(&folder.path().join("first")), (Some(1), expected));
+    drop(lock);
+    let (code, mut done) = outcomes(&folder.path().join("second"));
+    done.sort();
+    assert_eq!((code, done), (Some(0), named([("smoke-1", "archived"), ("smoke-2", "archived")])));
+    for run in runs(&Reader::open(&data).unwrap()) {
+        assert_sound(&data, run, "archived");
+    }
+}
+
 #[test]
 fn an_archived_run_is_read_from_the_archive_alone() {
     let folder = with_runs(3);

@@ -8,7 +8,7 @@ use std::{
 use rusqlite::{Connection, OptionalExtension, params};
 
 use crate::{
-    Digest, Reader, RunId, RunKind, RunStatus, StoreError,
+    Digest, Reader, RunId, RunKind, StoreError,
     journal::{ENTRY, entry_from, insert_entry, insert_stretch, stretches},
     reader::intact,
     schema,
@@ -51,10 +51,11 @@ pub fn excerpt(from: &Path, run: RunId, to: &Path) -> Result<Vec<(RunId, Digest)
     let is_its_amendment =
         |other: &crate::Run| other.kind == RunKind::Amendment && other.name == name;
     let mut own = vec![wanted];
-    own.extend(reader.runs()?.into_iter().rev().filter(is_its_amendment));
+    own.extend(reader.every_run()?.into_iter().rev().filter(is_its_amendment));
     let mut copied = Vec::new();
     for run in &own {
-        if run.status == RunStatus::Running {
+        // A killed program has left one without its end, which it gets when the journal is opened to write.
+        if !run.is_sealed {
             return Err(StoreError::UnderWay { run: run.to_string() });
         }
         let chain = reader.chain(run.id)?;

@@ -13,7 +13,7 @@ use super::{
     args::{DataArgs, OperatorArgs, OutputArgs},
     table::{columns, note, print, print_json},
 };
-use crate::archive::{self, Archive};
+use crate::archive::{self, Archive, ArchiveError};
 
 #[derive(Debug, Args)]
 pub(super) struct ArchiveArgs {
@@ -108,6 +108,7 @@ pub(super) fn archive(args: &ArchiveArgs) -> Result<(), Failure> {
         return report(args, &foretold(args, &reader)?);
     }
     let archive = Archive::open(&args.to)?;
+    end_amendments(args, &reader)?;
     let mut views = Vec::new();
     let mut copied = Vec::new();
     for run in chosen(args, &reader)? {
@@ -122,11 +123,7 @@ pub(super) fn archive(args: &ArchiveArgs) -> Result<(), Failure> {
         } else {
             match archive.copy(&data, &run) {
                 Ok(_) => copied.push(run),
-                Err(error) if error.is_of_run() => {
-                    let reason = Some(with_causes(&error));
-                    views.push(ArchivedView::new(&run, Outcome::Refused, None, reason));
-                }
-                Err(error) => return Err(error.into()),
+                Err(error) => views.push(of_run(&run, None, error)?),
             }
         }
     }
@@ -138,6 +135,34 @@ pub(super) fn archive(args: &ArchiveArgs) -> Result<(), Failure> {
         return Err(Failure::NotSound);
     }
     Ok(())
+}
+
+/// Ends the amendments that a killed program has left without their ends: a run with one of them is not archived. While another
+/// program writes, they stay.
+fn end_amendments(args: &ArchiveArgs, reader: &Reader) -> Result<(), Failure> {
+    let is_left = |run: &Run| run.kind == RunKind::Amendment && !run.is_sealed;
+    if reader.runs()?.iter().any(is_left) {
+        // An error is that of the runs that are then taken out.
+        drop(args.data.store());
+    }
+    Ok(())
+}
+
+/// What an error says of a run that stays in the journal.
+///
+/// # Errors
+/// The error, if it is not about this run alone.
+fn of_run(
+    run: &Run,
+    place: Option<PathBuf>,
+    error: ArchiveError,
+) -> Result<ArchivedView, ArchiveError> {
+    let outcome = match &error {
+        error if error.is_under_way() => Outcome::Kept,
+        error if error.is_of_run() => Outcome::Refused,
+        _ => return Err(error),
+    };
+    Ok(ArchivedView::new(run, outcome, place, Some(with_causes(&error))))
 }
 
 /// What would be done, as far as the list of runs tells.
@@ -188,11 +213,10 @@ fn take_out(
                 let reason = (!is_gone).then(|| reason.to_owned());
                 views.push(ArchivedView::new(run, Outcome::Archived, place, reason));
             }
-            Err(error) if error.is_of_run() => {
-                let reason = Some(with_causes(&error));
-                views.push(ArchivedView::new(run, Outcome::Refused, place, reason));
-            }
-            Err(error) => failure = Some(Failure::from(error)),
+            Err(error) => match of_run(run, place, error) {
+                Ok(view) => views.push(view),
+                Err(error) => failure = Some(Failure::from(error)),
+            },
         }
     }
     store?;

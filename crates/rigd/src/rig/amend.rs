@@ -6,7 +6,7 @@ use rig_store::{
 
 use super::{
     Setting,
-    resume::{Known, ResumeRefusal, SOFTWARE, devices, started},
+    resume::{Known, ResumeRefusal, SOFTWARE, devices, may_amend, started},
 };
 
 /// The touch to amend, the person, and the reason.
@@ -67,7 +67,7 @@ pub fn skip(
     if run.status == RunStatus::Running {
         return Err(ResumeRefusal::UnderWay { run: run.to_string() });
     }
-    rig_store::intact(run.id, &reader.verify(run.id)?)?;
+    may_amend(&reader, &run)?;
     write_skip(store, order, who, rig_us)
 }
 

@@ -12,8 +12,8 @@ use rig_files::{Faults, rig_file::RigFile, settings::InForce};
 use rig_model::with_causes;
 use rig_protocol::{Action, Plan};
 use rig_store::{
-    Change, CitedCalibration, Device, Reader, Record, Resumed, Run, RunId, RunStarted, RunStatus,
-    Source, StoreError, StoredRecord,
+    Archived, Change, CitedCalibration, Device, Reader, Record, Resumed, Run, RunId, RunStarted,
+    RunStatus, Source, StoreError, StoredRecord,
 };
 
 use super::{DeviceIdentity, Setting};
@@ -97,6 +97,33 @@ pub(super) fn resumable(run: &Run) -> Result<(), ResumeRefusal> {
     }
     if !run.is_resumable() {
         return Err(ResumeRefusal::Sealed { run: run.to_string(), status: run.status.describe() });
+    }
+    Ok(())
+}
+
+/// Refuses a run that is sealed or damaged, for a program that has no rig yet. Whether it fits the rig is not known then. One
+/// under way is left to the opening of the rig, whose refusal names the other program.
+///
+/// # Errors
+/// [`ResumeRefusal`].
+pub(crate) fn may_resume(reader: &Reader, run: &Run) -> Result<(), ResumeRefusal> {
+    if run.status == RunStatus::Running {
+        return Ok(());
+    }
+    resumable(run)?;
+    may_amend(reader, run)
+}
+
+/// Refuses a run of which no touch can be measured again because its records are damaged or in an archive.
+///
+/// # Errors
+/// [`ResumeRefusal`].
+pub(crate) fn may_amend(reader: &Reader, run: &Run) -> Result<(), ResumeRefusal> {
+    if let Some(Archived { place, .. }) = reader.archive_of(run.id)? {
+        return Err(StoreError::Archived { run: run.id, place }.into());
+    }
+    for part in [run.id].into_iter().chain(reader.amendments(run.id)?) {
+        rig_store::intact(part, &reader.verify(part)?)?;
     }
     Ok(())
 }

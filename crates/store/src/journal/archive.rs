@@ -3,7 +3,7 @@
 use rusqlite::{Row, params};
 
 use super::{Store, Writer, locked};
-use crate::{Archived, Ending, Record, RunFinished, RunId, RunKind, RunStatus, StoreError};
+use crate::{Archived, Ending, Record, RunFinished, RunId, RunKind, StoreError};
 
 impl Store {
     /// Takes the readings of a sealed run and of its amendments out of the journal, and notes for each of
@@ -28,8 +28,8 @@ impl Store {
         };
         // Everything is checked before the first change: a refusal leaves nothing behind that another run commits.
         let mut notes = Vec::new();
-        for part in reader.runs()?.into_iter().filter(is_its_own) {
-            if part.status == RunStatus::Running {
+        for part in reader.every_run()?.into_iter().filter(is_its_own) {
+            if !part.is_sealed {
                 return Err(StoreError::UnderWay { run: part.to_string() });
             }
             if reader.archive_of(part.id)?.is_some() {

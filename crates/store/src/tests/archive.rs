@@ -90,6 +90,24 @@ fn what_can_go_on_is_neither_copied_nor_taken_out() {
     assert!(reader.archive_of(sealed).unwrap().is_none());
 }
 
+/// Its program was killed, and nothing has opened the journal to write since.
+#[test]
+fn a_run_with_an_amendment_without_its_end_is_not_copied() {
+    let (data, to) = (Directory::new(), Directory::new());
+    let store = Store::open(data.path()).unwrap();
+    let sealed = run(&store, Ending::Completed);
+    let mut amendment = store.begin(RunKind::Amendment, &sealed.to_string()).unwrap();
+    append(&mut amendment, 70, &run_started());
+    amendment.commit().unwrap();
+    drop((amendment, store));
+    let refusal = excerpt(data.path(), sealed, to.path()).unwrap_err();
+    assert!(matches!(refusal, StoreError::UnderWay { .. }), "{refusal}");
+    assert!(!to.path().join("rigd.db").exists());
+    // An opening ends it.
+    drop(Store::open(data.path()).unwrap());
+    assert_eq!(excerpt(data.path(), sealed, to.path()).unwrap().len(), 2);
+}
+
 #[test]
 fn a_damaged_run_is_refused_before_its_amendment_is_changed() {
     let data = Directory::new();
