@@ -25,7 +25,7 @@ use super::{
 use crate::{
     loaded_rig::LoadedRig,
     protocol_file::LoadedProtocol,
-    rig::{self, Status, TouchOrder},
+    rig::{self, RequestRefusal, Status, TouchOrder},
     run_files,
 };
 
@@ -91,13 +91,16 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     let data = &args.bench.data.dir();
     let (order, rig, left) = match (&args.resume, &args.protocol) {
         (Some(wanted), _) => {
-            let run = args.bench.data.journal()?.find(wanted)?;
+            let reader = args.bench.data.journal()?;
+            let run = reader.find(wanted)?;
             if let rig_store::RunStatus::Ended(ending) = run.status
                 && ending.is_complete()
             {
                 note(&format!("{} has been {}", run.short_name(), run.status.describe()));
                 return finish(data, &args.output, run.id, None);
             }
+            // Before the rig moves.
+            rig::may_resume(&reader, &run).map_err(RequestRefusal::from)?;
             let order = Order::Rest { run: run.id, is_confirmed: args.accept_changes };
             (order, args.bench.rig.load()?, LeftInContact::Retract)
         }
@@ -121,6 +124,10 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
 /// Measures one touch of a run again.
 pub(super) fn redo(args: &RedoArgs) -> Result<(), Failure> {
     let data = &args.touch.run.data.dir();
+    let (reader, run) = args.touch.run.find()?;
+    // Before the rig moves.
+    rig::may_amend(&reader, &run).map_err(RequestRefusal::from)?;
+    drop(reader);
     let rig = args.rig.load()?;
     let touch = args.touch.order()?;
     let (run, bench, operator) = (touch.run, BenchKind::of(&rig), args.touch.operator.name());

@@ -19,6 +19,7 @@ use serde::Serialize;
 
 use super::limits::{BODY_MAX, BODY_TIME};
 use crate::{
+    cli::SALVAGE,
     hint,
     rig::{RequestRefusal, ResumeRefusal},
     tokens::Role,
@@ -226,12 +227,15 @@ impl Problem {
         match refusal {
             ResumeRefusal::Store(StoreError::NoSuchRun { .. })
             | ResumeRefusal::NoSuchTouch { .. } => Self::not_found(detail),
-            ResumeRefusal::Store(
-                StoreError::Sealed { .. }
-                | StoreError::UnderWay { .. }
-                | StoreError::Archived { .. },
-            )
-            | ResumeRefusal::Sealed { .. }
+            ResumeRefusal::Sealed { .. } | ResumeRefusal::Store(StoreError::Sealed { .. }) => {
+                Self {
+                    hint: Some(
+                        "POST /api/v1/runs/ID/redo measures one touch again; POST /api/v1/runs begins a new run",
+                    ),
+                    ..Self::new(StatusCode::CONFLICT, "not in this state", detail)
+                }
+            }
+            ResumeRefusal::Store(StoreError::UnderWay { .. } | StoreError::Archived { .. })
             | ResumeRefusal::UnderWay { .. } => {
                 Self::new(StatusCode::CONFLICT, "not in this state", detail)
             }
@@ -241,9 +245,15 @@ impl Problem {
             },
             ResumeRefusal::Protocol(faults) => Self::protocol(faults),
             ResumeRefusal::OtherKind { .. } => Self::unprocessable(detail),
-            ResumeRefusal::Store(error) => Self::internal(&with_causes(error)),
+            ResumeRefusal::Store(error) => Self::of_journal(error),
             ResumeRefusal::NoBeginning { .. } => Self::internal(&detail),
         }
+    }
+
+    /// The journal cannot be read or written.
+    fn of_journal(error: &StoreError) -> Self {
+        let hint = error.is_damage().then_some(SALVAGE);
+        Self { hint, ..Self::internal(&with_causes(error)) }
     }
 
     /// The request is well formed, but it cannot be carried out.
@@ -345,7 +355,7 @@ impl From<StoreError> for Problem {
                 hint: Some("read it there: `rigd show RUN --data PLACE`"),
                 ..Self::new(StatusCode::GONE, "archived", error.to_string())
             },
-            error => Self::internal(&with_causes(&error)),
+            error => Self::of_journal(&error),
         }
     }
 }

@@ -135,6 +135,7 @@ async fn a_run_is_continued_amended_and_given_up_over_http() {
         let (status, refusal) = daemon.ask("POST", &run(what), &json!({})).await;
         assert_eq!(status, StatusCode::CONFLICT, "{refusal}");
         assert!(refusal["detail"].as_str().unwrap().contains("sealed"), "{refusal}");
+        assert!(refusal["hint"].as_str().unwrap().contains("redo measures one touch"), "{refusal}");
     }
 
     let amendment = check_redo(&daemon, &id, &step).await;
@@ -152,5 +153,30 @@ async fn a_run_is_continued_amended_and_given_up_over_http() {
     // Amendments are no runs of the list.
     let (_, runs) = daemon.ask("GET", "runs", &Value::Null).await;
     assert_eq!(runs.as_array().unwrap().len(), 1);
+    daemon.close().await;
+}
+
+#[tokio::test]
+async fn a_damaged_run_is_refused_with_what_helps() {
+    let daemon = Daemon::start().await;
+    let (_, begun) = daemon.ask("POST", "runs", &json!({ "protocol_toml": SMOKE })).await;
+    let id = begun["id"].as_str().unwrap();
+    let mut rig = daemon.handle.status();
+    let has_touches =
+        |status: &rig::Status| status.run.as_ref().is_some_and(|run| run.touches_done >= 2);
+    rig.wait_for(has_touches).await.unwrap();
+    let abort = daemon.ask("POST", &format!("runs/{id}/abort"), &json!({})).await;
+    assert_eq!(abort.0, StatusCode::ACCEPTED);
+    daemon.wait_until_idle().await;
+    let database = rusqlite::Connection::open(daemon.data.path().join("rigd.db")).unwrap();
+    let damage = "UPDATE records SET payload = replace(payload, '0', '1') WHERE kind = 'sweep'";
+    assert!(database.execute(damage, []).unwrap() > 0);
+    let touch = json!({ "step": "main/1/front/0/1", "why": "it slipped" });
+    for (what, body) in [("continue", &json!({})), ("redo", &touch), ("skip", &touch)] {
+        let (status, problem) = daemon.ask("POST", &format!("runs/{id}/{what}"), body).await;
+        assert_eq!(status, StatusCode::INTERNAL_SERVER_ERROR, "{what}: {problem}");
+        let hint = problem["hint"].as_str().unwrap_or_default();
+        assert!(hint.contains("`rigd salvage NEW --data DIR`"), "{what}: {problem}");
+    }
     daemon.close().await;
 }

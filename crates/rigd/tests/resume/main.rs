@@ -271,6 +271,41 @@ fn a_damaged_last_session_proves_nothing_of_the_probe() {
     }
 }
 
+/// Nothing moves for a run that cannot go on.
+#[test]
+fn a_damaged_or_sealed_run_is_refused_before_the_rig_is_opened_with_what_helps() {
+    let touch = ["main/1/front/30/1", "--why", "it slipped"];
+    let salvage = "`rigd salvage NEW --data DIR`";
+    let rig_is_asked = |bench: &Interrupted, refused: &[&str], says: &str| {
+        let sessions = || {
+            let all = Reader::open(&bench.data).unwrap().runs().unwrap().into_iter();
+            all.filter(|run| run.kind == rig_store::RunKind::Session).count()
+        };
+        let before = sessions();
+        let output = bench.rigd(refused);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{refused:?}: {said}");
+        assert!(said.contains(says), "{refused:?}: {said}");
+        assert_eq!(sessions(), before, "{refused:?}: {said}");
+    };
+    let bench = Interrupted::behind(88);
+    let rig = ["--rig", bench.rig.as_str()];
+    let database = rusqlite::Connection::open(bench.data.join("rigd.db")).unwrap();
+    let damage = "UPDATE records SET payload = replace(payload, '0', '1') WHERE kind = 'sweep'
+                  AND id = (SELECT min(id) FROM records WHERE kind = 'sweep')";
+    assert_eq!(database.execute(damage, []).unwrap(), 1);
+    drop(database);
+    let resume = [&["run", "--resume", "latest"][..], &rig].concat();
+    rig_is_asked(&bench, &resume, salvage);
+    rig_is_asked(&bench, &[&["redo", "latest"][..], &touch, &rig].concat(), salvage);
+    rig_is_asked(&bench, &[&["skip", "latest"][..], &touch].concat(), salvage);
+
+    let bench = Interrupted::behind(88);
+    let resume = ["run", "--resume", "latest", "--rig", &bench.rig];
+    assert!(bench.rigd(&["give-up", "latest"]).status.success());
+    rig_is_asked(&bench, &resume, "`rigd redo RUN STEP` measures one touch again");
+}
+
 #[test]
 fn a_run_that_is_given_up_does_not_go_on() {
     let bench = Interrupted::behind(88);
