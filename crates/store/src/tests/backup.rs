@@ -62,11 +62,7 @@ fn a_copy_gets_its_name_after_what_is_beside_it() {
     drop(Store::open(data.path()).unwrap().begin(RunKind::Run, "test").unwrap());
     let notes = data.path().join("notes.json");
     fs::write(&notes, "").unwrap();
-    let copies: [&dyn Fn(&Path) -> Result<(), StoreError>; 2] =
-        [&|to| back_up(data.path(), to, &["notes.json"]).map(drop), &|to| {
-            salvage(data.path(), to, &["notes.json"]).map(drop)
-        }];
-    for copy in copies {
+    let check = |copy: &dyn Fn(&Path) -> Result<(), StoreError>| {
         let to = Directory::new();
         // A file that cannot be read.
         fs::remove_file(&notes).unwrap();
@@ -79,7 +75,9 @@ fn a_copy_gets_its_name_after_what_is_beside_it() {
         copy(to.path()).unwrap();
         assert_eq!(names(to.path()), ["notes.json", "rigd.db", "rigd.lock"]);
         assert_eq!(fs::read_to_string(to.path().join("notes.json")).unwrap(), "{}");
-    }
+    };
+    check(&|to| back_up(data.path(), to, &["notes.json"]).map(drop));
+    check(&|to| salvage(data.path(), to, &["notes.json"]).map(drop));
 }
 
 #[test]
