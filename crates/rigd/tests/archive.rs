@@ -131,6 +131,24 @@ fn an_amendment_that_was_killed_keeps_no_run_from_the_archive() {
 }
 
 #[test]
+fn a_note_of_an_archive_excuses_no_run_whose_readings_are_still_there() {
+    let folder = with_runs(1);
+    let (data, archive) = (folder.path().join("data"), folder.path().join("archive"));
+    let database = rusqlite::Connection::open(data.join("rigd.db")).unwrap();
+    let keep = "CREATE TABLE kept AS SELECT id, payload FROM records WHERE kind = 'sweep'";
+    database.execute(keep, []).unwrap();
+    json(&data, &["archive", archive.to_str().unwrap(), "smoke-1"]);
+    let run = runs(&Reader::open(&data).unwrap())[0];
+    assert_sound(&data, run, "archived");
+    let put_back = "UPDATE records SET payload = (SELECT payload FROM kept WHERE kept.id = records.id)
+                    WHERE kind = 'sweep'";
+    assert!(database.execute(put_back, []).unwrap() > 0);
+    let verdict = rig_verify::verify(&data, &run.to_string()).unwrap();
+    let of_seal = |finding: &rig_verify::Finding| finding.check == rig_verify::Check::Seal;
+    assert!(verdict.findings.iter().any(of_seal), "{:?}", verdict.findings);
+}
+
+#[test]
 fn an_archived_run_is_read_from_the_archive_alone() {
     let folder = with_runs(3);
     let (data, archive) = (folder.path().join("data"), folder.path().join("archive"));
