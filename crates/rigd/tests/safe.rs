@@ -8,7 +8,7 @@
 #[path = "support/bench.rs"]
 mod bench;
 
-use std::{fs::File, os::fd::OwnedFd};
+use std::{fs::File, io::pipe, os::fd::OwnedFd};
 
 use rig_model::DriveMake;
 use rig_sim::{
@@ -120,6 +120,23 @@ async fn a_silent_linear_drive_ends_the_attempts_in_time_and_is_said() {
     assert_eq!(said["probe"], "unknown");
     assert!(said["duration_s"].as_f64().unwrap() < 20.0, "{said}");
     assert!(stderr(&safe).contains("do not touch the sample or the stages"), "{}", stderr(&safe));
+}
+
+/// A person pipes the answer to a program that ends before it has read it.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_probe_that_is_not_clear_is_said_and_is_the_exit_code_also_without_a_reader_of_stdout() {
+    let bench = in_contact().await;
+    bench.disturb(PortId::Bus, Some(1), FaultKind::Request(RequestFault::Drop));
+    for format in [&["safe"][..], &["safe", "--json"]] {
+        let (reader, writer) = pipe().unwrap();
+        drop(reader);
+        let mut command = bench.command("127.0.0.1:1", &bench.bus, &[PATIENT], format);
+        let safe = command.stdout(writer).output().unwrap();
+        let said = stderr(&safe);
+        assert_eq!(safe.status.code(), Some(4), "{said}");
+        assert!(said.contains("rigd: the probe is unknown"), "{said}");
+        assert!(said.contains("the results are not printed: stdout: "), "{said}");
+    }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

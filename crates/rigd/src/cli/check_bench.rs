@@ -16,7 +16,7 @@ use super::{
     commission::CommissionFailure,
     run::{BenchKind, replay_protocol},
     session::{LeftInContact, with_rig},
-    table::{columns, note, print, print_json},
+    table::{columns, concluded, note, print, print_json},
 };
 use crate::{
     bench_check::{self, KeptCheck},
@@ -95,11 +95,11 @@ pub(super) fn check_bench(args: &CheckBenchArgs) -> Result<(), Failure> {
     let [block, references] = &runs;
     let kept = bench_check::keep((&name, &basis), &data, &reader, [block, references], witness)
         .map_err(CommissionFailure::from)?;
-    say(&kept, args.output.json)?;
-    match kept.judged.verdict {
+    let verdict = match kept.judged.verdict {
         CheckVerdict::Accepted => Ok(()),
         verdict => Err(Failure::NotAccepted { verdict: verdict.name() }),
-    }
+    };
+    concluded(say(&kept, args.output.json), verdict)
 }
 
 /// What is said before the touches on the block.

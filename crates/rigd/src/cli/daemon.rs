@@ -12,7 +12,7 @@ use super::{
     args::{DataArgs, OperatorArgs, OutputArgs},
     client::{Client, DaemonError, in_commands},
     live::{Progress, range},
-    table::{print, print_json, wrapped},
+    table::{concluded, print, print_json, wrapped},
 };
 use crate::rig_view::{DeviceView, RefusedView, RigView, RunProgress, SilenceView};
 
@@ -120,13 +120,13 @@ pub(super) fn order(args: &DaemonArgs, order: Order) -> Result<(), Failure> {
             Order::Abort | Order::Stop | Order::Acknowledge | Order::Home => settled(&client).await,
         }
     })?;
-    print(&view.text())?;
+    let printed = print(&view.text());
     let is_safe = view.probe == "clear" && (order == Order::Stop || view.fault.is_none());
     if is_safe || matches!(order, Order::Pause | Order::Resume) {
-        return Ok(());
+        return printed;
     }
     // Its cause has been printed.
-    Err(Failure::DaemonLatched { probe: view.probe })
+    concluded(printed, Err(Failure::DaemonLatched { probe: view.probe }))
 }
 
 pub(super) fn acknowledge(args: &AcknowledgeArgs) -> Result<(), Failure> {

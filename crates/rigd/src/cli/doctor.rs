@@ -8,7 +8,7 @@ use super::{
     Failure,
     args::{DataArgs, OutputArgs, RigArgs},
     settings,
-    table::{note, print, print_json},
+    table::{concluded, note, print, print_json},
 };
 use crate::{
     calibrations,
@@ -79,13 +79,13 @@ pub(super) fn doctor(args: &DoctorArgs) -> Result<(), Failure> {
     }
     let count = |level| findings.iter().filter(|finding| finding.level == level).count();
     let (problems, warnings) = (count(Level::Problem), count(Level::Warning));
-    if args.output.json {
+    let printed = if args.output.json {
         let findings = findings.into_iter().map(FindingView::from).collect();
-        print_json(&DoctorView { rig: name, problems, warnings, findings })?;
+        print_json(&DoctorView { rig: name, problems, warnings, findings })
     } else {
-        print(&text(&findings))?;
-    }
-    if problems > 0 { Err(Failure::Unfit { problems }) } else { Ok(()) }
+        print(&text(&findings))
+    };
+    concluded(printed, if problems > 0 { Err(Failure::Unfit { problems }) } else { Ok(()) })
 }
 
 /// Says at which speeds and parities the drives of a rig answer.

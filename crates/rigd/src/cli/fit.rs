@@ -16,7 +16,7 @@ use super::{
     args::OutputArgs,
     check::FaultView,
     outcome::OutcomeView,
-    table::{columns, facts, note, print, print_json},
+    table::{columns, concluded, facts, note, print, print_json},
 };
 use crate::files::{FileError, read_bytes, read_stdin};
 
@@ -308,19 +308,17 @@ pub(super) fn fit_file(args: &FitArgs) -> Result<(), Failure> {
     let mut sweeps = fits.collect::<Result<Vec<_>, _>>()?;
     note_left_out(&sweeps);
     let is_numbered = sweeps.iter().any(|fit| fit.sweep.is_some());
-    let refusal = match sweeps.pop() {
+    let (printed, refusal) = match sweeps.pop() {
         Some(fit) if args.sweep.is_some() || !is_numbered => {
-            show(&fit, &fit.text(), args)?;
-            fit.outcome.refusal()
+            (show(&fit, &fit.text(), args), fit.outcome.refusal())
         }
         last => {
             sweeps.extend(last);
             let fits = FileFitsView { sweeps };
-            show(&fits, &fits.text(), args)?;
-            fits.refusal()
+            (show(&fits, &fits.text(), args), fits.refusal())
         }
     };
-    refusal.map_or(Ok(()), Err)
+    concluded(printed, refusal.map_or(Ok(()), Err))
 }
 
 /// Most rows that are named on stderr; JSON has all of them.

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::{
     Failure,
     args::{OutputArgs, RigArgs},
-    table::{facts, print, print_json},
+    table::{concluded, facts, print, print_json},
 };
 use crate::rig::{self, DeviceSeen};
 
@@ -53,12 +53,12 @@ pub(super) fn identify(args: &IdentifyArgs) -> Result<(), Failure> {
     };
     let devices = devices.map(view);
     let silent = devices.iter().filter(|device| device.identity.is_none()).count();
-    if args.output.json {
-        print_json(&devices)?;
+    let printed = if args.output.json {
+        print_json(&devices)
     } else {
-        print(&facts(&devices.each_ref().map(|device| (device.role, text(device)))))?;
-    }
-    if silent > 0 { Err(Failure::Unidentified { silent }) } else { Ok(()) }
+        print(&facts(&devices.each_ref().map(|device| (device.role, text(device)))))
+    };
+    concluded(printed, if silent > 0 { Err(Failure::Unidentified { silent }) } else { Ok(()) })
 }
 
 fn text(device: &DeviceView) -> String {

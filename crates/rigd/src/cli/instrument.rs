@@ -19,7 +19,7 @@ use super::{
     Failure,
     args::{OutputArgs, RigArgs},
     schema::{ANALYZER, DRIVE},
-    table::{note, print, print_json},
+    table::{concluded, note, print, print_json},
 };
 use crate::{
     files::read,
@@ -183,21 +183,22 @@ fn check(args: &CheckInstrumentArgs) -> Result<(), Failure> {
     };
     let differs = proofs.iter().filter(|p| matches!(p.verdict, Verdict::Differs(_))).count();
     let roles: Vec<_> = proofs.into_iter().map(RoleView::from).collect();
-    if args.output.json {
-        print_json(&CheckView { instrument: device.name(), roles })?;
+    let printed = if args.output.json {
+        print_json(&CheckView { instrument: device.name(), roles })
     } else {
         let line = |view: &RoleView| {
             let more = view.difference.as_ref().map_or(String::new(), |text| format!(": {text}"));
             format!("{:<9} {}{more}", view.role, view.verdict)
         };
-        print(&roles.iter().map(line).collect::<Vec<_>>().join("\n"))?;
+        let printed = print(&roles.iter().map(line).collect::<Vec<_>>().join("\n"));
         if transcript.is_none() {
             note(
                 "no transcript; `rigd instrument record --rig RIG` records one on the ports of a rig",
             );
         }
-    }
-    if differs > 0 { Err(Failure::Differs { differs }) } else { Ok(()) }
+        printed
+    };
+    concluded(printed, if differs > 0 { Err(Failure::Differs { differs }) } else { Ok(()) })
 }
 
 impl From<RoleProof> for RoleView {

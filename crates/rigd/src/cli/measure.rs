@@ -18,7 +18,7 @@ use super::{
     moves::{linear_target, positions, rotary_target},
     outcome::OutcomeView,
     session::{LeftInContact, Session, with_rig},
-    table::{facts, print, print_json},
+    table::{concluded, facts, print, print_json},
 };
 use crate::{
     rig::{RequestRefusal, Status},
@@ -134,14 +134,21 @@ fn of_bench(bench: &BenchSettings) -> [(&'static str, String); 4] {
     ]
 }
 
-fn show(args: &MeasureArgs, Measurement { sweep, status }: Measurement) -> Result<(), Failure> {
+fn show(args: &MeasureArgs, measured: Measurement) -> Result<(), Failure> {
+    let refusal = OutcomeView::from(&measured.sweep.outcome).refusal();
+    concluded(print_all(args, measured), refusal.map_or(Ok(()), Err))
+}
+
+fn print_all(
+    args: &MeasureArgs,
+    Measurement { sweep, status }: Measurement,
+) -> Result<(), Failure> {
     let outcome = OutcomeView::from(&sweep.outcome);
     let bench = sweep.fit.as_ref().and_then(|fit| fit.bench);
-    let refusal = outcome.refusal();
     if args.csv {
         let mut out = io::stdout();
         export::sweep_csv(&sweep, &mut out)?;
-        out.flush().map_err(|source| Failure::System { what: "stdout", source })?;
+        out.flush().map_err(|source| Failure::System { what: "stdout", source })
     } else if args.json {
         print_json(&MeasureView {
             outcome,
@@ -150,13 +157,12 @@ fn show(args: &MeasureArgs, Measurement { sweep, status }: Measurement) -> Resul
             bench,
             probe_readings: sweep.probe_readings,
             readings: sweep.readings,
-        })?;
+        })
     } else {
         let mut rows = outcome.rows();
         rows.push(("readings", sweep.readings.len().to_string()));
         rows.extend(bench.iter().flat_map(of_bench));
         rows.extend(positions(&status));
-        print(&facts(&rows))?;
+        print(&facts(&rows))
     }
-    refusal.map_or(Ok(()), Err)
 }

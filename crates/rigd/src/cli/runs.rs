@@ -16,7 +16,7 @@ use super::{
     args::{DataArgs, OperatorArgs, OutputArgs, RunArg, TouchArgs},
     failure::SALVAGE,
     output_file::{self, OutputKind},
-    table::{columns, duration, note, print, print_json},
+    table::{columns, concluded, duration, note, print, print_json},
 };
 use crate::{
     archive,
@@ -260,8 +260,9 @@ pub(super) fn back_up(args: &BackupArgs) -> Result<(), Failure> {
     let data_error = |source| copy_failed(source, &from, &args.to);
     let runs = rig_store::back_up(&from, &args.to, &BESIDE).map_err(data_error)?;
     let is_whole = is_whole(&runs);
-    print(&format!("{} copied to {}, and read there", sizes(&runs), args.to.display()))?;
-    if is_whole { Ok(()) } else { Err(Failure::NotSound) }
+    let printed =
+        print(&format!("{} copied to {}, and read there", sizes(&runs), args.to.display()));
+    concluded(printed, if is_whole { Ok(()) } else { Err(Failure::NotSound) })
 }
 
 /// A journal that could not be copied, with the directory that the error is about.

@@ -12,7 +12,7 @@ use serde::Serialize;
 use super::{
     Failure,
     args::{OperatorArgs, OutputArgs, RigArgs},
-    table::{note, print, print_json},
+    table::{concluded, note, print, print_json},
 };
 use crate::{
     hint,
@@ -119,15 +119,16 @@ pub(super) fn safe(args: &SafeArgs) -> Result<(), Failure> {
     if let Err(reason) = &out.recorded {
         note(&format!("the retract is not in the journal: {reason}"));
     }
-    if args.output.json {
-        print_json(&view(&out))?;
-    } else {
-        print(&sentence(&out))?;
-    }
+    let printed = if args.output.json { print_json(&view(&out)) } else { print(&sentence(&out)) };
+    concluded(printed, judged(&out, args.because.as_deref()))
+}
+
+/// Whether the probe is clear, and the program before it, if there was one, has ended by itself.
+fn judged(out: &WayOut, because: Option<&str>) -> Result<(), Failure> {
     if out.clearance == Clearance::Clear {
-        return match &args.because {
+        return match because {
             None => Ok(()),
-            Some(because) => Err(Failure::Replaced { because: because.clone() }),
+            Some(because) => Err(Failure::Replaced { because: because.to_owned() }),
         };
     }
     let cause = out.faults.last();

@@ -15,7 +15,7 @@ use super::{
     args::{BenchArgs, OutputArgs},
     commission::sensor::{FreeArgs, SensorOfSession},
     session::{LeftInContact, with_rig},
-    table::{note, print, print_json},
+    table::{concluded, note, print, print_json},
 };
 use crate::{
     calibrations,
@@ -99,16 +99,17 @@ pub(super) fn run(args: &SelftestArgs) -> Result<(), Failure> {
         out.write_all(&bytes).map_err(failed)?;
         note(&format!("wrote {}", path.display()));
     }
-    if args.output.json {
-        print_json(&archive.checks)?;
+    let printed = if args.output.json {
+        print_json(&archive.checks)
     } else {
-        print(&report.checks.iter().map(line).collect::<Vec<_>>().join("\n"))?;
+        let printed = print(&report.checks.iter().map(line).collect::<Vec<_>>().join("\n"));
         let count = report.checks.len();
         let checks = if count == 1 { "check" } else { "checks" };
         note(&format!("{}: {count} {checks}", report.rig));
-    }
+        printed
+    };
     let problems = report.count(Level::Problem);
-    if problems > 0 { Err(Failure::Unfit { problems }) } else { Ok(()) }
+    concluded(printed, if problems > 0 { Err(Failure::Unfit { problems }) } else { Ok(()) })
 }
 
 /// The levels that need a bench in service. A bench that is not is a problem of the report.

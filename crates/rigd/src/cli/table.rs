@@ -5,6 +5,8 @@ use std::{
     io::{self, Write},
 };
 
+use rig_model::with_causes;
+
 use super::{Failure, screen};
 
 /// Lines for the person at the terminal, broken between words where they are too long for it.
@@ -30,6 +32,18 @@ pub(super) fn print_json(value: &impl serde::Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string(value)
         .map_err(|error| Failure::System { what: "stdout", source: error.into() })?;
     write(&text)
+}
+
+/// The end of a command whose results were printed: its verdict is that also where they could not be, such as to a pipe that was
+/// closed.
+pub(super) fn concluded(
+    printed: Result<(), Failure>,
+    verdict: Result<(), Failure>,
+) -> Result<(), Failure> {
+    if let (Err(trouble), Err(_)) = (&printed, &verdict) {
+        note(&format!("the results are not printed: {}", with_causes(trouble)));
+    }
+    verdict.and(printed)
 }
 
 /// Names and values, one pair in a line.

@@ -3,6 +3,8 @@
 
 mod objects;
 
+use std::path::Path;
+
 use rig_record::{Run, RunId, RunKind};
 use rig_ship::PublicKey;
 use rig_store::{Reader, StoreError};
@@ -15,7 +17,7 @@ use super::{
     Failure,
     args::{OutputArgs, RunArg},
     runs::results_of,
-    table::{print, print_json},
+    table::{concluded, print, print_json},
 };
 use crate::run_files;
 use objects::Objects;
@@ -78,38 +80,40 @@ pub(super) fn verify(args: &VerifyArgs) -> Result<(), Failure> {
     let is_refuted = model.as_ref().is_some_and(|model| model.is_confirmed == Some(false));
     let is_sound = are_sound && files.is_empty() && !is_refuted;
     let view = VerifyView { verdict, model, has_folder, files, amendments };
-    if args.output.json {
-        print_json(&view)?;
-    } else {
-        let verdicts = [&view.verdict].into_iter().chain(&view.amendments);
-        for finding in verdicts.flat_map(|verdict| &verdict.findings) {
-            print(&finding.to_string())?;
-        }
-        for FileFinding { file, what } in &view.files {
-            print(&format!("{}: {what}", folder.join(file).display()))?;
-        }
-        let name = run.short_name();
-        for note in &view.verdict.notes {
-            print(&format!("{name}: {note}"))?;
-        }
-        print(&format!("{name}: {}", view.verdict.sentence()))?;
-        if let Some(amendments) = amended(&view.amendments) {
-            print(&format!("{name}: {amendments}"))?;
-        }
-        if let Some(model) = &view.model {
-            print(&format!("{name}: {}", in_words(model)))?;
-        }
-        if view.verdict.archived.is_some() && !has_folder {
-            return if is_sound { Ok(()) } else { Err(Failure::NotSound) };
-        }
-        print(&match view.files.len() {
-            _ if !has_folder => format!("{name}: no folder; `rigd report {name}` writes it"),
-            0 => format!("{name}: its folder is the one in the manifest"),
-            1 => format!("{name}: 1 file of its folder differs from the manifest"),
-            count => format!("{name}: {count} files of its folder differ from the manifest"),
-        })?;
+    let printed =
+        if args.output.json { print_json(&view) } else { print_all(&view, &run, &folder) };
+    concluded(printed, if is_sound { Ok(()) } else { Err(Failure::NotSound) })
+}
+
+/// The verdict for a person.
+fn print_all(view: &VerifyView, run: &Run, folder: &Path) -> Result<(), Failure> {
+    let verdicts = [&view.verdict].into_iter().chain(&view.amendments);
+    for finding in verdicts.flat_map(|verdict| &verdict.findings) {
+        print(&finding.to_string())?;
     }
-    if is_sound { Ok(()) } else { Err(Failure::NotSound) }
+    for FileFinding { file, what } in &view.files {
+        print(&format!("{}: {what}", folder.join(file).display()))?;
+    }
+    let name = run.short_name();
+    for note in &view.verdict.notes {
+        print(&format!("{name}: {note}"))?;
+    }
+    print(&format!("{name}: {}", view.verdict.sentence()))?;
+    if let Some(amendments) = amended(&view.amendments) {
+        print(&format!("{name}: {amendments}"))?;
+    }
+    if let Some(model) = &view.model {
+        print(&format!("{name}: {}", in_words(model)))?;
+    }
+    if view.verdict.archived.is_some() && !view.has_folder {
+        return Ok(());
+    }
+    print(&match view.files.len() {
+        _ if !view.has_folder => format!("{name}: no folder; `rigd report {name}` writes it"),
+        0 => format!("{name}: its folder is the one in the manifest"),
+        1 => format!("{name}: 1 file of its folder differs from the manifest"),
+        count => format!("{name}: {count} files of its folder differ from the manifest"),
+    })
 }
 
 /// The amendments of a run in a sentence; `None` without one.

@@ -9,7 +9,7 @@ use super::{
     daemon::{DaemonArgs, over_http},
     live::say_touch,
     runs, screen,
-    table::note,
+    table::{concluded, note},
 };
 use crate::rig_view::{EstimateView, LastRun, RigView};
 
@@ -67,13 +67,13 @@ pub(super) fn watch(args: &DaemonArgs) -> Result<(), Failure> {
         End::Latched { probe } => return Err(Failure::DaemonLatched { probe }),
         End::Run(run) => run,
     };
-    runs::show_run(&args.data, &run.id)?;
-    match run.status.as_str() {
+    let verdict = match run.status.as_str() {
         "completed" => Ok(()),
         "completed_with_refusals" => Err(Failure::TouchesRefused),
         "aborted" => Err(Failure::Aborted),
         _ => Err(Failure::RunEnded { status: run.status }),
-    }
+    };
+    concluded(runs::show_run(&args.data, &run.id), verdict)
 }
 
 impl Watch {

@@ -7,7 +7,7 @@ use rig_ship::{Address, ObjectStore, PublicKey, ShipError, objects};
 use rig_verify::{ObjectVerdict, verify_object};
 use serde::Serialize;
 
-use super::{Failure, VerifyArgs, print, print_json};
+use super::{Failure, VerifyArgs, concluded, print, print_json};
 
 /// Objects that a person names in place of a run.
 pub(super) enum Objects<'a> {
@@ -44,13 +44,11 @@ impl<'a> Objects<'a> {
             Self::File(path) => vec![of_file(path, key)?],
             Self::Store(address) => of_store(address, key)?,
         };
-        if args.output.json {
-            print_json(&views)?;
-        } else {
-            views.iter().try_for_each(say)?;
-        }
+        let printed =
+            if args.output.json { print_json(&views) } else { views.iter().try_for_each(say) };
         let is_sound = |view: &ObjectView| view.verdict.as_ref().is_some_and(|one| one.is_sound);
-        if views.iter().all(is_sound) { Ok(()) } else { Err(Failure::NotSound) }
+        let verdict = if views.iter().all(is_sound) { Ok(()) } else { Err(Failure::NotSound) };
+        concluded(printed, verdict)
     }
 }
 
