@@ -75,6 +75,11 @@ impl Basis {
         digest.to_string()
     }
 
+    /// Whether the bench is a simulated one.
+    pub fn is_simulated(&self) -> bool {
+        self.drives.iter().any(|drive| drive.contains(SIMULATED))
+    }
+
     /// The drives: make, or instrument file with its SHA-256, address and port, the linear stage first. Few drives
     /// report an identity.
     pub const fn drives(&self) -> &[String; 2] {

@@ -153,6 +153,17 @@ impl Jogged {
     }
 }
 
+/// Why an order was not carried out, in words for a person.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum NotDone {
+    /// It was refused, and nothing was sent: this says nothing of the bench.
+    #[error("{0}")]
+    Refused(String),
+    /// The drive did not do it, such as one that was stopped by a limit.
+    #[error("{0}")]
+    Failed(String),
+}
+
 /// A bench that is being commissioned. Each call waits for the person or for the drive.
 pub trait Bench: Send {
     /// What ends a step without a finding: the person leaves, or the rig is gone.
@@ -161,12 +172,11 @@ pub trait Bench: Send {
     /// Asks the person.
     fn ask(&mut self, asked: Asked) -> impl Future<Output = Result<Answer, Self::Trouble>> + Send;
 
-    /// Has a drive do something; a step of 0 reads where the axis is. A drive that does not do it has a reason, in its
-    /// own words.
+    /// Has a drive do something; a step of 0 reads where the axis is.
     fn drive(
         &mut self,
         order: Order,
-    ) -> impl Future<Output = Result<Result<Jogged, String>, Self::Trouble>> + Send;
+    ) -> impl Future<Output = Result<Result<Jogged, NotDone>, Self::Trouble>> + Send;
 
     /// A gauge has shown that the last step of an axis was about as long as its drive says: a longer one may follow.
     fn seen(&mut self, axis: JogAxis) -> impl Future<Output = Result<(), Self::Trouble>> + Send;

@@ -35,7 +35,7 @@ mod standing;
 mod step;
 
 pub use basis::Basis;
-pub use bench::{Bench, Jog, JogAxis, Jogged, Order};
+pub use bench::{Bench, Jog, JogAxis, Jogged, NotDone, Order};
 pub use change::BenchChange;
 pub use finding::{Change, Finding, Value, Verdict};
 pub use kind::Kind;

@@ -12,7 +12,7 @@ mod tests;
 use rig_files::rig_file::RigFile;
 
 use crate::{
-    Answer, Asked, Bench, Choice, Finding, Jog, JogAxis, Jogged, Order, Step,
+    Answer, Asked, Bench, Choice, Finding, Jog, JogAxis, Jogged, NotDone, Order, Step,
     agreement::{Agreement, Progress},
 };
 
@@ -96,8 +96,24 @@ async fn located<B: Bench>(bench: &mut B, axis: JogAxis) -> Result<f64, Early<B:
 
 /// Has a drive do something. One that does not ends the step of commissioning.
 async fn order<B: Bench>(bench: &mut B, order: Order) -> Result<Jogged, Early<B::Trouble>> {
-    let done = bench.drive(order).await?;
-    done.map_err(|trouble| Early::Failed(format!("{}: {trouble}", order.axis().name())))
+    attempt(bench, order).await?.map_err(|trouble| not_done(order, &trouble))
+}
+
+/// Has a drive try something that it may not do, and gives its reason then. An order that is refused was not tried: it ends the
+/// step of commissioning.
+async fn attempt<B: Bench>(
+    bench: &mut B,
+    order: Order,
+) -> Result<Result<Jogged, String>, Early<B::Trouble>> {
+    match bench.drive(order).await? {
+        Ok(done) => Ok(Ok(done)),
+        Err(NotDone::Failed(why)) => Ok(Err(why)),
+        Err(NotDone::Refused(why)) => Err(not_done(order, &why)),
+    }
+}
+
+fn not_done<T>(order: Order, why: &str) -> Early<T> {
+    Early::Failed(format!("{}: {why}", order.axis().name()))
 }
 
 /// Brings an axis to a place, by steps that are admitted. Returns where it is.

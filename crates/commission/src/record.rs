@@ -268,8 +268,8 @@ impl Calibration {
     /// Whether what it says of the bench holds here: a port or an instrument file that is exchanged, and put back, changes
     /// nothing of that. Each simulated bench is one of its own.
     pub(crate) fn is_of_bench(&self, basis: &Basis) -> bool {
-        let is_simulated = |drives: &[String; 2]| drives.iter().any(|one| one.contains(SIMULATED));
-        self.has_drives_of(basis) || !is_simulated(&self.drives) && !is_simulated(basis.drives())
+        let is_simulated = self.drives.iter().any(|one| one.contains(SIMULATED));
+        self.has_drives_of(basis) || !is_simulated && !basis.is_simulated()
     }
 
     /// SHA-256 of the protocols of a daily check.

@@ -39,6 +39,8 @@ pub enum PortCommand {
     JogLinear {
         /// The read-back before it, by the rig file.
         from: Position<Mm>,
+        /// Whether the drive said then that it knows where the stage is.
+        is_homed: bool,
         /// The step, mm, upwards by the rig file.
         by_mm: f64,
         /// Speed, mm/s.
@@ -48,6 +50,8 @@ pub enum PortCommand {
     JogRotary {
         /// The read-back before it, by the rig file.
         from: Position<Deg>,
+        /// Whether the drive said then that it knows where the stage is.
+        is_homed: bool,
         /// The step, degrees.
         by_deg: f64,
         /// Speed, °/s.

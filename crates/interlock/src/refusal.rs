@@ -150,6 +150,21 @@ pub enum Refusal {
         /// Unit of the axis.
         unit: &'static str,
     },
+    /// A step that is too long for an axis whose place nobody knows.
+    #[error(
+        "{what}: {asked:.3} {unit} is more than the {limit:.3} {unit} that are allowed while the drive says that it does not know where \
+         its axis is"
+    )]
+    JogUnhomed {
+        /// The command.
+        what: &'static str,
+        /// Length of the step.
+        asked: f64,
+        /// Longest step.
+        limit: f64,
+        /// Unit of the axis.
+        unit: &'static str,
+    },
     /// A step that is too fast.
     #[error("{what}: speed {asked:.3} {unit}/s is above {limit:.3} {unit}/s")]
     JogTooFast {

@@ -8,7 +8,7 @@ use jiff::{SignedDuration, Timestamp};
 use rig_commission::{
     Basis, Calibration, Kind,
     check::{BlockHeight, CheckValues, Checked, Readings, Unmeasured, judge},
-    checks, last_change,
+    checks,
 };
 use rig_model::{ContactAngle, Direction, counted};
 use rig_record::{Digest, DigestPart, SweepOutcome, SweepPurpose};
@@ -19,6 +19,7 @@ use crate::{
     loaded_rig::{FileError, RigFacts},
     local_time::local,
     protocol_file::LoadedProtocol,
+    run_of_bench::{NotOfBench, is_of_bench, is_since_change, times},
 };
 
 /// The shipped protocols of a check.
@@ -42,15 +43,11 @@ pub(crate) enum CheckError {
     #[error(transparent)]
     Store(#[from] StoreError),
     #[error(transparent)]
-    RigFile(#[from] FileError),
-    #[error(transparent)]
     Unmeasured(#[from] Unmeasured),
-    #[error("{run} was made with other values of [linear] or [rotary] than the rig file has now")]
-    OtherAxes { run: String },
+    #[error(transparent)]
+    NotOfBench(#[from] NotOfBench),
     #[error("{run} has {}, and {part} has {needed}", counted(*found, "sample"))]
     Samples { run: String, found: usize, part: &'static str, needed: usize },
-    #[error("{run} is still under way")]
-    UnderWay { run: String },
     #[error(transparent)]
     InPieces(#[from] InPieces),
     #[error("{run} belongs to the check of {made} already, and a run counts once")]
@@ -60,14 +57,6 @@ pub(crate) enum CheckError {
         local(begun), local(ended), TOGETHER.as_hours()
     )]
     Apart { block: String, ended: String, references: String, begun: String },
-    #[error(
-        "{run} was begun {}, before the bench was changed {} ({change})",
-        local(begun),
-        local(changed)
-    )]
-    Changed { run: String, begun: String, changed: String, change: String },
-    #[error("{run} has a time that this rigd does not read")]
-    NoTime { run: String, source: jiff::Error },
     #[error("{}", path.display())]
     Trend { path: PathBuf, source: std::io::Error },
 }
@@ -115,9 +104,9 @@ pub(crate) fn keep(
     let (name, basis) = rig;
     let records = calibrations::read(data)?;
     let mut readings = Readings::default();
-    let on_block = read(reader, block, basis, ("the check on the block", 1), &mut readings)?;
+    let on_block = read(reader, block, rig, ("the check on the block", 1), &mut readings)?;
     let part = ("the check on the references", 2);
-    let on_references = read(reader, references, basis, part, &mut readings)?;
+    let on_references = read(reader, references, rig, part, &mut readings)?;
     let made = admit([block, references], &records, basis)?;
     let values = readings.values()?;
     let texts = [&on_block, &on_references].map(|run| DigestPart::Text(&run.protocol.toml));
@@ -157,32 +146,8 @@ fn admit(runs: [&Run; 2], records: &[Calibration], basis: &Basis) -> Result<Time
             begun: references.started_at.clone(),
         });
     }
-    match last_change(Kind::Check, records, basis) {
-        Some(change) if on_block.begun.as_second() < change.made_unix_s() => {
-            Err(CheckError::Changed {
-                run: block.short_name(),
-                begun: block.started_at.clone(),
-                changed: change.made().to_owned(),
-                change: change.reason.clone().unwrap_or_default(),
-            })
-        }
-        _ => Ok(on_references.ended),
-    }
-}
-
-/// The times of a run that has ended.
-struct Times {
-    begun: Timestamp,
-    ended: Timestamp,
-}
-
-fn times(run: &Run) -> Result<Times, CheckError> {
-    let read = |time: &str| {
-        time.parse().map_err(|source| CheckError::NoTime { run: run.short_name(), source })
-    };
-    let ended = run.finished_at.as_deref();
-    let ended = ended.ok_or_else(|| CheckError::UnderWay { run: run.short_name() })?;
-    Ok(Times { begun: read(&run.started_at)?, ended: read(ended)? })
+    is_since_change(block, Kind::Check, (records, basis))?;
+    Ok(on_references.ended)
 }
 
 /// Adds what a run has measured to the readings, and returns its first record. `part` names the run and the number of its
@@ -190,7 +155,7 @@ fn times(run: &Run) -> Result<Times, CheckError> {
 fn read(
     reader: &Reader,
     run: &Run,
-    basis: &Basis,
+    rig: (&str, &Basis),
     (part, needed): (&'static str, usize),
     readings: &mut Readings,
 ) -> Result<RunStarted, CheckError> {
@@ -208,9 +173,7 @@ fn read(
                 if found != needed {
                     return Err(CheckError::Samples { run: run.short_name(), found, part, needed });
                 }
-                if !calibrations::has_axes_of(&started, basis)? {
-                    return Err(CheckError::OtherAxes { run: run.short_name() });
-                }
+                is_of_bench(run, &started, rig)?;
                 begun = Some(started);
             }
             Record::SurfaceFound(surface) if needed == 1 => {

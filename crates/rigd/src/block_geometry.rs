@@ -1,17 +1,19 @@
 //! The geometry of a bench, and the error of its linear screw, by runs on hard flat blocks, as the journal has them.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
+use jiff::Timestamp;
 use rig_commission::{
-    Basis, Change, Finding, Kind, Value,
+    Change, Finding, Kind, Value,
     metrology::{BlockGeometry, BlockTouch, fit},
 };
 use rig_model::{Geometry, RigLimits};
 use rig_store::{Reader, Run};
 
 use crate::{
-    block_runs::{BlockRunError, noise, of_run},
+    block_runs::{Bench, BlockRunError, noise, of_run},
     calibrations::{self, Witness},
+    run_of_bench::{NotOfBench, times},
 };
 
 /// Differences from the rig file that are accepted, beyond three standard deviations.
@@ -38,12 +40,12 @@ pub(crate) fn keep_geometry(
     reader: &Reader,
     runs: &[(Run, f64)],
     (limits, zero_deg): (&RigLimits, f64),
-    (basis, data): (&Basis, &Path),
+    bench: Bench<'_>,
     (person, temperature_c): (String, Option<f64>),
 ) -> Result<KeptGeometry, BlockRunError> {
     let mut found = Vec::new();
     for (run, raised_mm) in runs {
-        found.extend(of_run(reader, run, *raised_mm, basis)?);
+        found.extend(of_run(reader, run, *raised_mm, (Kind::Blocks, bench))?);
     }
     let (touches, sigmas_mm): (Vec<BlockTouch>, Vec<f64>) = found.into_iter().unzip();
     let noise = noise(sigmas_mm.into_iter(), limits);
@@ -51,7 +53,12 @@ pub(crate) fn keep_geometry(
     let finding = finding(&limits.geometry, zero_deg, &geometry);
     let journal = runs.iter().map(|(run, _)| run.id.to_string()).collect();
     let witness = Witness { person, journal, temperature_c };
-    let path = calibrations::write(basis, data, (Kind::Blocks, finding.clone()), witness)?;
+    // It holds as long as its oldest run.
+    let ended = runs.iter().map(|(run, _)| times(run).map(|times| times.ended));
+    let ended = ended.collect::<Result<Vec<_>, NotOfBench>>()?;
+    let made = ended.into_iter().min().unwrap_or_else(Timestamp::now);
+    let found = (Kind::Blocks, finding.clone());
+    let path = calibrations::write_of_runs(bench.basis, bench.data, made, found, witness)?;
     Ok(KeptGeometry { finding, path, touches: touches.len() })
 }
 

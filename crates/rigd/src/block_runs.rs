@@ -18,6 +18,7 @@ use crate::{
     bench_check::tilt_deg,
     calibrations::{self, CalibrationsError, InPieces, Witness, in_one_piece},
     loaded_rig::FileError,
+    run_of_bench::{NotOfBench, is_of_bench, is_since_change, times},
 };
 
 /// Largest tilt of a touch that counts as level, degrees.
@@ -36,8 +37,8 @@ pub(crate) enum BlockRunError {
     Store(#[from] StoreError),
     #[error(transparent)]
     RigFile(#[from] FileError),
-    #[error("{run} was made with other values of [linear] or [rotary] than the rig file has now")]
-    OtherAxes { run: String },
+    #[error(transparent)]
+    NotOfBench(#[from] NotOfBench),
     #[error("{run} has {too_few}")]
     TooFew { run: String, too_few: TooFewTouches },
     #[error("{run} has {no_latency}")]
@@ -58,6 +59,17 @@ pub(crate) enum BlockRunError {
     InPieces(#[from] InPieces),
 }
 
+/// The bench that a run shows.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Bench<'a> {
+    /// Name of the rig.
+    pub(crate) rig: &'a str,
+    /// What its calibrations rest on.
+    pub(crate) basis: &'a Basis,
+    /// The data directory, with them.
+    pub(crate) data: &'a Path,
+}
+
 /// A surface that a touch of a run has found.
 struct FoundSurface {
     tilt_deg: f64,
@@ -67,9 +79,14 @@ struct FoundSurface {
     descent: Option<(f64, Onset)>,
 }
 
-/// The surfaces that a run has found, in order. The other mounting of the sensor has the ball elsewhere. Heights and tilts of
-/// another scale or zero are not those of the present rig file.
-fn surfaces(reader: &Reader, run: &Run, basis: &Basis) -> Result<Vec<FoundSurface>, BlockRunError> {
+/// The surfaces that a run has found, in order, for a calibration of a kind. The other mounting of the sensor has the ball
+/// elsewhere. A run that does not show the bench as it is now has none.
+fn surfaces(
+    reader: &Reader,
+    run: &Run,
+    kind: Kind,
+    bench: Bench<'_>,
+) -> Result<Vec<FoundSurface>, BlockRunError> {
     in_one_piece(reader, run)?;
     let mut surfaces = Vec::new();
     let mut speed_mm_per_s = None;
@@ -84,9 +101,7 @@ fn surfaces(reader: &Reader, run: &Run, basis: &Basis) -> Result<Vec<FoundSurfac
                 continue;
             }
             Record::RunStarted(started) => {
-                if !calibrations::has_axes_of(&started, basis)? {
-                    return Err(BlockRunError::OtherAxes { run: run.short_name() });
-                }
+                is_of_bench(run, &started, (bench.rig, bench.basis))?;
                 continue;
             }
             _ => continue,
@@ -96,6 +111,7 @@ fn surfaces(reader: &Reader, run: &Run, basis: &Basis) -> Result<Vec<FoundSurfac
         let (height_mm, sigma_mm) = (surface.position_mm, surface.sigma_mm);
         surfaces.push(FoundSurface { tilt_deg, height_mm, sigma_mm, descent });
     }
+    is_since_change(run, kind, (&calibrations::read(bench.data)?, bench.basis))?;
     Ok(surfaces)
 }
 
@@ -107,13 +123,13 @@ pub(crate) fn of_run(
     reader: &Reader,
     run: &Run,
     raised_mm: f64,
-    basis: &Basis,
+    (kind, bench): (Kind, Bench<'_>),
 ) -> Result<Vec<(BlockTouch, f64)>, BlockRunError> {
     let touch = |surface: FoundSurface| {
         let FoundSurface { tilt_deg, height_mm, sigma_mm, .. } = surface;
         (BlockTouch { tilt_deg, height_mm, raised_mm }, sigma_mm)
     };
-    Ok(surfaces(reader, run, basis)?.into_iter().map(touch).collect())
+    Ok(surfaces(reader, run, kind, bench)?.into_iter().map(touch).collect())
 }
 
 /// A level touch of the sensor as it was first mounted.
@@ -128,18 +144,17 @@ fn is_level(surface: &FoundSurface) -> bool {
 /// [`BlockRunError`]. There is then no new record.
 pub(crate) fn keep_repeatability(
     (reader, run): (&Reader, &Run),
-    basis: &Basis,
-    data: &Path,
+    bench: Bench<'_>,
     person: (String, Option<f64>),
 ) -> Result<(Finding, PathBuf), BlockRunError> {
-    let level: Vec<LevelTouch> = surfaces(reader, run, basis)?
+    let level: Vec<LevelTouch> = surfaces(reader, run, Kind::Touches, bench)?
         .into_iter()
         .filter(is_level)
         .map(|FoundSurface { height_mm, sigma_mm, .. }| LevelTouch { height_mm, sigma_mm })
         .collect();
     let too_few = |too_few| BlockRunError::TooFew { run: run.short_name(), too_few };
     let finding = repeatability(&level).map_err(too_few)?;
-    keep((Kind::Touches, finding), run, (basis, data), person)
+    keep((Kind::Touches, finding), run, bench, person)
 }
 
 /// Finds the latency by the level touches of a run whose surfaces were found by descents, keeps the record, and returns
@@ -150,7 +165,7 @@ pub(crate) fn keep_repeatability(
 pub(crate) fn keep_latency(
     (reader, run): (&Reader, &Run),
     stated: ReadingStream,
-    (basis, data): (&Basis, &Path),
+    bench: Bench<'_>,
     person: (String, Option<f64>),
 ) -> Result<(Finding, PathBuf), BlockRunError> {
     let touch = |surface: FoundSurface| {
@@ -162,22 +177,23 @@ pub(crate) fn keep_latency(
             mm_per_latency_s: onset.mm_per_latency_s,
         })
     };
-    let level = surfaces(reader, run, basis)?.into_iter().filter(is_level);
+    let level = surfaces(reader, run, Kind::Latency, bench)?.into_iter().filter(is_level);
     let touches: Vec<DescentTouch> = level.filter_map(touch).collect();
     let ReadingStream { latency_s, latency_sigma_s, .. } = stated;
     let finding = latency(&touches, StatedLatency { latency_s, sigma_s: latency_sigma_s });
     let none = |no_latency| BlockRunError::NoLatency { run: run.short_name(), no_latency };
-    keep((Kind::Latency, finding.map_err(none)?), run, (basis, data), person)
+    keep((Kind::Latency, finding.map_err(none)?), run, bench, person)
 }
 
 fn keep(
     (kind, finding): (Kind, Finding),
     run: &Run,
-    (basis, data): (&Basis, &Path),
+    Bench { basis, data, .. }: Bench<'_>,
     (person, temperature_c): (String, Option<f64>),
 ) -> Result<(Finding, PathBuf), BlockRunError> {
     let witness = Witness { person, journal: vec![run.id.to_string()], temperature_c };
-    let path = calibrations::write(basis, data, (kind, finding.clone()), witness)?;
+    let (made, found) = (times(run)?.ended, (kind, finding.clone()));
+    let path = calibrations::write_of_runs(basis, data, made, found, witness)?;
     Ok((finding, path))
 }
 
@@ -212,13 +228,13 @@ pub(crate) struct KeptRadius {
 pub(crate) fn keep_probe_radius(
     (reader, run): (&Reader, &Run),
     pin_mm: f64,
-    (limits, basis): (&RigLimits, &Basis),
-    data: &Path,
+    limits: &RigLimits,
+    bench: Bench<'_>,
     person: (String, Option<f64>),
 ) -> Result<KeptRadius, BlockRunError> {
-    let found = of_run(reader, run, 0.0, basis)?;
+    let found = of_run(reader, run, 0.0, (Kind::Pin, bench))?;
     is_of_pin(reader, run, pin_mm)?;
-    let (prior, blocks) = prior(basis, &limits.geometry, data)?;
+    let (prior, blocks) = prior(bench.basis, &limits.geometry, bench.data)?;
     let noise = noise(found.iter().map(|(_, sigma_mm)| *sigma_mm), limits);
     let touch = |(touch, _): &(BlockTouch, f64)| PinTouch {
         tilt_deg: touch.tilt_deg,
@@ -228,7 +244,7 @@ pub(crate) fn keep_probe_radius(
     let radii = (pin_mm, limits.geometry.probe_radius_mm);
     let finding = probe_radius(&touches, &noise, &prior, radii)
         .map_err(|why| BlockRunError::NoRadius { run: run.short_name(), why })?;
-    let (finding, path) = keep((Kind::Pin, finding), run, (basis, data), person)?;
+    let (finding, path) = keep((Kind::Pin, finding), run, bench, person)?;
     Ok(KeptRadius { finding, path, touches: touches.len(), blocks })
 }
 

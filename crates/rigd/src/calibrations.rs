@@ -10,16 +10,13 @@ use rig_commission::{
     Basis, BenchChange, Calibration, Circumstances, Finding, Kind, Standing, Step,
     UnreadableCalibration, Verdict, checks, file_name, holding, is_homing_begun,
 };
-use rig_files::rig_file::RigFile;
 use rig_store::{
-    CitedCalibration, Digest, Ending, Reader, Run, RunStarted, RunStatus, ScrewMap, Source,
-    StoreError, make_directory,
+    CitedCalibration, Digest, Ending, Reader, Run, RunStatus, ScrewMap, StoreError, make_directory,
 };
 use sha2::{Digest as _, Sha256};
 
 use crate::{
     durable::{self, FOR_ALL},
-    loaded_rig::FileError,
     rig::SOFTWARE,
 };
 
@@ -136,18 +133,6 @@ fn screw(found: &Calibration) -> Option<ScrewMap> {
         errors_mm: part(1),
         covariance_um2,
     })
-}
-
-/// Whether a run was made with the scales and zeros of the axes that the rig file has now: heights and tilts of other ones
-/// are not comparable.
-///
-/// # Errors
-/// The rig file of the run cannot be read by this version.
-pub(crate) fn has_axes_of(started: &RunStarted, basis: &Basis) -> Result<bool, FileError> {
-    let Source { name, toml } = &started.rig;
-    let rig = RigFile::read(name, toml).map_err(FileError::Faults)?;
-    // The keys of the axes alone are compared; the instrument files of that time are not in the journal.
-    Ok(Basis::of(&rig, [None, None]).sha256(Kind::Scale) == basis.sha256(Kind::Scale))
 }
 
 /// Why a run is no measurement of a bench in one piece.
@@ -290,6 +275,11 @@ pub(crate) fn void_after_interrupted_homing(
 pub(crate) const HOMING_WAS_INTERRUPTED: &str = "A homing was interrupted: the zero of a drive may be at another place. The steps that rest \
      on it are asked for again.";
 
+/// What is said when each step has its record and the rig is not in service all the same.
+pub(crate) fn not_in_service(missing: &str) -> String {
+    format!("No step of commissioning is missing. The rig is not in service: {missing}.")
+}
+
 /// Writes a daily check by runs that ended at `made`, and returns the path of its record.
 ///
 /// # Errors
@@ -300,7 +290,23 @@ pub(crate) fn keep_check(
     witness: Witness,
     record: impl FnOnce(Circumstances) -> Calibration,
 ) -> Result<PathBuf, CalibrationsError> {
-    keep_at(made, data, Kind::Check, witness, record)
+    keep_at((made, made), data, Kind::Check, witness, record)
+}
+
+/// Writes a calibration by runs that ended at `made`, from when on it holds, and returns its path. The same runs may be judged
+/// again: the name of the file has the time of now.
+///
+/// # Errors
+/// [`CalibrationsError`]. There is then no new file.
+pub(crate) fn write_of_runs(
+    basis: &Basis,
+    data: &Path,
+    made: Timestamp,
+    (kind, finding): (Kind, Finding),
+    witness: Witness,
+) -> Result<PathBuf, CalibrationsError> {
+    let record = |around| Calibration::new(kind, finding, basis, around);
+    keep_at((made, Timestamp::now()), data, kind, witness, record)
 }
 
 fn keep(
@@ -309,11 +315,12 @@ fn keep(
     witness: Witness,
     record: impl FnOnce(Circumstances) -> Calibration,
 ) -> Result<PathBuf, CalibrationsError> {
-    keep_at(Timestamp::now(), data, kind, witness, record)
+    let now = Timestamp::now();
+    keep_at((now, now), data, kind, witness, record)
 }
 
 fn keep_at(
-    made: Timestamp,
+    (made, named): (Timestamp, Timestamp),
     data: &Path,
     kind: Kind,
     witness: Witness,
@@ -332,7 +339,7 @@ fn keep_at(
     });
     let folder = data.join(FOLDER);
     // Names of one kind sort by time, also within a second.
-    let path = folder.join(file_name(kind, &made.strftime("%Y%m%dT%H%M%S.%6fZ").to_string()));
+    let path = folder.join(file_name(kind, &named.strftime("%Y%m%dT%H%M%S.%6fZ").to_string()));
     let text = calibration.to_toml()?;
     let failed = |source| CalibrationsError::File { path: path.clone(), source };
     make_directory(&folder).map_err(failed)?;

@@ -18,6 +18,7 @@ use std::{
 };
 
 use rig_commission::{Answer, Basis, Finding, NotAnAnswer, Standing, Step, Verdict, procedure};
+use rig_engine::Fault;
 use rig_files::rig_file::RigFile;
 use rig_model::with_causes;
 use tokio::{sync::oneshot, task::JoinError};
@@ -26,7 +27,7 @@ use tokio_util::sync::CancellationToken;
 use crate::{
     calibrations::{self, CalibrationsError, Witness},
     loaded_rig::LoadedRig,
-    rig::{RequestRefusal, RigHandle},
+    rig::{RequestRefusal, RigHandle, unproven_text},
 };
 pub(crate) use remote::Question;
 use remote::Remote;
@@ -40,11 +41,14 @@ pub(crate) struct Commissioned {
     file: RigFile,
     pub(crate) basis: Basis,
     pub(crate) data: PathBuf,
+    /// The instruments that no transcript proves, whatever the calibrations show.
+    unproven: Option<Arc<str>>,
 }
 
 impl Commissioned {
     pub(crate) fn of(rig: &LoadedRig, data: PathBuf) -> Self {
-        Self { file: rig.file.clone(), basis: rig.basis(), data }
+        let unproven = unproven_text(&rig.unproven());
+        Self { file: rig.file.clone(), basis: rig.basis(), data, unproven }
     }
 }
 
@@ -83,6 +87,8 @@ pub(crate) enum CommissioningRefusal {
         "no step is missing, and the rig is in service; commission it with `rigd commission again` after the daemon has ended"
     )]
     NothingMissing,
+    #[error("{}", calibrations::not_in_service(.0))]
+    NotInService(Arc<str>),
     #[error("nobody is asked")]
     NothingAsked,
     #[error("question {wanted} was asked before, and now question {now} waits for its answer")]
@@ -141,7 +147,7 @@ impl Commissioning {
         temperature_c: Option<f64>,
     ) -> Result<(), CommissioningRefusal> {
         let standing = self.standing().await?;
-        let (first, _) = standing.missing().next().ok_or(CommissioningRefusal::NothingMissing)?;
+        let (first, _) = standing.missing().next().ok_or_else(|| self.nothing_missing())?;
         let stop = CancellationToken::new();
         {
             let mut progress = self.progress();
@@ -160,6 +166,19 @@ impl Commissioning {
             (progress.step, progress.question, progress.reply) = (None, None, None);
         });
         Ok(())
+    }
+
+    /// Why there is no step to make.
+    fn nothing_missing(&self) -> CommissioningRefusal {
+        match &self.rig.status().borrow().snapshot.fault {
+            Some(Fault::NotCommissioned { missing }) => {
+                let unproven = self.of.unproven.clone();
+                CommissioningRefusal::NotInService(
+                    unproven.unwrap_or_else(|| missing.as_str().into()),
+                )
+            }
+            _ => CommissioningRefusal::NothingMissing,
+        }
     }
 
     /// Answers the question with this number. The record of the step names `by`.
@@ -207,14 +226,17 @@ impl Commissioning {
             Err(error) => return with_causes(&error),
         }
         // Who answered last.
-        let mut by = by.to_owned();
+        let (mut by, mut missing) = (by.to_owned(), None);
         loop {
             let step = match self.standing().await {
                 Ok(standing) => standing.missing().next().map(|(step, _)| step),
                 Err(error) => return with_causes(&error),
             };
             let Some(step) = step else {
-                return "The rig is commissioned, and goes into service.".to_owned();
+                return missing.as_deref().map_or_else(
+                    || "The rig is commissioned, and goes into service.".to_owned(),
+                    calibrations::not_in_service,
+                );
             };
             self.progress().step = Some(step);
             let mut bench = Remote::new(self.clone(), by, stop.clone(), temperature_c);
@@ -228,9 +250,10 @@ impl Commissioning {
                 return with_causes(&error);
             }
             by = bench.into_by();
-            if let Err(refusal) = self.rig.read_calibrations(&by).await {
-                return with_causes(&refusal);
-            }
+            missing = match self.rig.read_calibrations(&by).await {
+                Ok(missing) => missing,
+                Err(refusal) => return with_causes(&refusal),
+            };
             match verdict {
                 Verdict::Accepted => self.progress().say(format!("step {}: accepted", step.name())),
                 Verdict::Failed(why) => return format!("step {} failed: {why}", step.name()),

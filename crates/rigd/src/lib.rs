@@ -38,6 +38,7 @@ pub mod rehearse;
 pub mod rig;
 mod rig_view;
 pub mod run_files;
+mod run_of_bench;
 mod selftest;
 mod sensitivity;
 mod sensor_check;

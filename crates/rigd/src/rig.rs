@@ -72,6 +72,7 @@ pub(crate) use meters::Meters;
 pub use open::{DeviceError, OpenError};
 pub(crate) use open::{Ports, analyzer_on, bus_settings, runtime_of};
 pub use pace::{Pace, Remaining};
+pub(crate) use proof::unproven_text;
 pub use pulse::{Doing, Silence};
 pub(crate) use resume::{Outcomes, Present, changes_since, cited, may_amend, may_resume};
 pub use resume::{ResumeRefusal, SOFTWARE};

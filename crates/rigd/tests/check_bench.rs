@@ -176,6 +176,13 @@ fn a_bench_that_has_changed_is_told_by_the_quantity_that_shows_it() {
     assert!(record.contains(&format!("made = \"{}Z\"", &ended[..19])), "{ended}: {record}");
     let why = "check-references-5 has 2 samples, and the check on the block has 1";
     bench.refused(["check-references-5", "check-block-5"], why);
+    let rig = fs::read_to_string(bench.path("rig.toml")).unwrap();
+    let real = rig.replacen("connection = \"simulated\"", "connection = \"ports\"", 1);
+    assert_ne!(real, rig);
+    fs::write(bench.path("rig.toml"), real).unwrap();
+    let why = "check-block-9 was made on the rig \"simulated bench\" (simulated), and not on the rig \"simulated bench\" (real)";
+    bench.refused(["check-block-9", "check-references-10"], why);
+    fs::write(bench.path("rig.toml"), rig).unwrap();
     // A run of which a touch does not count shows no bench.
     let skip = ["skip", "check-block-9", "main/block/front/0/1", "--why", "a hair"];
     let skipped = bench.read(&skip);

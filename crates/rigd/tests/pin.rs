@@ -171,4 +171,16 @@ fn a_flat_block_where_the_rig_file_has_a_pin_ends_the_run_at_the_first_tilt() {
     let shown = stdout(&bench.rigd(&["show", "latest"]));
     assert!(shown.contains("0 of 30 touches measured"), "{shown}");
     assert!(said.contains("above where a surface may lie"), "{said}");
+
+    // How a run ended is said last, and is the exit code, also if nobody reads what it has found.
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let protocol = config("protocols/pin.toml");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rigd"));
+    command.args(["run", protocol.to_str().unwrap(), "--rig", &bench.path("pin-rig.toml")]);
+    let unread = command.args(["--data", &bench.path("data")]).stdout(writer).output().unwrap();
+    assert_eq!(unread.status.code(), output.status.code(), "{}", stderr(&unread));
+    let last =
+        |said: &str| said.lines().rfind(|line| line.starts_with("rigd: ")).unwrap().to_owned();
+    assert_eq!(last(&stderr(&unread)), last(&said));
 }

@@ -11,7 +11,7 @@
 use rig_files::rig_file::RigFile;
 use rig_model::{Axis, Unit};
 
-use super::{Early, agreed, confirm, doubt, go_to, jog, located, order, reading};
+use super::{Early, agreed, attempt, confirm, doubt, go_to, jog, located, order, reading};
 use crate::{
     Asked, Bench, Finding, Jog, JogAxis, Jogged, Order,
     agreement::Agreement,
@@ -180,7 +180,7 @@ impl Place {
         let look = Order::Step(Jog { axis: self.axis, by: 0.0 });
         let mut trouble = String::new();
         for _ in 0..STARTS {
-            match bench.drive(look).await? {
+            match attempt(bench, look).await? {
                 Ok(found) => return Ok(found),
                 Err(why) => trouble = why,
             }

@@ -6,7 +6,7 @@
 use rig_files::rig_file::RigFile;
 use rig_model::{Axis, Unit};
 
-use super::{Early, agreed, confirm, doubt, go_to, jog, located, order, reading};
+use super::{Early, agreed, attempt, confirm, doubt, go_to, jog, located, order, reading};
 use crate::{
     Answer, Asked, Bench, Change, Choice, Finding, Jog, JogAxis, Order, Value,
     agreement::{Agreement, Mean, Progress},
@@ -21,7 +21,7 @@ const STOPS: usize = 3;
 const BEFORE: f64 = 1.0;
 const BEYOND: [f64; 2] = [0.9, 2.7];
 
-/// How far an axis goes towards the middle of its travel before the step begins, mm and degrees: the next step of commissioning
+/// How far an axis goes towards the middle of its soft limits before the step begins, mm and degrees: the next step of commissioning
 /// needs room on both sides.
 const FREE: f64 = 5.0;
 
@@ -136,17 +136,18 @@ async fn without_soft_limits<B: Bench, U: Unit>(
     )))
 }
 
-/// Takes an axis a step towards the middle of its travel, and gives where it is then. An interrupted step has left it at an
+/// Takes an axis a step towards the middle of its soft limits, and gives where it is then. An interrupted step has left it at an
 /// end, perhaps with the alarm of that.
 async fn free<B: Bench, U: Unit>(
     bench: &mut B,
     axis: JogAxis,
     limits: &Axis<U>,
 ) -> Result<f64, Early<B::Trouble>> {
-    let middle = f64::midpoint(limits.travel().min.value(), limits.travel().max.value());
+    let soft = limits.soft();
+    let middle = f64::midpoint(soft.min.value(), soft.max.value());
     let at = located(bench, axis).await?;
     let by = (middle - at).clamp(-FREE, FREE);
-    if let Ok(made) = bench.drive(Order::Step(Jog { axis, by })).await? {
+    if let Ok(made) = attempt(bench, Order::Step(Jog { axis, by })).await? {
         return Ok(made.at);
     }
     order(bench, Order::ClearAlarm(axis)).await?;
@@ -210,7 +211,7 @@ async fn stopped_at<B: Bench>(
             )));
         }
         let by = if left <= 1.5 * BEFORE { last } else { (left - BEFORE).min(axis.longest_step()) };
-        if bench.drive(Order::Step(Jog { axis, by: sense * by })).await?.is_err() {
+        if attempt(bench, Order::Step(Jog { axis, by: sense * by })).await?.is_err() {
             return Ok(order(bench, Order::ClearAlarm(axis)).await?.at);
         }
     }
@@ -225,7 +226,7 @@ async fn lower<B: Bench>(bench: &mut B, at: f64) -> Result<Mean, Early<B::Troubl
             Err(Early::Failed(format!("{what} while the lower limit switch was pressed")))
         };
         loop {
-            let made = bench.drive(Order::Step(Jog { axis, by: -SEEN_MM })).await?;
+            let made = attempt(bench, Order::Step(Jog { axis, by: -SEEN_MM })).await?;
             let seen = reading(bench, axis.seen()).await?;
             if made.is_err() {
                 order(bench, Order::ClearAlarm(axis)).await?;

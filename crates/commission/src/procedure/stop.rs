@@ -1,6 +1,6 @@
 //! The emergency stop, before anything else moves: pressed, it must keep both axes still.
 
-use super::{Early, confirm, contradictory, doubt, insist, jog, reading};
+use super::{Early, attempt, confirm, contradictory, doubt, insist, jog, reading};
 use crate::{
     Asked, Bench, Finding, Jog, JogAxis, Order,
     agreement::{Agreement, Progress},
@@ -49,7 +49,7 @@ async fn is_seen_to_move<B: Bench>(
     let mut agreement = Agreement::new(ANSWERS, 0.0);
     let mut by = step;
     loop {
-        _ = bench.drive(Order::Step(Jog { axis, by })).await?;
+        _ = attempt(bench, Order::Step(Jog { axis, by })).await?;
         let seen = reading(bench, axis.seen()).await?;
         by = -by;
         match agreement.add(seen.abs()) {

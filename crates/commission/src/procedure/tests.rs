@@ -19,6 +19,8 @@ struct Scripted {
     /// Whether the drives find their zero again after their power was off.
     is_forgetting: bool,
     is_homed: [bool; 2],
+    /// Below this no step down is admitted.
+    lowest: Option<f64>,
     /// Soft limits that the drives have.
     soft: [Option<[f64; 2]>; 2],
     /// The last way of the linear stage, and what a dial gauge says of it, with the number of its reading from 0.
@@ -62,7 +64,7 @@ impl Bench for Scripted {
         Ok(Answer::Choice(next.map_or(Choice::No, |(_, choice)| choice)))
     }
 
-    async fn drive(&mut self, order: Order) -> Result<Result<Jogged, String>, Infallible> {
+    async fn drive(&mut self, order: Order) -> Result<Result<Jogged, NotDone>, Infallible> {
         let axis = usize::from(order.axis() == JogAxis::Rotary);
         let (from, is_homed, soft) = (self.at[axis], self.is_homed[axis], self.soft[axis]);
         let Order::Step(jog) = order else {
@@ -72,6 +74,10 @@ impl Bench for Scripted {
             }
             return Ok(Ok(Jogged { from, at: from, is_homed, soft }));
         };
+        let to = from + jog.by;
+        if self.lowest.is_some_and(|lowest| axis == 0 && jog.by < 0.0 && to < lowest) {
+            return Ok(Err(NotDone::Refused(format!("it would lead down to {to:.3} mm"))));
+        }
         self.at[axis] = (from + jog.by).clamp(-ENDS[axis], ENDS[axis]);
         if jog.by != 0.0 {
             self.said.push(format!("{} moves {}", jog.axis.name(), jog.by));
@@ -82,7 +88,7 @@ impl Bench for Scripted {
         let at = self.at[axis];
         let is_stopped = (at - from - jog.by).abs() > 1e-9;
         let made = Jogged { from, at, is_homed, soft };
-        Ok(if is_stopped { Err("stopped".to_owned()) } else { Ok(made) })
+        Ok(if is_stopped { Err(NotDone::Failed("stopped".to_owned())) } else { Ok(made) })
     }
 
     async fn seen(&mut self, _: JogAxis) -> Result<(), Infallible> {
@@ -107,6 +113,7 @@ fn scripted(answers: &[(Asked, Choice)]) -> Scripted {
         at: [25.0, 0.0],
         is_forgetting: false,
         is_homed: [true; 2],
+        lowest: None,
         soft: [None; 2],
         moved: 0.0,
         dial: |_, way| way,
@@ -158,6 +165,46 @@ fn a_drive_that_reports_a_step_beside_a_pressed_switch_is_not_believed_to_have_b
     let Verdict::Failed(why) = &found.verdict else { panic!("{found:?} {said:#?}") };
     let told = "the drive reported a step downwards, and none was seen, while the lower limit";
     assert!(why.starts_with(told), "{why} {said:#?}");
+}
+
+/// The axes have been brought below their soft limit by hand, or it was set higher since.
+#[test]
+fn a_step_that_was_refused_is_not_taken_for_one_that_the_pressed_switch_stopped() {
+    let ends = [Asked::AtLimit; 3].map(|asked| (asked, Choice::Yes));
+    let begin = [&[(Asked::NoSample, Choice::Yes)][..], &ends].concat();
+    let switch = [(Asked::HoldSwitch, Choice::Yes)];
+    let nothing = [(Asked::ProbeWent, Choice::Nowhere); 2];
+    let bench = Scripted {
+        at: [24.0, 0.0],
+        lowest: Some(26.4),
+        ..scripted(&[&begin[..], &switch, &nothing].concat())
+    };
+    let (found, said) = play_on(Step::Limits, RIG, bench);
+    let Verdict::Failed(why) = &found.verdict else { panic!("{found:?} {said:#?}") };
+    assert!(why.starts_with("linear stage: it would lead down to 26."), "{why} {said:#?}");
+    assert!(!said.iter().any(|one| one == "ProbeWent"), "{said:#?}");
+}
+
+#[test]
+fn a_step_that_was_refused_is_not_taken_for_an_axis_that_the_stop_kept_still() {
+    let answers = [
+        (Asked::NoSample, Choice::Yes),
+        (Asked::PressStop, Choice::Yes),
+        (Asked::ProbeWent, Choice::Nowhere),
+        (Asked::ProbeWent, Choice::Nowhere),
+    ];
+    let bench = Scripted { lowest: Some(25.1), ..scripted(&answers) };
+    let (found, said) = play_on(Step::Stop, RIG, bench);
+    let Verdict::Failed(why) = &found.verdict else { panic!("{found:?} {said:#?}") };
+    assert!(why.starts_with("linear stage: it would lead down to"), "{why} {said:#?}");
+}
+
+/// The middle of the travel may be below the lower one of them.
+#[test]
+fn an_axis_is_freed_towards_the_middle_of_its_soft_limits() {
+    let bench = Scripted { at: [26.0, 0.0], ..scripted(&[(Asked::NoSample, Choice::Yes)]) };
+    let (_, said) = play_on(Step::Limits, RIG, bench);
+    assert_eq!(said[1], "linear stage moves 0.5", "{said:#?}");
 }
 
 #[test]

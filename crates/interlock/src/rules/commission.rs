@@ -1,6 +1,7 @@
 //! Before signs and scales of the drives are shown, only a short step of one axis is admitted, and each step
 //! needs the word of a person that nothing is below the probe. While the scale is not shown, a step may be longer than
-//! its drive says: a longer one is admitted only after a gauge has shown that a shorter one was as long as that.
+//! its drive says: a longer one is admitted only after a gauge has shown that a shorter one was as long as that. A drive that
+//! does not know where its axis is has no position against which a long step could be judged.
 
 use std::time::Duration;
 
@@ -121,16 +122,16 @@ impl Commission {
         let what = command.name();
         match *command {
             PortCommand::Stop | PortCommand::Measure => Ok(()),
-            PortCommand::JogLinear { from, by_mm, speed_mm_per_s } => {
-                let step = (by_mm, speed_mm_per_s);
+            PortCommand::JogLinear { from, is_homed, by_mm, speed_mm_per_s } => {
+                let step = (by_mm, speed_mm_per_s, is_homed);
                 self.admit_step(now, what, (&LINEAR, self.linear_steps), step)?;
                 let Span { min, max } = self.linear;
                 let beyond = Span::new(min.value(), max.value() + BEYOND_MM);
                 self.stay_inside(what, from.offset(by_mm), self.linear, beyond)?;
                 self.stay_above(what, from, by_mm)
             }
-            PortCommand::JogRotary { from, by_deg, speed_deg_per_s } => {
-                let step = (by_deg, speed_deg_per_s);
+            PortCommand::JogRotary { from, is_homed, by_deg, speed_deg_per_s } => {
+                let step = (by_deg, speed_deg_per_s, is_homed);
                 self.admit_step(now, what, (&ROTARY, self.rotary_steps), step)?;
                 let Span { min, max } = self.rotary;
                 let beyond = Span::new(min.value() - BEYOND_DEG, max.value() + BEYOND_DEG);
@@ -151,7 +152,7 @@ impl Commission {
         now: RigTime,
         what: &'static str,
         (bounds, steps): (&Bounds, Steps),
-        (by, speed_per_s): (f64, f64),
+        (by, speed_per_s, is_homed): (f64, f64, bool),
     ) -> Result<(), Refusal> {
         let Bounds { first, most, speed_per_s: limit_per_s, unit } = *bounds;
         let limit = match self.proven {
@@ -166,6 +167,9 @@ impl Commission {
         let is_slow = 0.0 < speed_per_s && speed_per_s <= limit_per_s;
         if !is_short {
             return Err(Refusal::JogTooLong { what, asked: by.abs(), limit, unit });
+        }
+        if !is_homed && by.abs() > first + ROUNDING {
+            return Err(Refusal::JogUnhomed { what, asked: by.abs(), limit: first, unit });
         }
         if !is_slow {
             let (asked, limit) = (speed_per_s, limit_per_s);

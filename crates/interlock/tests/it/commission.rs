@@ -10,11 +10,11 @@ use crate::bench::{lift, limits, turn};
 const NOW: RigTime = RigTime::from_micros(1_000_000);
 
 fn up(by_mm: f64, speed_mm_per_s: f64) -> PortCommand {
-    PortCommand::JogLinear { from: Position::new(20.0), by_mm, speed_mm_per_s }
+    PortCommand::JogLinear { from: Position::new(20.0), is_homed: true, by_mm, speed_mm_per_s }
 }
 
 fn tilt(by_deg: f64, speed_deg_per_s: f64) -> PortCommand {
-    PortCommand::JogRotary { from: Position::new(0.0), by_deg, speed_deg_per_s }
+    PortCommand::JogRotary { from: Position::new(0.0), is_homed: true, by_deg, speed_deg_per_s }
 }
 
 /// The first refusal of a step that a person has confirmed.
@@ -72,13 +72,18 @@ fn a_step_is_as_long_and_as_fast_as_what_is_shown_allows() {
     check(Proven::Nothing, up(f64::NAN, 1.0), false);
     check(Proven::Nothing, up(f64::INFINITY, 1.0), false);
     // A position that is known does not lead out of the travel; an unknown one says nothing.
-    let below =
-        |by_mm| PortCommand::JogLinear { from: Position::new(-40.0), by_mm, speed_mm_per_s: 1.0 };
+    let below = |by_mm| PortCommand::JogLinear {
+        from: Position::new(-40.0),
+        is_homed: true,
+        by_mm,
+        speed_mm_per_s: 1.0,
+    };
     check(Proven::Nothing, below(0.2), true);
     check(Proven::Signs, below(0.2), false);
     // Limits are found by a step a little beyond the travel, once scales are shown, and never towards the table.
     let near = |from, by_mm| PortCommand::JogLinear {
         from: Position::new(from),
+        is_homed: true,
         by_mm,
         speed_mm_per_s: 1.0,
     };
@@ -102,12 +107,59 @@ fn a_step_is_as_long_and_as_fast_as_what_is_shown_allows() {
         "{refusal}"
     );
     let high = limits().rotary.travel().max.value();
-    let out =
-        |by_deg| PortCommand::JogRotary { from: Position::new(high), by_deg, speed_deg_per_s: 5.0 };
+    let out = |by_deg| PortCommand::JogRotary {
+        from: Position::new(high),
+        is_homed: true,
+        by_deg,
+        speed_deg_per_s: 5.0,
+    };
     check(Proven::Scales, out(3.0), true);
     check(Proven::Scales, out(3.1), false);
     // A rig in service is moved otherwise.
     check(Proven::Bench, up(0.1, 1.0), false);
+}
+
+#[test]
+fn a_drive_that_does_not_know_where_its_axis_is_makes_the_shortest_steps_alone() {
+    for is_homed in [false, true] {
+        let linear = |by_mm| PortCommand::JogLinear {
+            from: Position::new(20.0),
+            is_homed,
+            by_mm,
+            speed_mm_per_s: 1.0,
+        };
+        let rotary = |by_deg| PortCommand::JogRotary {
+            from: Position::new(0.0),
+            is_homed,
+            by_deg,
+            speed_deg_per_s: 5.0,
+        };
+        for (short, long) in [(linear(-0.2), linear(-10.0)), (rotary(1.0), rotary(30.0))] {
+            confirmed(Proven::Scales, short).unwrap();
+            let found = confirmed(Proven::Scales, long);
+            assert_eq!(found.is_ok(), is_homed, "{long:?}: {found:?}");
+            assert!(is_homed || matches!(found, Err(Refusal::JogUnhomed { .. })), "{found:?}");
+        }
+    }
+    // Also after a gauge has shown that shorter steps are as long as that.
+    let mut interlock = Interlock::new(limits(), Proven::Signs);
+    interlock.operator(NOW, "ada", Word::ThisStep).unwrap();
+    interlock.admit(NOW, &up(0.2, 1.0)).unwrap();
+    interlock.ended(NOW, &up(0.2, 1.0), &Outcome::Done);
+    interlock.operator(NOW, "ada", Word::LinearStepSeen).unwrap();
+    interlock.operator(NOW, "ada", Word::ThisStep).unwrap();
+    interlock.admit(NOW, &up(2.0, 1.0)).unwrap();
+    interlock.ended(NOW, &up(2.0, 1.0), &Outcome::Done);
+    interlock.operator(NOW, "ada", Word::ThisStep).unwrap();
+    let PortCommand::JogLinear { from, by_mm, speed_mm_per_s, .. } = up(2.0, 1.0) else { return };
+    let unhomed = PortCommand::JogLinear { from, is_homed: false, by_mm, speed_mm_per_s };
+    let refusal = interlock.admit(NOW, &unhomed).unwrap_err();
+    assert!(
+        refusal.to_string().ends_with(
+            "2.000 mm is more than the 0.200 mm that are allowed while the drive says that it does not know where its axis is"
+        ),
+        "{refusal}"
+    );
 }
 
 #[test]

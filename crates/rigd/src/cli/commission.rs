@@ -7,7 +7,7 @@ mod pin;
 pub(super) mod sensor;
 mod touches;
 
-use std::path::Path;
+use std::{io, path::Path};
 
 use clap::{Args, Subcommand, ValueEnum};
 use rig_commission::{
@@ -24,7 +24,7 @@ use super::{
     screen::{indented, say, say_clearly},
     session::open_by,
     signals::Signals,
-    table::{facts, print, print_json, wrapped},
+    table::{concluded, facts, print, print_json, wrapped},
 };
 use crate::{
     bench_check::CheckError,
@@ -34,6 +34,7 @@ use crate::{
     loaded_rig::LoadedRig,
     operator::Operator,
     rig::{self, NotMade},
+    run_of_bench::NotOfBench,
     sensor_check::NoRecord,
 };
 
@@ -113,7 +114,7 @@ struct JogArgs {
     #[arg(value_enum)]
     axis: AxisName,
     /// Step from where it stands, mm or degrees by the rig file: at most 0.2 mm or 1°; up to 10 mm or 31° once stop, signs and
-    /// scale are shown
+    /// scale are shown, if the drive knows where the axis is
     #[arg(value_name = "MM|DEG", allow_negative_numbers = true)]
     by: f64,
     /// States that sample and dish are away and a hand is at the stop, without asking for Enter
@@ -160,6 +161,8 @@ pub(super) enum CommissionFailure {
     NotAnAnswer(#[from] rig_commission::NotAnAnswer),
     #[error("the input ended before this was answered: {question}")]
     Unanswered { question: &'static str },
+    #[error("the input could not be read before this was answered: {question}")]
+    Unread { question: &'static str, source: io::Error },
     #[error("step {} failed: {why}", kind.name())]
     Failed { kind: Kind, why: String },
     #[error(transparent)]
@@ -191,21 +194,23 @@ impl CommissionFailure {
             Self::RigFile { .. }
             | Self::NotAnAnswer(_)
             | Self::Block(
-                BlockRunError::OtherAxes { .. }
-                | BlockRunError::NoPin { .. }
+                BlockRunError::NoPin { .. }
                 | BlockRunError::OtherPin { .. }
                 | BlockRunError::InPieces(_),
             )
             | Self::NoStep { trouble: NotMade::Refused(_), .. }
             | Self::Check(
-                CheckError::OtherAxes { .. }
-                | CheckError::Samples { .. }
-                | CheckError::UnderWay { .. }
+                CheckError::Samples { .. }
                 | CheckError::InPieces(_)
                 | CheckError::Used { .. }
-                | CheckError::Apart { .. }
-                | CheckError::Changed { .. },
+                | CheckError::Apart { .. },
             ) => 2,
+            Self::Block(BlockRunError::NotOfBench(trouble))
+            | Self::Check(CheckError::NotOfBench(trouble))
+                if trouble.is_other_run() =>
+            {
+                2
+            }
             _ => 1,
         }
     }
@@ -219,13 +224,15 @@ impl CommissionFailure {
                 Some("`rigd show RUN` says why the touches were refused; make the check again")
             }
             Self::Check(
-                CheckError::Used { .. } | CheckError::Apart { .. } | CheckError::Changed { .. },
+                CheckError::Used { .. }
+                | CheckError::Apart { .. }
+                | CheckError::NotOfBench(NotOfBench::Changed { .. }),
             ) => {
                 Some("run both protocols of the check again, the block first, and judge these runs")
             }
-            Self::Block(BlockRunError::OtherAxes { .. }) => {
-                Some("run the protocol of the block again, and evaluate that run")
-            }
+            Self::Block(BlockRunError::NotOfBench(
+                NotOfBench::OtherAxes { .. } | NotOfBench::Changed { .. },
+            )) => Some("run the protocol again, and evaluate that run"),
             Self::RigFile { kind: Some(Kind::Latency), .. } => {
                 Some("change the rig file, and judge the same run again")
             }
@@ -272,10 +279,7 @@ fn walk(args: &WalkArgs, again: Option<Step>) -> Result<(), Failure> {
     let records =
         Records { basis: basis.clone(), data: data.clone(), temperature_c: args.temperature };
     with_bench(rig, records, &operator, (args.yes, &args.answer), async |guide| {
-        let voided = calibrations::void_after_interrupted_homing(&basis, &data, &guide.witness());
-        if voided.map_err(CommissionFailure::from)? {
-            say_clearly(&indented(calibrations::HOMING_WAS_INTERRUPTED, 0));
-        }
+        guide.void_after_interrupted_homing().await?;
         if let Some(step) = again {
             return guide.step(step, &file).await;
         }
@@ -283,7 +287,12 @@ fn walk(args: &WalkArgs, again: Option<Step>) -> Result<(), Failure> {
             let standing =
                 calibrations::standing(&basis, &data).map_err(CommissionFailure::from)?;
             let Some((step, why)) = standing.missing().next() else {
-                say(COMMISSIONED);
+                match guide.read_calibrations().await? {
+                    None => say(COMMISSIONED),
+                    Some(missing) => {
+                        say_clearly(&indented(&calibrations::not_in_service(&missing), 0));
+                    }
+                }
                 return Ok(());
             };
             say_clearly(&format!("Missing: {} ({}).", step.name(), why.text()));
@@ -301,6 +310,7 @@ fn jog(args: &JogArgs) -> Result<(), Failure> {
     let rig = args.bench.rig.load()?;
     let records = Records { basis: rig.basis(), data, temperature_c: None };
     with_bench(rig, records, &operator, (args.yes, &[]), async |guide| {
+        guide.void_after_interrupted_homing().await?;
         guide.single(Jog { axis, by: args.by }).await
     })
 }
@@ -431,12 +441,12 @@ fn tell(
     from: Option<&str>,
     record: &Path,
 ) -> Result<(), Failure> {
-    print(&facts(&rows(&finding)))?;
+    let printed = print(&facts(&rows(&finding)));
     if let Some(from) = from {
         say(from);
     }
     say(&format!("Record: {}", record.display()));
-    judged(kind, finding.verdict)
+    concluded(printed, judged(kind, finding.verdict))
 }
 
 /// The values of a finding, for a person.

@@ -9,11 +9,20 @@ use tokio::sync::mpsc;
 
 use super::screen::say_clearly;
 
+/// Why there is no line.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum NoLine {
+    #[error("the input of this terminal has ended")]
+    Ended,
+    #[error("the input of this terminal cannot be read")]
+    Unread(#[from] io::Error),
+}
+
 /// Reads a line when something has been asked, on a thread of its own, because reading cannot be
 /// interrupted.
 pub(super) struct Terminal {
     questions: std_mpsc::Sender<()>,
-    answers: mpsc::Receiver<String>,
+    answers: mpsc::Receiver<Result<String, NoLine>>,
     /// Whether the thread is reading. It keeps reading after its prompt has been answered
     /// elsewhere.
     is_reading: bool,
@@ -26,8 +35,9 @@ impl Terminal {
         let (sender, answers) = mpsc::channel(1);
         std::thread::Builder::new().name("terminal".to_owned()).spawn(move || {
             while asked.recv().is_ok() {
-                let Some(line) = line() else { return };
-                if sender.blocking_send(line).is_err() {
+                let line = line(&mut io::stdin().lock());
+                let is_over = line.is_err();
+                if sender.blocking_send(line).is_err() || is_over {
                     return;
                 }
             }
@@ -70,15 +80,17 @@ impl Terminal {
         self.asked.iter().for_each(|text| ask(text));
     }
 
-    /// Waits for the answer to the shown prompt, without end if there is none. `None` after the end
-    /// of the input.
-    pub(super) async fn answer(&mut self) -> Option<String> {
+    /// Waits for the answer to the shown prompt, without end if there is none.
+    ///
+    /// # Errors
+    /// [`NoLine`]: there is none any more.
+    pub(super) async fn answer(&mut self) -> Result<String, NoLine> {
         if self.asked.is_none() {
             std::future::pending::<()>().await;
         }
         let answer = self.answers.recv().await;
         self.is_reading = false;
-        answer
+        answer.unwrap_or(Err(NoLine::Ended))
     }
 }
 
@@ -94,8 +106,11 @@ fn forget_input() {
     }
 }
 
-/// Waits for a line; `None` after the end of the input.
-fn line() -> Option<String> {
-    let mut line = String::new();
-    matches!(io::stdin().read_line(&mut line), Ok(1..)).then_some(line)
+/// Waits for a line. Bytes that are no text, as from a terminal with another character set, are `�` in it.
+fn line(input: &mut impl io::BufRead) -> Result<String, NoLine> {
+    let mut line = Vec::new();
+    match input.read_until(b'\n', &mut line)? {
+        0 => Err(NoLine::Ended),
+        _ => Ok(String::from_utf8_lossy(&line).into_owned()),
+    }
 }

@@ -16,11 +16,11 @@ use super::{
     Failure,
     args::{BenchArgs, OutputArgs, RigArgs, TouchArgs},
     live::{Progress, say_touch},
-    prompt::Terminal,
+    prompt::{NoLine, Terminal},
     runs, screen,
     session::{LeftInContact, Session, latched, with_rig},
     signals::Resizes,
-    table::note,
+    table::{concluded, note},
 };
 use crate::{
     loaded_rig::LoadedRig,
@@ -155,15 +155,17 @@ fn end(
         RunStatus::Aborted => Failure::Aborted,
         RunStatus::Faulted => latched(status),
     };
-    match finished {
-        Err(failure @ Failure::RunFiles(_)) => {
-            // How the run ended, and where the probe is, is said last.
-            note(&format!("the files of the run are not written: {}", with_causes(&failure)));
-            failure.advice().into_iter().for_each(|advice| note(&format!("→ {advice}\n")));
-            Err(ended)
-        }
-        finished => finished.and(Err(ended)),
+    if let Err(failure) = finished {
+        let what = match failure {
+            Failure::RunFiles(_) => "the files of the run are not written",
+            Failure::NotSound => "the run is not in order",
+            _ => "the results of the run are not printed",
+        };
+        // How the run ended, and where the probe is, is said last.
+        note(&format!("{what}: {}", with_causes(&failure)));
+        failure.advice().into_iter().for_each(|advice| note(&format!("→ {advice}\n")));
     }
+    Err(ended)
 }
 
 /// Writes the files of a run and prints its results. `has_refusals` says whether touches were refused just now; for a run that had
@@ -178,14 +180,16 @@ fn finish(
     if !output.json {
         note(&format!("report: {}\ndata:   {}\n", files.report.display(), files.data.display()));
     }
-    runs::print_results(data, &files.results, &files.verdict, output.json)?;
-    if !files.verdict.is_sound() {
-        return Err(Failure::NotSound);
-    }
+    let printed = runs::print_results(data, &files.results, &files.verdict, output.json);
     let is_refused = |row: &TouchRow| row.status == TouchStatus::Refused;
     let has_refusals =
         has_refusals.unwrap_or_else(|| files.results.touches().iter().any(is_refused));
-    if has_refusals { Err(Failure::TouchesRefused) } else { Ok(()) }
+    let verdict = match files.verdict.is_sound() {
+        false => Err(Failure::NotSound),
+        true if has_refusals => Err(Failure::TouchesRefused),
+        true => Ok(()),
+    };
+    concluded(printed, verdict)
 }
 
 /// Begins the requested run.
@@ -270,20 +274,11 @@ async fn replay(
                 screen::show_progress("");
                 session.end_early().await?;
             }
-            answer = answer(&mut terminal) => if let Some(line) = answer {
-                let refused = session.status.borrow().snapshot.refused.clone();
-                match command_of(refused, &line) {
-                    Some(command) => {
-                        session.handle.command(command, Some(run), session.operator()).await?;
-                    }
-                    None => terminal.iter_mut().for_each(Terminal::ask_again),
+            answer = answer(&mut terminal) => {
+                if !obey(session, run, terminal.as_mut(), answer).await? {
+                    terminal = None;
                 }
-            } else {
-                screen::say_clearly("the input of this terminal has ended, so that prompts cannot \
-                                     be answered; aborting the run");
-                terminal = None;
-                _ = session.handle.command(Command::Abort, Some(run), session.operator()).await;
-            },
+            }
         }
     }
 }
@@ -322,7 +317,36 @@ fn command_of(refused: Option<RefusedTouch>, line: &str) -> Option<Command> {
     Some(Command::Decide { step: touch.step, answer })
 }
 
-async fn answer(terminal: &mut Option<Terminal>) -> Option<String> {
+/// Does what a line of the terminal says, and returns whether there may be more of them. A run whose prompts nobody can answer is
+/// aborted.
+async fn obey(
+    session: &Session,
+    run: RunId,
+    terminal: Option<&mut Terminal>,
+    answer: Result<String, NoLine>,
+) -> Result<bool, Failure> {
+    let line = match answer {
+        Ok(line) => line,
+        Err(why) => {
+            screen::say_clearly(&format!(
+                "{}, so that prompts cannot be answered; aborting the run",
+                with_causes(&why)
+            ));
+            _ = session.handle.command(Command::Abort, Some(run), session.operator()).await;
+            return Ok(false);
+        }
+    };
+    let refused = session.status.borrow().snapshot.refused.clone();
+    match command_of(refused, &line) {
+        Some(command) => {
+            session.handle.command(command, Some(run), session.operator()).await?;
+        }
+        None => terminal.into_iter().for_each(Terminal::ask_again),
+    }
+    Ok(true)
+}
+
+async fn answer(terminal: &mut Option<Terminal>) -> Result<String, NoLine> {
     match terminal {
         Some(terminal) => terminal.answer().await,
         None => std::future::pending().await,

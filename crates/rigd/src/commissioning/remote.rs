@@ -1,6 +1,6 @@
 //! The bench as a step of commissioning sees it through clients, or through the simulated person.
 
-use rig_commission::{Answer, Asked, Bench, Choice, JogAxis, Jogged, Order};
+use rig_commission::{Answer, Asked, Bench, Choice, JogAxis, Jogged, NotDone, Order};
 use rig_engine::Command;
 use tokio_util::sync::CancellationToken;
 
@@ -112,7 +112,7 @@ impl Bench for Remote {
         Ok(answer)
     }
 
-    async fn drive(&mut self, order: Order) -> Result<Result<Jogged, String>, Ended> {
+    async fn drive(&mut self, order: Order) -> Result<Result<Jogged, NotDone>, Ended> {
         if order.may_move() && !self.is_simulated {
             let answer = self.answer(Question::Drive(order)).await?;
             if answer != Answer::Choice(Choice::Yes) {
@@ -144,7 +144,7 @@ impl Bench for Remote {
             Ok(_) => {}
             Err(trouble) => self.say(format!("{axis}: {trouble}")),
         }
-        Ok(jogged.map_err(|trouble| trouble.to_string()))
+        Ok(jogged.map_err(NotDone::from))
     }
 
     async fn seen(&mut self, axis: JogAxis) -> Result<(), Ended> {

@@ -19,7 +19,7 @@ use super::{
 };
 use crate::{
     block_geometry::keep_geometry,
-    block_runs::{BlockRunError, keep_latency, keep_probe_radius, keep_repeatability},
+    block_runs::{Bench, BlockRunError, keep_latency, keep_probe_radius, keep_repeatability},
     operator::Operator,
 };
 
@@ -139,7 +139,7 @@ async fn touches(
     form: ObjectBody<BlockRunForm>,
 ) -> Result<(StatusCode, Json<CalibrationView>), Problem> {
     judged(shared, &operator, form, |run, inner, person| {
-        keep_repeatability(run, &inner.facts.basis, &inner.data, person)
+        keep_repeatability(run, bench(inner), person)
     })
     .await
 }
@@ -151,7 +151,7 @@ async fn latency(
 ) -> Result<(StatusCode, Json<CalibrationView>), Problem> {
     judged(shared, &operator, form, |run, inner, person| {
         let stated = inner.facts.limits.analyzer.stream;
-        keep_latency(run, stated, (&inner.facts.basis, &inner.data), person)
+        keep_latency(run, stated, bench(inner), person)
     })
     .await
 }
@@ -159,6 +159,11 @@ async fn latency(
 /// Judges a run for a person at a temperature, °C, and keeps the record.
 type Judge =
     fn((&Reader, &Run), &Inner, (String, Option<f64>)) -> Result<(Finding, PathBuf), BlockRunError>;
+
+/// The bench of the daemon.
+fn bench(inner: &Inner) -> Bench<'_> {
+    Bench { rig: &inner.facts.name, basis: &inner.facts.basis, data: &inner.data }
+}
 
 /// Judges the run of a form, and keeps the record.
 async fn judged(
@@ -194,8 +199,7 @@ async fn blocks(
         let runs = ids.into_iter().map(|(id, by_mm)| Ok((reader.run(id)?, by_mm)));
         let runs = runs.collect::<Result<Vec<_>, StoreError>>()?;
         let stated = (&inner.facts.limits, inner.facts.rotary_zero_deg);
-        let place = (&inner.facts.basis, inner.data.as_path());
-        Ok(keep_geometry(reader, &runs, stated, place, person)?)
+        Ok(keep_geometry(reader, &runs, stated, bench(&inner), person)?)
     });
     let kept = kept.await?;
     Ok(created(kept.finding, &kept.path))
@@ -218,8 +222,8 @@ async fn pin(
     let witness = (operator.as_str().to_owned(), temperature_c);
     let kept = shared.read(move |reader| {
         let run = reader.run(id)?;
-        let rig = (&inner.facts.limits, &inner.facts.basis);
-        Ok(keep_probe_radius((reader, &run), pin_radius_mm, rig, &inner.data, witness)?)
+        let limits = &inner.facts.limits;
+        Ok(keep_probe_radius((reader, &run), pin_radius_mm, limits, bench(&inner), witness)?)
     });
     let kept = kept.await?;
     Ok(created(kept.finding, &kept.path))
@@ -255,16 +259,20 @@ impl From<BlockRunError> for Problem {
     fn from(error: BlockRunError) -> Self {
         let detail = with_causes(&error);
         match error {
-            BlockRunError::OtherAxes { .. }
-            | BlockRunError::TooFew { .. }
+            BlockRunError::TooFew { .. }
             | BlockRunError::NoLatency { .. }
             | BlockRunError::NoPin { .. }
             | BlockRunError::OtherPin { .. }
             | BlockRunError::InPieces(_)
             | BlockRunError::NoGeometry(_)
             | BlockRunError::NoRadius { .. } => Self::unprocessable(detail),
+            BlockRunError::NotOfBench(trouble) if trouble.is_other_run() => {
+                Self::unprocessable(detail)
+            }
             BlockRunError::Store(error) => error.into(),
-            BlockRunError::RigFile(_) | BlockRunError::Calibrations(_) => Self::internal(&detail),
+            BlockRunError::RigFile(_)
+            | BlockRunError::NotOfBench(_)
+            | BlockRunError::Calibrations(_) => Self::internal(&detail),
         }
     }
 }

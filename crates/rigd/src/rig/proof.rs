@@ -99,7 +99,7 @@ impl Proof {
 }
 
 /// The unproven roles of instruments, and what proves them.
-fn unproven_text(instruments: &[Unproven]) -> Option<Arc<str>> {
+pub(crate) fn unproven_text(instruments: &[Unproven]) -> Option<Arc<str>> {
     let one = |Unproven { device, instrument, roles, trouble }: &Unproven| {
         let roles: Vec<_> = roles.iter().map(|role| role.name()).collect();
         let trouble = trouble.as_ref().map_or(String::new(), |trouble| format!(" ({trouble})"));

@@ -1,6 +1,6 @@
 //! What a drive does while the rig is commissioned: the interlock sees it, and the drive gets no settings.
 
-use rig_commission::{Jog, JogAxis, Jogged, Order};
+use rig_commission::{Jog, JogAxis, Jogged, NotDone, Order};
 use rig_interlock::{Outcome, PortCommand, Refusal};
 use rig_link::StopSignal;
 use rig_model::{Position, Unit, with_causes};
@@ -25,6 +25,15 @@ impl NotMade {
     }
 }
 
+impl From<NotMade> for NotDone {
+    fn from(trouble: NotMade) -> Self {
+        match trouble {
+            NotMade::Refused(refusal) => Self::Refused(refusal.to_string()),
+            NotMade::Failed(why) => Self::Failed(why),
+        }
+    }
+}
+
 /// Does what is ordered, or says why not.
 pub(super) async fn make(
     axes: &mut Axes,
@@ -34,9 +43,10 @@ pub(super) async fn make(
     let Axes { linear, rotary, is_homing_up, gate, .. } = axes;
     match order.axis() {
         JogAxis::Linear => {
-            let command = |from| match order {
+            let command = |from, is_homed| match order {
                 Order::Step(Jog { by, .. }) => PortCommand::JogLinear {
                     from,
+                    is_homed,
                     by_mm: by,
                     speed_mm_per_s: JogAxis::Linear.speed_per_s(),
                 },
@@ -46,9 +56,10 @@ pub(super) async fn make(
             along(linear, gate, command, (order, *is_homing_up), stop).await
         }
         JogAxis::Rotary => {
-            let command = |from| match order {
+            let command = |from, is_homed| match order {
                 Order::Step(Jog { by, .. }) => PortCommand::JogRotary {
                     from,
+                    is_homed,
                     by_deg: by,
                     speed_deg_per_s: JogAxis::Rotary.speed_per_s(),
                 },
@@ -63,7 +74,7 @@ pub(super) async fn make(
 async fn along<U: Unit>(
     stage: &mut Stage<U>,
     gate: &Gate,
-    command: impl FnOnce(Position<U>) -> PortCommand,
+    command: impl FnOnce(Position<U>, bool) -> PortCommand,
     (order, is_homing_up): (Order, bool),
     stop: &StopSignal,
 ) -> Result<Jogged, NotMade> {
@@ -73,7 +84,7 @@ async fn along<U: Unit>(
     if let Order::Step(Jog { by: 0.0, .. }) = order {
         return Ok(Jogged { from: from.value(), at: from.value(), is_homed, soft });
     }
-    let command = command(from);
+    let command = command(from, is_homed);
     gate.admit_step(&command)?;
     let done = match order {
         Order::Step(Jog { by, axis }) => stage.jog(by, axis.speed_per_s(), stop).await,

@@ -213,7 +213,12 @@ impl Terminal {
 
     /// Types a line.
     pub(crate) fn enter(&mut self, line: &str) {
-        self.master.write_all(format!("{line}\n").as_bytes()).unwrap();
+        self.enter_bytes(line.as_bytes());
+    }
+
+    /// Types a line of any bytes.
+    pub(crate) fn enter_bytes(&mut self, line: &[u8]) {
+        self.master.write_all(&[line, b"\n"].concat()).unwrap();
     }
 
     pub(crate) fn resize(&mut self, columns: u16) {

@@ -10,6 +10,7 @@ use rig_store::Reader;
 use super::{CommissionFailure, tell};
 use crate::{
     block_geometry::keep_geometry,
+    block_runs::Bench,
     cli::{
         Failure,
         args::{BenchArgs, temperature},
@@ -63,7 +64,8 @@ pub(super) fn blocks(args: &BlocksArgs) -> Result<(), Failure> {
     }
     let person = (args.bench.operator.name().as_str().to_owned(), args.temperature);
     let stated = (&rig.file.limits, rig.file.rotary.scale.zero.value());
-    let kept = keep_geometry(&reader, &runs, stated, (&rig.basis(), &data), person);
+    let bench = Bench { rig: &rig.file.name, basis: &rig.basis(), data: &data };
+    let kept = keep_geometry(&reader, &runs, stated, bench, person);
     let kept = kept.map_err(CommissionFailure::from)?;
     let from = format!("From {}.", counted(kept.touches, "touch"));
     tell((Kind::Blocks, kept.finding), Some(&from), &kept.path)

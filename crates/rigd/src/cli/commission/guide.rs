@@ -1,8 +1,8 @@
 //! The bench as `rigd commission` sees it: the person at the terminal, or the simulated one, and the rig.
 
-use std::{collections::VecDeque, path::PathBuf};
+use std::{collections::VecDeque, path::PathBuf, sync::Arc};
 
-use rig_commission::{Answer, Asked, Basis, Bench, Choice, Jog, JogAxis, Jogged, Order};
+use rig_commission::{Answer, Asked, Basis, Bench, Choice, Jog, JogAxis, Jogged, NotDone, Order};
 use rig_engine::Command;
 
 use super::CommissionFailure;
@@ -10,7 +10,7 @@ use crate::{
     calibrations::{self, Witness},
     cli::{
         Failure,
-        prompt::Terminal,
+        prompt::{NoLine, Terminal},
         screen::{indented, say, say_clearly},
         signals::Signals,
     },
@@ -139,9 +139,20 @@ impl Guide {
         }
     }
 
-    /// Has the rig see what has been shown.
-    pub(super) async fn read_calibrations(&self) -> Result<(), RequestRefusal> {
-        self.handle.read_calibrations(self.operator.as_str()).await.map(drop)
+    /// Has the rig see what has been shown, and returns what is missing.
+    pub(super) async fn read_calibrations(&self) -> Result<Option<Arc<str>>, RequestRefusal> {
+        self.handle.read_calibrations(self.operator.as_str()).await
+    }
+
+    /// After a homing that was interrupted, what rests on the zero of a drive is no longer shown.
+    pub(super) async fn void_after_interrupted_homing(&self) -> Result<(), Failure> {
+        let Records { basis, data, .. } = &self.records;
+        let voided = calibrations::void_after_interrupted_homing(basis, data, &self.witness());
+        if voided.map_err(CommissionFailure::from)? {
+            say_clearly(&indented(calibrations::HOMING_WAS_INTERRUPTED, 0));
+            self.read_calibrations().await?;
+        }
+        Ok(())
     }
 
     pub(super) async fn close(&self) {
@@ -152,9 +163,10 @@ impl Guide {
     async fn line(&mut self, question: &'static str, prompt: String) -> Result<String, Failure> {
         self.terminal.show(Some(indented(&prompt, 0)));
         let line = tokio::select! {
-            line = self.terminal.answer() => {
-                line.ok_or(CommissionFailure::Unanswered { question }.into())
-            }
+            line = self.terminal.answer() => line.map_err(|why| match why {
+                NoLine::Ended => CommissionFailure::Unanswered { question }.into(),
+                NoLine::Unread(source) => CommissionFailure::Unread { question, source }.into(),
+            }),
             () = self.signals.next() => Err(Failure::Interrupted),
         };
         self.terminal.show(None);
@@ -190,8 +202,8 @@ impl Bench for Guide {
         }
     }
 
-    async fn drive(&mut self, order: Order) -> Result<Result<Jogged, String>, Failure> {
-        Ok(self.order(order).await?.map_err(|trouble| trouble.to_string()))
+    async fn drive(&mut self, order: Order) -> Result<Result<Jogged, NotDone>, Failure> {
+        Ok(self.order(order).await?.map_err(NotDone::from))
     }
 
     async fn seen(&mut self, axis: JogAxis) -> Result<(), Failure> {

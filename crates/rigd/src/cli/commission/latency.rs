@@ -6,7 +6,7 @@ use rig_store::Reader;
 
 use super::{CommissionFailure, tell};
 use crate::{
-    block_runs::keep_latency,
+    block_runs::{Bench, keep_latency},
     cli::{
         Failure,
         args::{BenchArgs, temperature},
@@ -34,8 +34,8 @@ pub(super) fn latency(args: &LatencyArgs) -> Result<(), Failure> {
     let run = reader.find(&args.run)?;
     let (person, stated) =
         (args.bench.operator.name().as_str().to_owned(), rig.file.limits.analyzer.stream);
-    let basis = rig.basis();
-    let kept = keep_latency((&reader, &run), stated, (&basis, &data), (person, args.temperature));
+    let bench = Bench { rig: &rig.file.name, basis: &rig.basis(), data: &data };
+    let kept = keep_latency((&reader, &run), stated, bench, (person, args.temperature));
     let (finding, path) = kept.map_err(CommissionFailure::from)?;
     tell((Kind::Latency, finding), None, &path)
 }

@@ -7,7 +7,7 @@ use rig_store::Reader;
 
 use super::{CommissionFailure, tell};
 use crate::{
-    block_runs::keep_probe_radius,
+    block_runs::{Bench, keep_probe_radius},
     cli::{
         Failure,
         args::{BenchArgs, temperature},
@@ -41,14 +41,14 @@ fn radius(text: &str) -> Result<f64, &'static str> {
 pub(super) fn pin(args: &PinArgs) -> Result<(), Failure> {
     let data = args.bench.data.dir();
     let rig = args.bench.rig.load()?;
-    let (limits, basis) = (&rig.file.limits, rig.basis());
+    let bench = Bench { rig: &rig.file.name, basis: &rig.basis(), data: &data };
     let reader =
         Reader::open(&data).map_err(|source| Failure::Data { data: data.clone(), source })?;
     let run = reader.find(&args.run)?;
     let witness = (args.bench.operator.name().as_str().to_owned(), args.temperature);
-    let kept =
-        keep_probe_radius((&reader, &run), args.pin_radius_mm, (limits, &basis), &data, witness)
-            .map_err(CommissionFailure::from)?;
+    let (pin_mm, limits) = (args.pin_radius_mm, &rig.file.limits);
+    let kept = keep_probe_radius((&reader, &run), pin_mm, limits, bench, witness)
+        .map_err(CommissionFailure::from)?;
     let axis = match &kept.blocks {
         Some(made) => format!("the rotary axis by the blocks of {made}"),
         None => "the rotary axis by a rule: no record of blocks holds".to_owned(),

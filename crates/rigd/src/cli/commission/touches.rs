@@ -6,7 +6,7 @@ use rig_store::Reader;
 
 use super::{CommissionFailure, tell};
 use crate::{
-    block_runs::keep_repeatability,
+    block_runs::{Bench, keep_repeatability},
     cli::{
         Failure,
         args::{BenchArgs, temperature},
@@ -28,12 +28,13 @@ pub(super) struct TouchesArgs {
 
 pub(super) fn touches(args: &TouchesArgs) -> Result<(), Failure> {
     let data = args.bench.data.dir();
-    let basis = args.bench.rig.load()?.basis();
+    let rig = args.bench.rig.load()?;
     let reader =
         Reader::open(&data).map_err(|source| Failure::Data { data: data.clone(), source })?;
     let run = reader.find(&args.run)?;
     let person = args.bench.operator.name().as_str().to_owned();
-    let kept = keep_repeatability((&reader, &run), &basis, &data, (person, args.temperature));
+    let bench = Bench { rig: &rig.file.name, basis: &rig.basis(), data: &data };
+    let kept = keep_repeatability((&reader, &run), bench, (person, args.temperature));
     let (finding, path) = kept.map_err(CommissionFailure::from)?;
     tell((Kind::Touches, finding), None, &path)
 }
