@@ -176,7 +176,7 @@ impl Bench {
     /// A copy of the journal.
     pub(crate) fn copy(&self) -> TempDir {
         let copy = TempDir::new().unwrap();
-        back_up(self.data.path(), copy.path()).unwrap();
+        back_up(self.data.path(), copy.path(), &[]).unwrap();
         copy
     }
 

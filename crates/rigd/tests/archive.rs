@@ -140,7 +140,8 @@ fn a_note_of_an_archive_excuses_no_run_whose_readings_are_still_there() {
     json(&data, &["archive", archive.to_str().unwrap(), "smoke-1"]);
     let run = runs(&Reader::open(&data).unwrap())[0];
     assert_sound(&data, run, "archived");
-    let put_back = "UPDATE records SET payload = (SELECT payload FROM kept WHERE kept.id = records.id)
+    let put_back =
+        "UPDATE records SET payload = (SELECT payload FROM kept WHERE kept.id = records.id)
                     WHERE kind = 'sweep'";
     assert!(database.execute(put_back, []).unwrap() > 0);
     let verdict = rig_verify::verify(&data, &run.to_string()).unwrap();

@@ -97,7 +97,7 @@ const RECORDS: &str = "
     SELECT records.id, records.run FROM own, begun, records
     WHERE run = ?1 OR records.id <= own.last
         AND records.id >= coalesce(begun.first, own.first)
-        AND (records.kind IN ('operator', 'intent', 'moved', 'fault') OR records.id = begun.first)
+        AND (records.kind IN ('operator', 'intent', 'moved', 'fault', 'clock_jumped') OR records.id = begun.first)
     UNION
     SELECT records.id, records.run FROM records JOIN (
         SELECT max(records.id) AS last FROM runs CROSS JOIN records ON records.run = runs.key

@@ -47,7 +47,7 @@ const ENTRIES: &str = "
     SELECT run, seq, records.epoch, rig_us, records.kind, payload, records.digest, runs.kind
     FROM own, records JOIN runs ON runs.key = records.run
     WHERE records.id BETWEEN own.first AND own.last
-        AND (run = ?1 OR records.kind IN ('operator', 'intent', 'moved', 'fault'))
+        AND (run = ?1 OR records.kind IN ('operator', 'intent', 'moved', 'fault', 'clock_jumped'))
     ORDER BY records.id";
 
 /// Why a journal cannot be checked at all.

@@ -19,7 +19,7 @@ use crate::{
         recognition::{Method, Recognition},
         stiffness::{SETS_SCALE, Site, Stiffness, TouchStiffness},
     },
-    units::{fixed, percent, percent_range, with_sigma},
+    units::{decimals_for, fixed, percent, percent_range, with_sigma},
 };
 
 /// The content of the section.
@@ -198,7 +198,7 @@ fn samples(results: &RunResults, stiffness: &Stiffness) -> Markup {
             found.map_or_else(|| text("none"), value),
             found.and_then(deviation).unwrap_or_else(dash),
             basis.shortfall().map_or_else(|| text(basis.used), |shortfall| fault(&shortfall)),
-            spread.map_or_else(dash, |spread| text(fixed(spread, 4))),
+            spread.map_or_else(dash, |spread| text(fixed(spread, decimals_for(spread)))),
         ]
     };
     let rows: Vec<_> = results.samples().into_iter().map(row).collect();
