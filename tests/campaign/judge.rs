@@ -163,11 +163,19 @@ pub(crate) fn refused(undisturbed: &Touches) -> Vec<String> {
     undisturbed.iter().filter_map(word).collect()
 }
 
-/// A probe goes into a sample at no more than the speed of the rig file for that, but for rounding.
-pub(crate) fn is_hit_fast(fastest_mm_per_s: f64, limit_mm_per_s: f64) -> Option<String> {
+/// Whether the probe went into a sample faster than the rig file allows for that, but for rounding. A rig cannot know of steps
+/// that were lost downwards.
+pub(crate) fn is_hit_fast(
+    fastest_mm_per_s: f64,
+    limit_mm_per_s: f64,
+    played: &Played,
+) -> Option<String> {
     const ROUNDING: f64 = 1.02;
-    (fastest_mm_per_s > ROUNDING * limit_mm_per_s).then(|| {
-        format!("the probe went into a sample at {fastest_mm_per_s:.2} mm/s; {limit_mm_per_s} are allowed")
+    let has_sunk = played.begun.iter().any(|one| one.fault().lost_mm().is_some_and(|mm| mm < 0.0));
+    (fastest_mm_per_s > ROUNDING * limit_mm_per_s && !has_sunk).then(|| {
+        format!(
+            "the probe went into a sample at {fastest_mm_per_s:.2} mm/s; {limit_mm_per_s} are allowed"
+        )
     })
 }
 

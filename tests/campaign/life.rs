@@ -403,7 +403,7 @@ impl Life<'_> {
                 (world.is_in_contact(now), world.violations(now).to_vec(), hit)
             });
             let limit = self.bench.contact_speed_mm_per_s();
-            if let Some(fast) = judge::is_hit_fast(hit, limit) {
+            if let Some(fast) = judge::is_hit_fast(hit, limit, &self.played) {
                 self.fail(&fast);
             }
             for violation in violations {
