@@ -97,6 +97,19 @@ impl Bench {
         assert!(said.contains(why), "{said}");
     }
 
+    /// The same runs are none of a real bench of the same name.
+    #[track_caller]
+    fn refused_by_a_real_rig(&self, runs: [&str; 2]) {
+        let rig = fs::read_to_string(self.path("rig.toml")).unwrap();
+        let real = rig.replacen("connection = \"simulated\"", "connection = \"ports\"", 1);
+        assert_ne!(real, rig);
+        fs::write(self.path("rig.toml"), real).unwrap();
+        let bench = "the rig \"simulated bench\"";
+        let why = format!("{} was made on {bench} (simulated), and not on {bench} (real)", runs[0]);
+        self.refused(runs, &why);
+        fs::write(self.path("rig.toml"), rig).unwrap();
+    }
+
     /// A check on a day, with its exit code.
     fn check(&self, day: u64, changes: &[Change]) -> (Value, Option<i32>) {
         self.put_together(day, changes);
@@ -176,13 +189,7 @@ fn a_bench_that_has_changed_is_told_by_the_quantity_that_shows_it() {
     assert!(record.contains(&format!("made = \"{}Z\"", &ended[..19])), "{ended}: {record}");
     let why = "check-references-5 has 2 samples, and the check on the block has 1";
     bench.refused(["check-references-5", "check-block-5"], why);
-    let rig = fs::read_to_string(bench.path("rig.toml")).unwrap();
-    let real = rig.replacen("connection = \"simulated\"", "connection = \"ports\"", 1);
-    assert_ne!(real, rig);
-    fs::write(bench.path("rig.toml"), real).unwrap();
-    let why = "check-block-9 was made on the rig \"simulated bench\" (simulated), and not on the rig \"simulated bench\" (real)";
-    bench.refused(["check-block-9", "check-references-10"], why);
-    fs::write(bench.path("rig.toml"), rig).unwrap();
+    bench.refused_by_a_real_rig(["check-block-9", "check-references-10"]);
     // A run of which a touch does not count shows no bench.
     let skip = ["skip", "check-block-9", "main/block/front/0/1", "--why", "a hair"];
     let skipped = bench.read(&skip);

@@ -327,41 +327,7 @@ fn touches_on_a_hard_block_find_the_geometry_within_its_stated_uncertainty() {
     let shown = bench.rigd(&["commission", "show"]);
     let said = String::from_utf8(shown.stdout).unwrap();
     assert!(said.contains("missing: the bench was changed since"), "{said}");
-    // The record is of the end of its run, from when on it holds, and the same run judged again is another record.
-    let reader = Reader::open(&bench.folder.path().join("data")).unwrap();
-    let ended = reader.find("latest").unwrap().finished_at.unwrap();
-    assert_eq!(record["made"].as_str().unwrap(), format!("{}Z", &ended[..19]));
-    let before = bench.records();
-    let blocks = ["commission", "blocks", "latest"];
-    assert_eq!(bench.rigd(&blocks).status.code(), found.status.code());
-    assert_eq!(bench.records(), before + 1);
-    // A run of another bench is none of this one.
-    let refused = |rigd: &Output, why: &str| {
-        assert_eq!(rigd.status.code(), Some(2), "{}", stderr(rigd));
-        assert!(stderr(rigd).contains(why), "{}", stderr(rigd));
-    };
-    let rig = fs::read_to_string(bench.folder.path().join("rig.toml")).unwrap();
-    for (old, new, why) in [
-        (
-            "connection = \"simulated\"",
-            "connection = \"ports\"",
-            "block-1 was made on the rig \"simulated bench\" (simulated), and not on the rig \"simulated bench\" (real)",
-        ),
-        (
-            "name = \"simulated bench\"",
-            "name = \"another\"",
-            "block-1 was made on the rig \"simulated bench\" (simulated), and not on the rig \"another\" (simulated)",
-        ),
-    ] {
-        bench.edit("rig.toml", &[(old, new)]);
-        refused(&bench.rigd(&blocks), why);
-        refused(&bench.rigd(&["commission", "touches", "latest"]), why);
-        fs::write(bench.folder.path().join("rig.toml"), &rig).unwrap();
-    }
-    // Nor does one from before a change show the bench as it is since.
-    let changed = bench.rigd(&["commission", "changed", "place"]);
-    assert!(changed.status.success(), "{}", stderr(&changed));
-    refused(&bench.rigd(&blocks), "before the bench was changed");
+    bench.assert_its_run_shows_this_bench_until_it_changes(&record, found.status.code());
     // What a run says of one zero of an axis is not added to another.
     bench.change_rig_file("as the rig file says: rotary.zero_deg = 0 must be changed to 0.05");
     let again = bench.rigd(&["commission", "blocks", "latest"]);
@@ -372,6 +338,42 @@ fn touches_on_a_hard_block_find_the_geometry_within_its_stated_uncertainty() {
 }
 
 impl Bench {
+    /// The last run, on a block, has this record.
+    fn assert_its_run_shows_this_bench_until_it_changes(
+        &self,
+        record: &toml::Table,
+        code: Option<i32>,
+    ) {
+        // The record is of the end of its run, from when on it holds, and the same run judged again is another record.
+        let reader = Reader::open(&self.folder.path().join("data")).unwrap();
+        let ended = reader.find("latest").unwrap().finished_at.unwrap();
+        assert_eq!(record["made"].as_str().unwrap(), format!("{}Z", &ended[..19]));
+        let before = self.records();
+        let judge = || self.rigd(&["commission", "blocks", "latest"]);
+        assert_eq!(judge().status.code(), code);
+        assert_eq!(self.records(), before + 1);
+        // A run of another bench is none of this one.
+        let refused = |why: &str| {
+            let (code, said) = (judge().status.code(), stderr(&judge()));
+            assert!(code == Some(2) && said.contains(why), "{said}");
+        };
+        let rig = fs::read_to_string(self.folder.path().join("rig.toml")).unwrap();
+        let was = "block-1 was made on the rig \"simulated bench\" (simulated), and not on the rig";
+        let simulated = "connection = \"simulated\"";
+        for (old, new, is) in [
+            (simulated, "connection = \"ports\"", "\"simulated bench\" (real)"),
+            ("name = \"simulated bench\"", "name = \"another\"", "\"another\" (simulated)"),
+        ] {
+            self.edit("rig.toml", &[(old, new)]);
+            refused(&format!("{was} {is}"));
+            refused(&self.rigd(&["commission", "touches", "latest"]), why);
+            fs::write(self.folder.path().join("rig.toml"), &rig).unwrap();
+        }
+        // Nor does one from before a change show the bench as it is since.
+        assert!(self.rigd(&["commission", "changed", "place"]).status.success());
+        refused("before the bench was changed");
+    }
+
     /// Changes a file of the bench.
     fn edit(&self, name: &str, changes: &[(&str, &str)]) {
         let path = self.folder.path().join(name);
@@ -480,43 +482,6 @@ fn a_drive_that_forgets_its_place_is_homed_and_one_that_homes_badly_is_refused()
             let is_shown = truth < 0.01;
             assert!(!is_shown || (value - truth).abs() <= 3.5 * sigma, "{value} {sigma} {truth}");
         }
-    }
-}
-
-#[test]
-fn a_drive_that_does_not_know_where_its_axis_is_is_not_sent_far_by_hand() {
-    for (drive, is_homed) in [("leadshine-pr", false), ("oriental-az", true)] {
-        let bench = Bench::new(DESCRIBED, 1, 0.0);
-        let drive = format!("register_map = \"{drive}\"");
-        bench.edit("rig.toml", &[("register_map = \"oriental-az\"", &drive)]);
-        let rig = fs::read_to_string(bench.folder.path().join("rig.toml")).unwrap();
-        let data = bench.folder.path().join("data");
-        commissioned::commission(&rig, &data);
-        // The power of its drives comes with the program.
-        for (axis, short, long) in [("linear", "0.2", "10"), ("rotary", "-1", "-20")] {
-            let step = bench.rigd(&["commission", "jog", axis, short]);
-            assert!(step.status.success(), "{}", stderr(&step));
-            let step = bench.rigd(&["commission", "jog", axis, long]);
-            let said = stderr(&step);
-            assert_eq!(step.status.code(), Some(if is_homed { 0 } else { 2 }), "{said}");
-            let why = "the drive says that it does not know where its axis is";
-            assert_eq!(said.contains(why), !is_homed, "{said}");
-        }
-        if !is_homed {
-            continue;
-        }
-        // A program that was killed during a homing has left this record.
-        let folder = data.join("calibrations");
-        let mut paths = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-        let path = paths.find(|path| path.to_str().unwrap().contains("/homing-")).unwrap();
-        let text = fs::read_to_string(&path).unwrap();
-        fs::write(&path, text.replacen("\"accepted\"", "\"begun\"", 1)).unwrap();
-        let step = bench.rigd(&["commission", "jog", "linear", "10"]);
-        let said = stderr(&step);
-        assert_eq!(step.status.code(), Some(2), "{said}");
-        assert!(said.contains("A homing was interrupted"), "{said}");
-        let shown = String::from_utf8(bench.rigd(&["commission", "show"]).stdout).unwrap();
-        assert!(shown.contains("the bench was changed since"), "{shown}");
     }
 }
 
