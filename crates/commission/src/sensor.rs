@@ -85,12 +85,10 @@ pub enum NoSensor {
 pub fn judge(all: &SensorSweeps, before: Option<&Calibration>) -> Result<Finding, NoSensor> {
     let SensorSweeps { sweeps, refused, surveys, survey_refused } = all;
     let found = sweeps.len();
-    // Where the others were refused, that is what was found of the sensor.
-    if found < LEAST && LEAST <= found + refused {
-        return Ok(Finding::failed(refusals(*refused, found)));
-    }
     if found < LEAST {
-        return Err(NoSensor::TooFew { found });
+        // Where the others were refused, that is what was found of the sensor.
+        let many = too_many(*refused, found).filter(|_| LEAST <= found + refused);
+        return many.map(Finding::failed).ok_or(NoSensor::TooFew { found });
     }
     let Some(line) = Line::through(sweeps) else {
         return too_many(*refused, found).map(Finding::failed).ok_or(NoSensor::Alike);
@@ -135,11 +133,8 @@ pub fn judge(all: &SensorSweeps, before: Option<&Calibration>) -> Result<Finding
 
 fn too_many(refused: usize, found: usize) -> Option<String> {
     let all = refused + found;
-    (refused as f64 > REFUSED * all as f64).then(|| refusals(refused, found))
-}
-
-fn refusals(refused: usize, found: usize) -> String {
-    format!("{refused} of {} sweeps of the free sensor were refused", refused + found)
+    (refused as f64 > REFUSED * all as f64)
+        .then(|| format!("{refused} of {all} sweeps of the free sensor were refused"))
 }
 
 /// A drift or a shift that is larger than allowed, or not known well enough to say that it is not.
@@ -323,6 +318,8 @@ mod tests {
         assert!(why(&short).ends_with("measure for longer"), "{}", why(&short));
         let few = SensorSweeps { sweeps: good.sweeps[..8].to_vec(), ..SensorSweeps::default() };
         assert_eq!(judge(&few, None), Err(NoSensor::TooFew { found: 8 }));
+        let one = SensorSweeps { refused: 1, ..few.clone() };
+        assert_eq!(judge(&one, None), Err(NoSensor::TooFew { found: 8 }));
         // What is mostly refused is found to be no good sensor, and not found to be nothing.
         let mostly = SensorSweeps { refused: 22, ..few };
         assert_eq!(why(&mostly), "22 of 30 sweeps of the free sensor were refused");

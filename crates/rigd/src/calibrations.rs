@@ -306,7 +306,9 @@ pub(crate) fn write_of_runs(
     witness: Witness,
 ) -> Result<PathBuf, CalibrationsError> {
     let record = |around| Calibration::new(kind, finding, basis, around);
-    keep_at((made, Timestamp::now()), data, kind, witness, record)
+    // The clock may have been set back since.
+    let now = Timestamp::now();
+    keep_at((made.min(now), now), data, kind, witness, record)
 }
 
 fn keep(

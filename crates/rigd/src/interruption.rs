@@ -5,7 +5,7 @@ use std::{collections::BTreeSet, iter};
 use rig_engine::{Fault, Jump};
 use rig_model::{Span, with_causes};
 use rig_store::{
-    Interruption, ProbeWord, Reader, Record, Run, RunKind, RunStatus, StoreError, intact,
+    Interruption, PREPARE, ProbeWord, Reader, Record, Run, RunKind, RunStatus, StoreError, intact,
 };
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -255,12 +255,16 @@ impl InterruptedRig {
     }
 }
 
-/// Whether a session was that of a program that brought its rig into service.
+/// Whether a session was that of a program that brought its rig into service, or began to.
 fn was_in_service(reader: &Reader, session: &Run) -> Result<bool, StoreError> {
-    for stored in reader.unchecked(session.id, &["state_changed"])? {
-        if let Record::StateChanged(changed) = stored.record()?
-            && matches!(&*changed.state, "preparing" | "idle")
-        {
+    for stored in reader.unchecked(session.id, &["state_changed", "operator"])? {
+        let is_of_service = match stored.record()? {
+            Record::StateChanged(changed) => matches!(&*changed.state, "preparing" | "idle"),
+            // A rig that nobody has latched is in preparation from the start, and no record says so.
+            Record::Operator(operator) => operator.action == PREPARE,
+            _ => false,
+        };
+        if is_of_service {
             return Ok(true);
         }
     }

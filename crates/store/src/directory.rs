@@ -8,12 +8,17 @@ use crate::{PathAct, StoreError};
 
 /// Copies those of the files and folders with these names that a data directory has beside its journal. The journal of the
 /// copy gets its name after this: a directory with a journal has everything.
+///
+/// # Errors
+/// The first one, after all others were copied.
 pub(crate) fn copy_all_beside(from: &Path, to: &Path, names: &[&str]) -> Result<(), StoreError> {
-    for name in names {
+    let copied = names.iter().map(|name| {
         let copy = to.join(name);
-        copy_beside(&from.join(name), &copy).map_err(PathAct::Place.failed(&copy))?;
-    }
-    sync_folder(to).map_err(PathAct::Place.failed(to))
+        copy_beside(&from.join(name), &copy).map_err(PathAct::Place.failed(&copy))
+    });
+    let copied = copied.fold(Ok(()), Result::and);
+    sync_folder(to).map_err(PathAct::Place.failed(to))?;
+    copied
 }
 
 /// Copies what stands beside a journal, if it is there: a file, or a folder with its files and without the folders in it.

@@ -40,7 +40,9 @@ pub use error::{PathAct, SqliteError, StoreError};
 pub use excerpt::excerpt;
 pub use journal::{Journal, Store};
 pub use memory::{DiskFailure, MemoryDisk};
-pub use reader::{HOMING, Interruption, Jump, Pages, ProbeWord, Reader, RunEnd, Shipment, intact};
+pub use reader::{
+    HOMING, Interruption, Jump, PREPARE, Pages, ProbeWord, Reader, RunEnd, Shipment, intact,
+};
 pub use restore::restore;
 pub use rig_record::{
     Action, Aim, AimPart, AimSettings, Amended, Amendment, Archived, Axis, BenchSettings, BlackBox,

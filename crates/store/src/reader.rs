@@ -17,7 +17,7 @@ use std::{path::Path, str};
 use rusqlite::{OptionalExtension, Params, Row, params};
 
 pub(crate) use archive::has_no_content;
-pub use interruption::{HOMING, Interruption, Jump, ProbeWord};
+pub use interruption::{HOMING, Interruption, Jump, PREPARE, ProbeWord};
 pub(crate) use list::unread;
 pub use shipment::{RunEnd, Shipment};
 pub use walk::Pages;

@@ -106,13 +106,14 @@ pub fn salvage(from: &Path, to: &Path, beside: &[&str]) -> Result<Vec<SalvagedRu
     new.execute_batch("COMMIT")?;
     new.close().map_err(|(_, error)| error)?;
     losses.tell(&stage)?;
-    copy_all_beside(from, to, beside)?;
+    // A file beside it that cannot be read keeps no journal from being rescued: it is told afterwards.
+    let has_all_beside = copy_all_beside(from, to, beside);
     sync_file(&built).map_err(PathAct::Place.failed(to))?;
     fs::rename(&built, &target).map_err(PathAct::Place.failed(to))?;
     sync_folder(to).map_err(PathAct::Place.failed(to))?;
     fs::remove_dir_all(&stage).map_err(PathAct::Remove.failed(&stage))?;
     drop(lock);
-    Ok(salvaged)
+    has_all_beside.map(|()| salvaged)
 }
 
 /// What the copy has not of what was written.

@@ -22,7 +22,7 @@ pub(super) struct Axes {
     /// Whether the linear stage is known to home upwards, away from the sample.
     pub(super) is_homing_up: bool,
     /// Whether the rotary stage is homed anew before it is used, although its drive may say that it is homed: the program
-    /// before noted a fault and did not bring the rig into service again, and it may have been one of the count of the drive.
+    /// before noted a fault of it and did not bring the rig into service again, and the drive may have lost count.
     pub(super) is_rotary_doubtful: bool,
     pub(super) gate: Gate,
 }

@@ -127,7 +127,7 @@ impl Shell {
         };
         let opened = open_rig(rig, bench, clock, proven).await?;
         let Opened { setting, analyzer, streamed, mut axes, gate, halt, .. } = opened;
-        axes.is_rotary_doubtful = reader.is_faulted_since_service(&name).unwrap_or(true);
+        axes.is_rotary_doubtful = reader.is_rotary_faulted_since_service(&name).unwrap_or(true);
         let Opened { simulation, black_boxes, known_samples, patience, .. } = opened;
         let pulse = Arc::new(Pulse::default());
         let log = Log::open(store, name, clock, &pulse, &setting.meters).map_err(data_error)?;

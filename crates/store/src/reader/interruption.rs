@@ -25,6 +25,12 @@ pub enum ProbeWord {
 /// The operator's action that homes a linear stage whatever its position.
 pub const HOMING: &str = "home with nothing below the probe";
 
+/// The action with which a program brings a rig into service that nobody has latched.
+pub const PREPARE: &str = "prepare";
+
+/// Begin of the cause of a fault of the rotary stage.
+const OF_ROTARY: &str = "rotary stage: ";
+
 /// A linear stage that was read back elsewhere than its last moves can have led it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Jump {
@@ -230,31 +236,40 @@ impl Reader {
         Ok(last_moves_mm.map(|last_moves_mm| Jump { last_moves_mm, is_homing_open }))
     }
 
-    /// Whether a program that brought a rig into service has noted a fault of it since it was last in service. The faults that
-    /// a way out of contact notes are those of the program before.
+    /// Whether a program has noted a fault of the rotary stage since the rig was last in service. What a way out of contact notes
+    /// is of the program before it; what a salvage notes says that nothing is known.
     ///
     /// # Errors
-    /// [`StoreError`] of the system or of SQLite, or [`StoreError::Unreadable`].
-    pub fn is_faulted_since_service(&self, rig: &str) -> Result<bool, StoreError> {
+    /// [`StoreError`] of the system or of SQLite, [`StoreError::Damaged`], or [`StoreError::Unreadable`].
+    pub fn is_rotary_faulted_since_service(&self, rig: &str) -> Result<bool, StoreError> {
         let of_epoch = select_records(&format!(
-            "WHERE {OF_EPOCH} AND records.kind IN ('fault', 'state_changed') ORDER BY records.id DESC"
+            "WHERE {OF_EPOCH} AND records.kind IN ('fault', 'state_changed', 'operator')
+             ORDER BY records.id DESC"
         ));
-        let sessions = "WHERE kind = 'session' AND name = ?1 ORDER BY key DESC";
-        for session in self.select_runs(sessions, [rig])? {
-            let (mut is_faulted, mut was_preparing) = (false, false);
+        let is_own = |run: &Run| run.kind == RunKind::Session && run.name == rig;
+        for session in self.every_run()?.into_iter().filter(is_own) {
+            let (mut is_of_rotary, mut is_faulted) = (false, false);
+            let (mut was_prepared, mut has_state) = (false, false);
             let mut statement = self.connection.prepare_cached(&of_epoch)?;
             let mut rows = statement.query([session.epoch.cast_signed()])?;
             while let Some(row) = rows.next()? {
                 match record_from(row)?.record()? {
                     Record::StateChanged(change) if change.state == "idle" => {
-                        return Ok(is_faulted);
+                        return Ok(is_of_rotary);
                     }
-                    Record::StateChanged(change) => was_preparing |= change.state == "preparing",
-                    Record::Fault(_) => is_faulted = true,
+                    Record::StateChanged(change) => {
+                        has_state = true;
+                        was_prepared |= change.state == "preparing";
+                    }
+                    Record::Operator(operator) => was_prepared |= operator.action == PREPARE,
+                    Record::Fault(fault) => {
+                        is_faulted = true;
+                        is_of_rotary |= fault.cause.starts_with(OF_ROTARY);
+                    }
                     _ => {}
                 }
             }
-            if was_preparing && is_faulted {
+            if is_of_rotary && was_prepared || is_faulted && !has_state {
                 return Ok(true);
             }
         }

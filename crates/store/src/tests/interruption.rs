@@ -2,8 +2,8 @@
 
 use super::sample::{Directory, append, records, run_started};
 use crate::{
-    Axis, Clearance, Ending, Fault, HOMING, Intent, Jump, Move, MoveReason, Operator, ProbeWord,
-    Reader, Record, RunFinished, RunKind, RunStatus, StateChanged, Store,
+    Axis, Clearance, Ending, Fault, HOMING, Intent, Jump, Move, MoveReason, Operator, PREPARE,
+    ProbeWord, Reader, Record, RunFinished, RunKind, RunStatus, StateChanged, Store,
 };
 
 fn lowering(to: f64) -> Record {
@@ -74,7 +74,7 @@ fn a_position_that_was_said_to_be_wrong_stays_so_until_the_rig_was_in_service() 
 }
 
 #[test]
-fn a_fault_stands_until_the_rig_is_in_service_again_and_that_of_a_way_out_is_none() {
+fn a_fault_of_the_rotary_stage_stands_until_the_rig_is_in_service_again() {
     let directory = Directory::new();
     let found = |said: &[Record]| {
         let store = Store::open(directory.path()).unwrap();
@@ -83,16 +83,30 @@ fn a_fault_stands_until_the_rig_is_in_service_again_and_that_of_a_way_out_is_non
             append(&mut journal, 0, record);
         }
         journal.commit().unwrap();
-        Reader::open(directory.path()).unwrap().is_faulted_since_service("bench").unwrap()
+        Reader::open(directory.path()).unwrap().is_rotary_faulted_since_service("bench").unwrap()
     };
-    let way_out = [lost(), state("retracting"), state("latched")];
-    assert!(!found(&[preparing(), state("idle")]));
+    let fault = |cause: &str| {
+        let (cause, hint) = (cause.to_owned(), "look".to_owned());
+        let probe = Clearance::Unknown;
+        Record::Fault(Fault { step: None, cause, probe, hint, last_moves_mm: None })
+    };
+    let of_rotary = || fault("rotary stage: came to rest at 30 °, and is at 35 °");
+    let (action, who) = (PREPARE.to_owned(), "rigd".to_owned());
+    let begins = || Record::Operator(Operator { action: action.clone(), who: who.clone() });
+    let way_out = [of_rotary(), state("retracting"), state("latched")];
+    assert!(!found(&[begins(), state("idle")]));
+    // It says what the program before it said.
     assert!(!found(&way_out));
-    assert!(found(&[preparing(), state("idle"), lost(), state("latched")]));
+    assert!(!found(&[begins(), state("idle"), lost(), state("latched")]));
+    assert!(found(&[begins(), state("idle"), of_rotary(), state("latched")]));
     // A start that finds it latched, a way out, and a preparation that does not end.
     assert!(found(&[lost(), state("latched")]) && found(&way_out) && found(&[preparing()]));
     assert!(!found(&[lost(), state("latched"), preparing(), state("idle")]));
-    assert!(found(&[preparing(), lost()]));
+    // A start that is not latched has no record of its state before the first fault.
+    assert!(found(&[begins(), of_rotary(), state("latched")]));
+    assert!(!found(&[begins(), state("idle")]));
+    // What a salvage could not copy.
+    assert!(found(&[lost()]));
 }
 
 #[test]
