@@ -29,7 +29,7 @@ SIGMAS, SIGMA_REL = 0.5, 0.01
 # The column with the standard deviation of each value of the circuit, and the least and the largest part of what is found here
 # that it may be. That of the resonance has what a second mode, a drift and the survey leave open as well.
 CIRCUIT_SIGMAS = {
-    "resonance_hz": ("sigma_hz", 0.9, 2.2),
+    "resonance_hz": ("sigma_hz", 0.9, 2.5),
     "quality_factor": ("quality_factor_sigma", 0.9, 1.15),
     "static_capacitance_f": ("static_capacitance_sigma_f", 0.9, 1.15),
     "capacitance_ratio": ("capacitance_ratio_sigma", 0.9, 1.15),
