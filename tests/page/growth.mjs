@@ -124,9 +124,10 @@ await run(async () => {
   const seconds = (Date.now() - began) / 1000;
   for (const { sent, megabytes, nodes } of found) console.log(`${sent} events, ${(sent / PER_SECOND / 3600).toFixed(2)} h: ${megabytes.toFixed(2)} MB, ${nodes} nodes`);
   console.log(`${(sent / seconds).toFixed(0)} events a second`);
-  // A part of the stream that is still being read counts now and then, whatever was collected: the least of each half.
+  // A part of the stream that is still being read counts now and then, whatever was collected: the least of each half. In the
+  // first part the page still fills what it keeps of a bounded number of events.
   const least = (what, parts) => Math.min(...parts.map((part) => part[what]));
-  const [first, last] = [found.slice(0, PARTS / 2), found.slice(PARTS / 2)];
+  const [first, last] = [found.slice(1, PARTS / 2), found.slice(PARTS / 2)];
   const growth = least("megabytes", last) - least("megabytes", first);
   assert.ok(growth < GROWTH_MB, `the page keeps ${growth.toFixed(2)} MB more in the second half`);
   assert.ok(least("nodes", last) <= NODES, `the page keeps ${least("nodes", last)} nodes`);
