@@ -204,10 +204,12 @@ impl Analyzer {
         let commands = &self.dialect.commands;
         while !stop.is_raised() {
             let readings = match commands {
-                CommandSet::TraceE4990a => self.try_trace(&[*point]).await?,
-                CommandSet::Points(commands) => self.try_point(commands, point, stop).await?,
+                CommandSet::TraceE4990a => self.try_trace(&[*point]).await,
+                CommandSet::Points(commands) => self.try_point(commands, point, stop).await,
             };
-            readings.into_iter().for_each(&mut take);
+            // Its answers may come late, and it may have restarted with other settings.
+            self.is_synchronised &= readings.is_ok();
+            readings?.into_iter().for_each(&mut take);
         }
         Ok(())
     }

@@ -66,7 +66,7 @@ pub fn attached_ports() -> Vec<AttachedPort> {
     let serial = serial_ports();
     let instruments = instruments_in(Path::new("/sys")).into_iter().map(|(device, usb)| {
         let path = Path::new(&device);
-        let (stable_name, holders) = (stable_name(path), holders(path));
+        let (stable_name, holders) = (stable_name(path), others(path));
         AttachedPort { device, stable_name, usb: Some(usb), latency_ms: None, holders }
     });
     let mut ports: Vec<AttachedPort> = serial.into_iter().chain(instruments).collect();
@@ -85,14 +85,20 @@ fn serial_ports() -> Vec<AttachedPort> {
                 stable_name: stable_name(device),
                 usb: usb_identity(port.port_type),
                 latency_ms: latency_ms(device),
-                holders: holders(device),
+                holders: others(device),
                 device: port.port_name,
             }
         })
         .collect()
 }
 
-/// The programs that have a device file open, as far as this user may know.
+/// The other programs that have a device file open, as far as this user may know.
+pub(crate) fn others(device: &Path) -> Vec<Holder> {
+    let own = std::process::id();
+    holders(device).into_iter().filter(|holder| holder.pid != own).collect()
+}
+
+/// The same, and this program if it has it open as another port.
 pub(crate) fn holders(device: &Path) -> Vec<Holder> {
     holders_in(Path::new("/proc"), device)
 }
@@ -102,6 +108,28 @@ pub(crate) fn stable_name(device: &Path) -> Option<String> {
     let is_instrument = device_of(device).is_some_and(|device| is_of_usbtmc(&device));
     let names = if is_instrument { BY_SERIAL_NUMBER } else { BY_ID };
     stable_name_in(Path::new(names), device)
+}
+
+/// The name of the adapter or the instrument itself, in place of that of its device file. None for a link, by which a person
+/// says a place or an adapter, and for an adapter without a serial number of its own: another one has the same name.
+pub(crate) fn own_name(path: &Path) -> Option<String> {
+    if path.is_symlink() {
+        return None;
+    }
+    let is_own = is_of_usbtmc(path) || has_own_number(&path.to_string_lossy(), &serial_ports());
+    stable_name(path).filter(|_| is_own)
+}
+
+/// Whether the adapter behind a device file has a serial number that no other one has. All ports of one adapter have the same,
+/// and each of them a name of its own; of two adapters with the same, one has none.
+fn has_own_number(device: &str, ports: &[AttachedPort]) -> bool {
+    let of = |port: &AttachedPort| {
+        let usb = port.usb.as_ref()?;
+        Some((usb.vendor_id, usb.product_id, usb.serial_number.clone()?))
+    };
+    let own = ports.iter().find(|port| port.device == device).and_then(of);
+    let mut of_number = ports.iter().filter(|port| own.is_some() && of(port) == own);
+    own.is_some() && of_number.all(|port| port.stable_name.is_some())
 }
 
 /// Whether a device file is one of the driver `usbtmc`, by its name.
@@ -134,14 +162,13 @@ fn instruments_in(sys: &Path) -> Vec<(String, UsbIdentity)> {
 }
 
 fn holders_in(proc: &Path, device: &Path) -> Vec<Holder> {
-    let own = std::process::id();
     let mut holders: Vec<Holder> = entries(proc)
         .filter_map(|process| {
             let pid = process.file_name()?.to_str()?.parse().ok()?;
             let is_open = entries(&process.join("fd"))
                 .any(|open| fs::read_link(open).is_ok_and(|target| target == device));
             let name = fs::read_to_string(process.join("comm")).unwrap_or_default();
-            (is_open && pid != own).then(|| Holder { pid, name: name.trim().to_owned() })
+            is_open.then(|| Holder { pid, name: name.trim().to_owned() })
         })
         .collect();
     holders.sort_by_key(|holder| holder.pid);
@@ -222,6 +249,46 @@ mod tests {
         assert_eq!(stable_name_in(&by_id, &by_id.join("usb-FTDI_A-if00-port0")), expected);
         assert_eq!(stable_name_in(&by_id, &scratch.path("ttyUSB0")), None);
         assert_eq!(stable_name_in(&by_id, &scratch.path("ttyUSB2")), None);
+    }
+
+    #[test]
+    fn a_link_stays_as_it_was_named() {
+        let scratch = Scratch::new("by-path");
+        fs::write(scratch.path("ttyUSB0"), "").unwrap();
+        let by_path = scratch.path("pci-0000:00:14.0-usb-0:2:1.0-port0");
+        symlink("ttyUSB0", &by_path).unwrap();
+        assert_eq!(own_name(&by_path), None);
+    }
+
+    #[test]
+    fn only_a_serial_number_that_no_other_adapter_has_names_one() {
+        let port = |device: &str, name: Option<&str>, serial_number: Option<&str>| AttachedPort {
+            device: device.to_owned(),
+            stable_name: name.map(str::to_owned),
+            usb: Some(UsbIdentity {
+                vendor_id: 0x1A86,
+                product_id: 0x7523,
+                serial_number: serial_number.map(str::to_owned),
+                manufacturer: None,
+                product: None,
+            }),
+            latency_ms: None,
+            holders: Vec::new(),
+        };
+        let ports = [
+            // Without a number, with one of its own, and two with the same.
+            port("/dev/a", Some("if00"), None),
+            port("/dev/b", Some("1-if00"), Some("1")),
+            port("/dev/c", Some("0001-if00"), Some("0001")),
+            port("/dev/d", None, Some("0001")),
+            // The ports of one adapter.
+            port("/dev/f", Some("2-if00"), Some("2")),
+            port("/dev/g", Some("2-if01"), Some("2")),
+        ];
+        let devices = ports.iter().map(|port| &*port.device);
+        let own: Vec<&str> = devices.filter(|device| has_own_number(device, &ports)).collect();
+        assert_eq!(own, ["/dev/b", "/dev/f", "/dev/g"]);
+        assert!(!has_own_number("/dev/e", &ports));
     }
 
     #[test]

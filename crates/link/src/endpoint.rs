@@ -106,9 +106,9 @@ impl Endpoint {
         };
         // The name of the adapter or instrument itself finds it again at another place.
         if let Self::Serial { path, .. } | Self::Usbtmc { path } = self
-            && let Some(stable) = attached::stable_name(Path::new(path))
+            && let Some(own) = attached::own_name(Path::new(path))
         {
-            *path = stable;
+            *path = own;
         }
         Ok(carrier)
     }

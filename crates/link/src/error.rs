@@ -130,7 +130,7 @@ pub enum OpenError {
         /// Name of the port.
         port: Arc<str>,
     },
-    /// Another program has it.
+    /// A program has it, perhaps this one as another port.
     #[error("{port}: held by {}", names(holders))]
     Busy {
         /// Name of the port.
@@ -175,7 +175,7 @@ pub enum OpenError {
 /// The programs by name, or that there is one.
 fn names(holders: &[Holder]) -> String {
     if holders.is_empty() {
-        return "another program".to_owned();
+        return "a program that this user may not see".to_owned();
     }
     holders.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
 }

@@ -15,7 +15,7 @@ use tokio::{
 
 use crate::{
     Clock, Endpoint, Flow, Holder, LineError, OpenError, PartialAnswer, Transcript, Transport,
-    attached::holders, device::device_of, transport::Carrier,
+    attached::others, device::device_of, transport::Carrier,
 };
 use rig_model::{LineSettings, PortKind};
 
@@ -136,7 +136,7 @@ impl Port {
     pub fn intruders(&self) -> Vec<Holder> {
         let file = self.endpoint.as_ref().and_then(Endpoint::file);
         let device = file.and_then(device_of);
-        device.map(|device| holders(&device)).unwrap_or_default()
+        device.map(|device| others(&device)).unwrap_or_default()
     }
 
     /// What kind of port it is, or stands for.
@@ -164,7 +164,18 @@ impl Port {
     /// # Errors
     /// [`LineError::NeverSilent`] when bytes keep coming for a second, [`LineError::Lost`].
     pub async fn settle(&mut self, silence: Duration) -> Result<usize, LineError> {
-        let patience = Duration::from_secs(1).max(10 * silence);
+        self.settle_within(silence, Duration::from_secs(1).max(10 * silence)).await
+    }
+
+    /// The same with this much patience.
+    ///
+    /// # Errors
+    /// [`LineError::NeverSilent`] when bytes keep coming for so long, [`LineError::Lost`].
+    pub async fn settle_within(
+        &mut self,
+        silence: Duration,
+        patience: Duration,
+    ) -> Result<usize, LineError> {
         self.discard_until_silent(silence, Instant::now(), patience).await
     }
 

@@ -17,7 +17,7 @@ use rustix::fs::{FlockOperation, flock};
 
 use crate::{
     OpenError,
-    attached::{holders, is_of_usbtmc},
+    attached::{is_of_usbtmc, others},
     device::what_it_is,
     messages::MessageLink,
 };
@@ -57,7 +57,7 @@ pub(crate) fn open(port: &Arc<str>, path: &str) -> Result<MessageLink, OpenError
     set_timeout(&file, TRANSFER_WITHIN).map_err(fail)?;
     // The driver lets several programs in. The lock keeps out those that ask for it, such as another rigd.
     if !lock(&file, &device, LOCKED_WITHIN).map_err(fail)? {
-        return Err(OpenError::Busy { port: port.clone(), holders: holders(&device) });
+        return Err(OpenError::Busy { port: port.clone(), holders: others(&device) });
     }
     // Without it, a wait for an answer would have to be a read that nothing can end.
     if !gives_status_byte(&file).map_err(fail)? {
@@ -73,7 +73,7 @@ fn lock(file: &fs::File, device: &Path, within: Duration) -> io::Result<bool> {
         match flock(file, FlockOperation::NonBlockingLockExclusive) {
             Ok(()) => return Ok(true),
             Err(rustix::io::Errno::WOULDBLOCK) => {
-                if within <= begun.elapsed() || !holders(device).is_empty() {
+                if within <= begun.elapsed() || !others(device).is_empty() {
                     return Ok(false);
                 }
                 thread::sleep(LOCK_EVERY);

@@ -51,6 +51,10 @@ impl EchoFilter {
             passed.extend_from_slice(&self.held[self.request.len()..]);
         } else if self.request.starts_with(&self.held) {
             return;
+        } else if is_repeating {
+            // An echo with a glitch before it looks like the answer. Nothing passes, and the request is repeated.
+            self.held.clear();
+            return;
         } else {
             self.is_echoing = false;
             passed.append(&mut self.held);
@@ -105,6 +109,13 @@ mod tests {
         check(echoing, WRITE, &[WRITE, WRITE].concat(), WRITE);
         let exception = [1, 0x86, 4, 0x43, 0xA3];
         check(echoing, WRITE, &[WRITE, &exception].concat(), &exception);
+    }
+
+    /// The drive drops such a frame.
+    #[test]
+    fn an_echo_with_a_glitch_before_it_is_no_answer() {
+        check(echoing, WRITE, &[&[0x00], WRITE].concat(), &[]);
+        check(echoing, WRITE, &[&[0xFF, 0x01], WRITE].concat(), &[]);
     }
 
     #[test]

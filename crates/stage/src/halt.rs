@@ -9,8 +9,8 @@ use tokio::{
 
 use crate::Request;
 
-/// Remaining wait for an answer after a stop. Drives answer within some milliseconds and USB
-/// adapters add up to 16.
+/// Remaining wait for an answer after a stop, beside the time of its frames on the wire. Drives answer within some
+/// milliseconds and USB adapters add up to 16.
 const ANSWER_WITHIN: Duration = Duration::from_millis(30);
 
 /// The frames that stop the drives of a line.
@@ -71,17 +71,19 @@ impl Halts {
         std::mem::take(&mut self.come)
     }
 
-    /// Waits until an answer is too late: at its deadline, or soon after a stop has come.
-    pub(crate) async fn too_late(&mut self, deadline: Instant) {
+    /// Waits until an answer is too late: at its deadline, which is `reply_within` after the end of both frames on the
+    /// wire, or soon after a stop has come. A stop that is sent into a frame is lost with it.
+    pub(crate) async fn too_late(&mut self, deadline: Instant, reply_within: Duration) {
         tokio::select! {
             biased;
             () = sleep_until(deadline) => {}
-            () = self.come() => sleep_until(deadline.min(Instant::now() + ANSWER_WITHIN)).await,
+            () = self.come() => sleep_until(Self::answer_by(deadline, reply_within)).await,
         }
     }
 
-    /// When the answer to a stop is too late.
-    pub(crate) fn answer_by(deadline: Instant) -> Instant {
-        deadline.min(Instant::now() + ANSWER_WITHIN)
+    /// When the answer to a stop, or to a request before which a stop waits, is too late.
+    pub(crate) fn answer_by(deadline: Instant, reply_within: Duration) -> Instant {
+        let on_wire = deadline.checked_sub(reply_within).unwrap_or(deadline);
+        deadline.min(on_wire.max(Instant::now()) + ANSWER_WITHIN)
     }
 }

@@ -27,6 +27,9 @@ const STRAY_FRAME_BYTES: usize = 4;
 /// milliseconds, and two frames at once would destroy each other.
 const UNHEARD_ANSWER: Duration = Duration::from_millis(15);
 
+/// The silence before an urgent frame is waited for at most this long.
+const SILENT_WITHIN: Duration = Duration::from_millis(20);
+
 /// Stops without an answer in a row, after which the request before which they were sent counts as not answered.
 const UNANSWERED_STOPS: u32 = 2;
 
@@ -46,10 +49,10 @@ pub struct CheckRegisters {
 
 /// The fault of one exchange.
 enum ExchangeFault {
-    /// The device refused; the line is fine.
-    Refused(Exception),
-    /// The answer cannot be used; these bytes arrived.
-    Unusable(Symptom, Vec<u8>),
+    /// The device refused this request; the line is fine.
+    Refused(Request, Exception),
+    /// The answer to this request cannot be used; these bytes arrived.
+    Unusable(Request, Symptom, Vec<u8>),
     /// It makes no sense to try again.
     Fatal(LineFault),
     /// A stop was requested before the write was sent.
@@ -138,7 +141,8 @@ impl Line {
                 }
                 // The silence between two frames; the next request handles bytes that arrive in it.
                 sleep(self.silence).await;
-                let answer_by = Some(Halts::answer_by(self.reply_by(request)));
+                let answer_by =
+                    Some(Halts::answer_by(self.reply_by(request), self.settings.reply_within));
                 if self.exchange(*unit, request, answer_by).await.is_err() {
                     self.context = None;
                 }
@@ -189,7 +193,7 @@ impl Line {
                 Err(fault) => fault,
             };
             match fault {
-                ExchangeFault::Refused(Exception::Busy | Exception::Acknowledge)
+                ExchangeFault::Refused(_, Exception::Busy | Exception::Acknowledge)
                     if Instant::now() < busy_until =>
                 {
                     // `Busy` is an answer, not a failed attempt.
@@ -200,21 +204,23 @@ impl Line {
                         () = sleep(self.settings.busy_pause) => {}
                     }
                 }
-                ExchangeFault::Refused(exception) => {
+                ExchangeFault::Refused(request, exception) => {
                     self.count(unit, |health| health.refusals += 1);
-                    let (port, request) = (self.name.clone(), request.clone());
+                    let port = self.name.clone();
                     return Err(DeviceRefusal { port, unit, request, exception }.into());
                 }
-                ExchangeFault::Unusable(symptom, _) if attempts < self.settings.attempts => {
+                ExchangeFault::Unusable(request, symptom, _)
+                    if attempts < self.settings.attempts =>
+                {
                     self.count(unit, |health| health.retries += 1);
                     tracing::warn!(port = %self.name, unit, %request, %symptom, attempts, "again");
                 }
-                ExchangeFault::Unusable(symptom, received) => {
+                ExchangeFault::Unusable(request, symptom, received) => {
                     self.count(unit, |health| health.faults += 1);
                     let fault = LineFault::NoAnswer {
                         port: self.name.clone(),
                         unit,
-                        request: request.clone(),
+                        request,
                         symptom,
                         received: received.into(),
                         attempts,
@@ -239,9 +245,19 @@ impl Line {
     }
 
     /// Sends a request on a suspect line without waiting for an answer: an answer is discarded
-    /// before the next request. Does nothing on a line in order.
+    /// before the next request. A line in order, on which the request itself leaves at once, becomes suspect if
+    /// it does not fall silent soon.
     async fn send_urgently(&mut self, unit: u8, request: &Request) {
-        if self.context.is_none() && !self.port_loan.lock().port.is_lost() {
+        let mut port_loan = self.port_loan.lock();
+        let heard = port_loan.port.settle_within(self.silence, SILENT_WITHIN).await;
+        let (is_silent, is_lost) =
+            (heard.is_ok_and(|strays| strays < STRAY_FRAME_BYTES), port_loan.port.is_lost());
+        drop(port_loan);
+        if is_silent && self.context.is_some() {
+            return;
+        }
+        self.context = None;
+        if !is_lost {
             self.say(unit, request).await;
         }
     }
@@ -298,7 +314,8 @@ impl Line {
             return Err(ExchangeFault::Halted);
         }
         if self.context.is_none() {
-            return Err(ExchangeFault::Unusable(Symptom::Silence, Vec::new()));
+            let symptom = Symptom::Silence;
+            return Err(ExchangeFault::Unusable(request.clone(), symptom, Vec::new()));
         }
         self.exchange(unit, request, None).await
     }
@@ -377,10 +394,10 @@ impl Line {
         let asked = Instant::now();
         let outcome = self.ask(unit, request, answer_by).await;
         self.count(unit, |health| match &outcome {
-            Ok(_) | Err(ExchangeFault::Refused(_)) => {
+            Ok(_) | Err(ExchangeFault::Refused(..)) => {
                 health.answered(asked.elapsed());
             }
-            Err(ExchangeFault::Unusable(Symptom::Silence | Symptom::OnlyEcho, _)) => {
+            Err(ExchangeFault::Unusable(_, Symptom::Silence | Symptom::OnlyEcho, _)) => {
                 health.late += 1;
             }
             Err(ExchangeFault::Unusable(..)) => health.corrupt += 1,
@@ -402,7 +419,7 @@ impl Line {
         let too_late = async {
             match answer_by {
                 Some(answer_by) => sleep_until(answer_by).await,
-                None => self.halts.too_late(deadline).await,
+                None => self.halts.too_late(deadline, self.settings.reply_within).await,
             }
         };
         let result = tokio::select! {
@@ -418,7 +435,10 @@ impl Line {
                 Some(reply) => (Ok(reply), request.reply_wire_len()),
                 None => return Err(self.diagnose(unit, request)),
             },
-            Ok(Err(code)) => (Err(ExchangeFault::Refused(Exception::from_code(code.into()))), 5),
+            Ok(Err(code)) => {
+                let exception = Exception::from_code(code.into());
+                (Err(ExchangeFault::Refused(request.clone(), exception)), 5)
+            }
             // The library calls an answer that is shorter than it says an end of the stream, so
             // that only the port can tell whether it is lost.
             Err(tokio_modbus::Error::Transport(error)) if self.has_failed(&error) => {
@@ -428,7 +448,8 @@ impl Line {
         };
         let surplus = self.port_loan.lock().n_passed().saturating_sub(length);
         if self.settings.framing == Framing::Rtu && STRAY_FRAME_BYTES <= surplus {
-            return Err(ExchangeFault::Unusable(Symptom::Surplus, self.last_frame().1));
+            let received = self.last_frame().1;
+            return Err(ExchangeFault::Unusable(request.clone(), Symptom::Surplus, received));
         }
         outcome
     }
@@ -442,7 +463,7 @@ impl Line {
     fn diagnose(&self, unit: u8, request: &Request) -> ExchangeFault {
         let (sent, received) = self.last_frame();
         let symptom = Symptom::of(self.settings.framing, &sent, &received, unit, request);
-        ExchangeFault::Unusable(symptom, received)
+        ExchangeFault::Unusable(request.clone(), symptom, received)
     }
 
     /// The last sent frame and the bytes after it, from the black box.

@@ -42,6 +42,9 @@ const REST_TOLERANCES: f64 = 10.0;
 /// Time limit of a stop.
 const STOP_WITHIN: Duration = Duration::from_secs(3);
 
+/// A stop is sent again to a drive that still moves after this time.
+const STOP_AGAIN: Duration = Duration::from_millis(300);
+
 /// Time limit for clearing an alarm.
 const RESET_WITHIN: Duration = Duration::from_secs(2);
 
@@ -64,7 +67,7 @@ pub struct Stage<U: Unit> {
     seen_at: Option<RigTime>,
     /// When it was read.
     read_at: Instant,
-    /// Some of its settings were written, and the last of them perhaps not.
+    /// Some of its settings were written, and others perhaps not: also by another program, if they are not all read back.
     are_settings_half: bool,
 }
 
@@ -88,7 +91,7 @@ impl<U: Unit> Stage<U> {
             jumped_from: None,
             seen_at: None,
             read_at: Instant::now(),
-            are_settings_half: false,
+            are_settings_half: !map.settings.are_all_read(),
         }
     }
 
@@ -341,10 +344,9 @@ impl<U: Unit> Stage<U> {
     /// [`StageError::WillNotStop`], [`StageError::Bus`].
     pub async fn stop(&mut self) -> Result<Position<U>, StageError<U>> {
         let order = Order::at_rest(&self.scale, &self.axis)?;
-        for step in &self.map.stop {
-            self.take(step, &order, Priority::Urgent).await?;
-        }
+        self.take_all_urgently(&order).await?;
         let started = Instant::now();
+        let mut sent = started;
         let at = loop {
             let reading = self.read_drive().await?;
             let at = self.scale.position(reading.position.into());
@@ -357,10 +359,22 @@ impl<U: Unit> Stage<U> {
                 let seconds = waited.as_secs_f64();
                 return Err(StageError::WillNotStop { seconds, at });
             }
+            if STOP_AGAIN <= sent.elapsed() {
+                // What an adapter echoes may have been taken for the answer.
+                self.take_all_urgently(&order).await?;
+                sent = Instant::now();
+            }
             sleep(READ_INTERVAL_MIN).await;
         };
         self.command(&self.map.release_stop).await?;
         Ok(at)
+    }
+
+    async fn take_all_urgently(&self, order: &Order) -> Result<(), StageError<U>> {
+        for step in &self.map.stop {
+            self.take(step, order, Priority::Urgent).await?;
+        }
+        Ok(())
     }
 
     /// The frames that stop this axis, for [`BusHandle::halt`]. [`stop`](Self::stop) must follow: it

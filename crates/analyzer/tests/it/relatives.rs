@@ -27,6 +27,8 @@ struct Make {
     /// The frequencies that it has.
     spots_hz: Option<[f64; 3]>,
     status: i32,
+    /// Number of the message before which it is switched off and on again.
+    restarts_at: Option<usize>,
 }
 
 const TH2832: Make = Make {
@@ -36,6 +38,7 @@ const TH2832: Make = Make {
     not_ready: 2,
     spots_hz: None,
     status: 0,
+    restarts_at: None,
 };
 
 const HP4284A: Make = Make {
@@ -45,6 +48,7 @@ const HP4284A: Make = Make {
     not_ready: 0,
     spots_hz: Some([139.5, 140.2, 141.0]),
     status: 0,
+    restarts_at: None,
 };
 
 /// A meter as these tests understand its manual: it takes every setting, and answers questions.
@@ -53,12 +57,18 @@ struct Meter {
     frequency_hz: f64,
     level_v: f64,
     not_ready: usize,
+    has_restarted: bool,
     messages: Arc<Mutex<Vec<String>>>,
 }
 
 impl Meter {
     fn message(&mut self, message: &str) -> Option<String> {
-        self.messages.lock().unwrap().push(message.to_owned());
+        let mut messages = self.messages.lock().unwrap();
+        if self.make.restarts_at == Some(messages.len()) {
+            (self.level_v, self.has_restarted) = (1.0, true);
+        }
+        messages.push(message.to_owned());
+        drop(messages);
         let answers: Vec<String> = message.split(';').filter_map(|unit| self.unit(unit)).collect();
         (!answers.is_empty()).then(|| answers.join(";"))
     }
@@ -78,7 +88,10 @@ impl Meter {
             ":TRIGger" | ":TRIG" => self.not_ready = self.make.not_ready,
             "*IDN?" => return Some(self.make.identity.to_owned()),
             "*OPT?" => return Some(self.make.options.to_owned()),
-            "*ESR?" => return Some("0".to_owned()),
+            "*ESR?" => {
+                let has_restarted = std::mem::take(&mut self.has_restarted);
+                return Some(if has_restarted { "128" } else { "0" }.to_owned());
+            }
             ":FREQuency?" | ":FREQ?" => return Some(format!("{:+.5E}", self.frequency_hz)),
             ":VOLTage?" | ":VOLT?" => return Some(format!("{:+.5E}", self.level_v)),
             ":FETCh?" | ":FETC?" if 0 < self.not_ready => {
@@ -130,7 +143,14 @@ async fn analyzer_on(makes: Vec<Make>, dialect: &'static Dialect) -> (Analyzer, 
     tokio::spawn(async move {
         for make in makes {
             let messages = meters_heard.clone();
-            let meter = Meter { make, frequency_hz: 1e3, level_v: 1.0, not_ready: 0, messages };
+            let meter = Meter {
+                make,
+                frequency_hz: 1e3,
+                level_v: 1.0,
+                not_ready: 0,
+                has_restarted: false,
+                messages,
+            };
             let Some(io) = plugged.recv().await else { return };
             tokio::select! {
                 () = meter.serve(io) => return,
@@ -241,4 +261,29 @@ async fn an_analyzer_that_was_unplugged_is_identified_before_it_is_used_again() 
     assert!(analyzer.measure(&[point(141.0)], &stop).await.is_err());
     let error = analyzer.measure(&[point(141.0)], &stop).await.unwrap_err();
     assert!(matches!(error, AnalyzerError::Swapped { .. }), "{error:?}");
+}
+
+/// Its power-on level is another one, and the reading of its status has forgotten that it was switched on.
+#[tokio::test(start_paused = true)]
+async fn a_meter_that_restarts_in_a_stream_is_set_up_again() {
+    let level = DriveLevel { volt: 2.0 };
+    let ready = async |make: Make| {
+        let (mut analyzer, messages, pull) = analyzer_on(vec![make], &HP_4284A).await;
+        analyzer.identify().await.unwrap();
+        analyzer.configure(level).await.unwrap();
+        (analyzer, messages, pull)
+    };
+    let before = ready(HP4284A).await.1.lock().unwrap().len();
+    let (mut analyzer, messages, _pull) =
+        ready(Make { restarts_at: Some(before), ..HP4284A }).await;
+    let (point, stop) =
+        (SweepPoint { frequency_hz: 140.2, settle_s: 0.0, cycles: 2 }, StopSignal::new());
+    let streamed = analyzer.stream(&point, &stop, |_| ()).await;
+    assert!(matches!(streamed, Err(AnalyzerError::Restarted { .. })), "{streamed:?}");
+    analyzer.configure(level).await.unwrap();
+    analyzer.measure(&[point], &stop).await.unwrap();
+    let messages = messages.lock().unwrap();
+    let sets_level = |message: &String| message.contains(":VOLT") && !message.contains(":VOLTage?");
+    assert!(messages[..before].iter().any(sets_level), "{messages:?}");
+    assert!(messages[before..].iter().any(sets_level), "{messages:?}");
 }

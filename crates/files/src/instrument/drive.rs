@@ -255,6 +255,24 @@ pub struct DriveSettings {
     pub expect: Vec<RegisterContent>,
 }
 
+impl DriveSettings {
+    /// Whether all that is written is read back.
+    pub fn are_all_read(&self) -> bool {
+        let is_read = |table, address: u16, count: u16| {
+            self.read.table == table && self.read.contains(address, count)
+        };
+        self.write.iter().all(|step| match step {
+            Step::Registers { address, contents } => {
+                let registers = contents.iter().map(|content| content.registers()).sum();
+                is_read(Table::Holding, *address, registers)
+            }
+            Step::Register { address, .. } => is_read(Table::Holding, *address, 1),
+            Step::Coil { address, .. } => is_read(Table::Coil, *address, 1),
+            Step::Hold { .. } => true,
+        })
+    }
+}
+
 /// Registers that distinguish a drive of this make from another device: quantities that are never
 /// zero in a drive that is switched on, and that rigd never writes. No make here has a register with
 /// its name.

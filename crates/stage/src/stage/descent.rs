@@ -1,16 +1,18 @@
 //! An even way down, which a stop ends at any time.
 
-use std::time::Duration;
+use std::{pin::pin, time::Duration};
 
 use rig_link::StopSignal;
 use rig_model::{Position, RigTime, Target, Unit};
-use tokio::time::Instant;
+use tokio::time::{Instant, sleep};
 
 use super::{MOVE_SLACK, Stage, wait};
-use crate::{BusError, LineFault, StageError, order::Order};
+use crate::{BusError, LineFault, StageError, drive_reading::DriveReading, order::Order};
 
 /// The time between two readings of an axis that goes down evenly: a dozen of them know its way to a micrometre.
 const READ_INTERVAL_DESCENT: Duration = Duration::from_millis(25);
+/// A stop waits for the readings of the drive that are under way, which take less than this if no answer is lost.
+const STOP_WAITS: Duration = Duration::from_millis(60);
 
 impl<U: Unit> Stage<U> {
     /// Goes down evenly to a target, or until the stop is raised, and reads the position on the way. Returns
@@ -40,12 +42,17 @@ impl<U: Unit> Stage<U> {
             if !wait(Instant::now() + READ_INTERVAL_DESCENT, stop).await {
                 return Ok((self.stop().await?, way));
             }
-            let reading = match self.read_drive().await {
+            let reading = match self.read_on_the_way(stop).await {
+                Ok(reading) => reading,
                 // The frames of a stop have left between the two.
                 Err(StageError::Bus(BusError::Failed(LineFault::Halted { .. }))) => {
                     return Ok((self.stop().await?, way));
                 }
-                reading => reading?,
+                // Whether the drive answers again, the stop finds out.
+                Err(StageError::Bus(_)) if stop.is_raised() => {
+                    return Ok((self.stop().await?, way));
+                }
+                Err(error) => return Err(error),
             };
             let at = self.scale.position(reading.position.into());
             self.refuse_alarm(&reading, at).await?;
@@ -63,5 +70,22 @@ impl<U: Unit> Stage<U> {
                 return Err(self.overdue("descent", started.elapsed()).await?);
             }
         }
+    }
+
+    /// Reads the drive. If the answer is not there soon after a stop was raised, the frames of the stop leave between two
+    /// attempts.
+    async fn read_on_the_way(&mut self, stop: &StopSignal) -> Result<DriveReading, StageError<U>> {
+        let (bus, frames) = (self.bus.clone(), self.halt_frames()?);
+        let mut read = pin!(self.read_drive());
+        let late = async {
+            stop.raised().await;
+            sleep(STOP_WAITS).await;
+        };
+        tokio::select! {
+            biased;
+            reading = &mut read => return reading,
+            () = late => drop(bus.halt(frames)),
+        }
+        read.await
     }
 }

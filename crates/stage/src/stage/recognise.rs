@@ -41,7 +41,7 @@ impl<U: Unit> Stage<U> {
         self.recognise_by(request.clone(), None).await?;
         self.check_signature().await?;
         let expected = Reply::Words(order.words(&settings.expect));
-        // Those that are compared may be right, and one behind them not written.
+        // Those that are compared may be right, and others not written.
         if self.ask(request.clone()).await? != expected || self.are_settings_half {
             self.are_settings_half = true;
             self.take_all(&settings.write, &order).await?;

@@ -123,6 +123,16 @@ async fn recognise(bus: &BusHandle) {
     bus.set_check_registers(1, Some(CheckRegisters { request, expected })).await.unwrap();
 }
 
+/// What was asked for was not sent.
+#[tokio::test(start_paused = true)]
+async fn a_refusal_of_the_registers_that_identify_a_device_names_them() {
+    let bus = bus_with([(1, Fault::ReplyLost), (2, Fault::Exception(4))]);
+    recognise(&bus).await;
+    let error = bus.read(1, 0x00CC, 2).await.unwrap_err();
+    let BusError::Refused(DeviceRefusal { request, .. }) = &error else { panic!("{error:?}") };
+    assert_eq!(*request, Request::ReadHolding { address: 0x0386, count: 6 });
+}
+
 /// The effect of a wrong echo on the library, and on this driver.
 #[tokio::test(start_paused = true)]
 async fn an_answer_to_another_write_is_taken_by_the_library_and_never_here() {

@@ -14,14 +14,17 @@ use rig_model::{
     Axis, AxisLimits, DriveMake, LineSettings, Mm, Parity, Position, Scale, Span, StopBits, Target,
 };
 use rig_stage::{BusError, BusHandle, BusSettings, LineFault, Stage, StageError};
-use tokio::time::{Instant, sleep};
+use tokio::{
+    io::DuplexStream,
+    time::{Instant, sleep},
+};
 
 use crate::{
     drive::{AZ, Drive, IAI, LEADSHINE, MAKES, Make},
     peer::{FAULTS, Fault, faulty, hex, serve, with_crc},
 };
 
-fn axis() -> Axis<Mm> {
+pub(crate) fn axis() -> Axis<Mm> {
     let limits = AxisLimits {
         travel: Span::new(-60.0, 60.0),
         soft: Span::new(-55.0, 55.0),
@@ -36,7 +39,7 @@ pub(crate) fn target(mm: f64) -> Target<Mm> {
     axis().target(Position::new(mm)).unwrap()
 }
 
-fn scale(make: &Make) -> Scale<Mm> {
+pub(crate) fn scale(make: &Make) -> Scale<Mm> {
     // A count of IAI is a hundredth of a millimetre; the others are a stepper of 6 mm lead.
     let per_count = if make.map.simulated_as == Some(DriveMake::IaiRc) { 0.01 } else { 0.0006 };
     Scale {
@@ -69,6 +72,11 @@ fn stage_of(
     let faults: BTreeMap<_, _> = faults.into_iter().collect();
     let drive = drive.clone();
     tokio::spawn(serve(device, faulty(faults, move |request| drive.reply(request))));
+    stage_at(make, scale, host)
+}
+
+/// An axis at the other end of a line.
+pub(crate) fn stage_at(make: &Make, scale: Scale<Mm>, host: DuplexStream) -> Stage<Mm> {
     let line = LineSettings { baud: 115_200, parity: Parity::Even, stop_bits: StopBits::One };
     let port = Port::new("line 1", host, Some(line), Clock::start());
     let bus = BusHandle::open(port, BusSettings::rtu());
@@ -211,6 +219,14 @@ async fn settings_that_were_written_in_part_are_written_again() {
         again = stage.identify().await;
     }
     again.unwrap();
+    assert_eq!(drive.long(0x6000) >> 16, 2);
+
+    // The program ended before the last write, and another one finds the limits there.
+    let drive = Drive::new(&LEADSHINE, 1);
+    let mut stage = stage_on(&LEADSHINE, &drive, (3..20).map(|frame| (frame, Fault::RequestLost)));
+    assert!(stage.identify().await.is_err());
+    assert_eq!((drive.long(0x6006), drive.long(0x6000) >> 16), (limit_max, 0));
+    stage_on(&LEADSHINE, &drive, []).identify().await.unwrap();
     assert_eq!(drive.long(0x6000) >> 16, 2);
 }
 
