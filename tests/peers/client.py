@@ -45,6 +45,10 @@ def main():
     touches = run.touches()
     equal(len(touches), 18, "touches")
     check(all(float(touch["stiffness_mpa"]) > 0 for touch in touches), "a touch without a stiffness")
+    # In pages of one, and all at once.
+    rig.run(SMOKE).wait()
+    names = [one["name"] for one in rig.runs(page=1)]
+    check(names == [one["name"] for one in rig.runs()] and len(names) > 1, f"the list of runs: {names}")
     equal(run.export()[:4], b"PAR1", "first bytes of the Parquet file")
 
     documents = []
@@ -55,6 +59,14 @@ def main():
     check(all(120 < event["resonance_hz"] < 165 for event in events), f"resonances: {events}")
     equal(documents[-1][1]["exit_status"], "success", "exit status")
     rig.move("rotary", 0)
+    # A pause of the run engine stops a move that is under way, and no other.
+    axis.stop(success=True)
+    equal(rig.state["state"], "idle", "state after the stop of a move that has ended")
+    under_way = axis.set(45)
+    axis.stop(success=True)
+    stopped = under_way.exception(timeout=60)
+    check(stopped is not None and rig.wait(lambda state: state["state"] == "latched", 60), f"a move after a stop: {stopped}")
+    rig.acknowledge()
     failed = axis.set(80)
     check(isinstance(failed.exception(timeout=60), Problem), "a target beyond the limits is no failure")
     print(f"the Python client: {len(touches)} touches, and {len(events)} events of bluesky")

@@ -24,6 +24,10 @@ install_deb /old.deb
 inside getent passwd rigd > /dev/null || fail "no user rigd"
 [ "$(inside stat -c '%U %a' /var/lib/rigd)" = "rigd 750" ] || fail "the data directory"
 [ -L "$root/etc/systemd/system/multi-user.target.wants/rigd.service" ] || fail "the service is not enabled"
+# Its socket is for those who ask for it: it would start a daemon again that a person has stopped.
+units=$(inside find /lib/systemd /usr/lib/systemd /etc/systemd -name 'rigd*' ! -name rigd.service)
+[ -z "$units" ] || fail "other units than the service are installed: $units"
+[ -s "$root/usr/share/rigd/service/rigd.socket" ] || fail "the example of a socket is missing"
 for file in /usr/share/man/man1/rigd-run.1.gz /usr/share/bash-completion/completions/rigd \
   /usr/lib/udev/rules.d/99-rigd.rules /usr/share/rigd/service/alerts.yml; do
   [ -s "$root$file" ] || fail "$file is missing"

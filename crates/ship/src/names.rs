@@ -92,6 +92,14 @@ pub(crate) fn receipt_of(object: &str) -> String {
     format!("{folder}{slash}_{}{RECEIPT}", file.strip_suffix(OBJECT).unwrap_or(file))
 }
 
+/// The name of the object of a receipt; none for another name.
+pub(crate) fn object_of(receipt: &str) -> Option<String> {
+    let (folder, file) = receipt.rsplit_once('/').unwrap_or(("", receipt));
+    let stem = file.strip_prefix('_')?.strip_suffix(RECEIPT)?;
+    let slash = if folder.is_empty() { "" } else { "/" };
+    Some(format!("{folder}{slash}{stem}{OBJECT}"))
+}
+
 /// The id of a run in the name of its object.
 pub(crate) fn run_of(object: &str) -> &str {
     let file = object.rsplit('/').next().unwrap_or(object);
@@ -117,6 +125,8 @@ mod tests {
         assert_eq!(names.object, format!("{folder}/{run}.00000000.parquet"));
         assert_eq!(names.receipt, format!("{folder}/_{run}.00000000.seal.json"));
         assert_eq!(receipt_of(&names.object), names.receipt);
+        assert_eq!(object_of(&names.receipt).as_ref(), Some(&names.object));
+        assert_eq!(object_of(&names.object), None);
         assert!(names.object.starts_with(&names.run) && is_object(&names.object));
         assert!(is_named(&names.object, &run.to_string(), &Digest::START.to_string()));
         assert_eq!(run_of(&names.object), run.to_string());

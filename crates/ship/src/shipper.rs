@@ -80,6 +80,15 @@ pub enum ShipError {
         /// What is wrong with it.
         source: ObjectError,
     },
+    /// The object was in the store, and is not there any more.
+    #[error(
+        "{object} is not in the store, and its receipt is: bring it back from a copy of the store, or move the receipt away and \
+         ship the run again"
+    )]
+    Lost {
+        /// Name of the object.
+        object: String,
+    },
     /// The object in the store is not that of the run.
     #[error("{object} is not the run in the journal: {what}")]
     Differs {
@@ -96,6 +105,7 @@ impl ShipError {
         matches!(
             self,
             Self::Differs { .. }
+                | Self::Lost { .. }
                 | Self::Object { .. }
                 | Self::Receipt { .. }
                 | Self::Store(
@@ -125,7 +135,7 @@ impl Shipper {
     /// [`ShipError`]. The object is in the store as a whole or not at all.
     pub fn ship(&self, reader: &Reader, run: &Run) -> Result<Outcome, ShipError> {
         let names = self.names(reader, run)?;
-        if let Some(outcome) = self.found(&names) {
+        if let Some(outcome) = self.found(&names)? {
             return Ok(outcome);
         }
         let (sealed, records) = reader.sealed(run.id)?;
@@ -172,7 +182,7 @@ impl Shipper {
     }
 
     /// What the store had of a run when it was listed.
-    fn found(&self, names: &Names) -> Option<Outcome> {
+    fn found(&self, names: &Names) -> Result<Option<Outcome>, ShipError> {
         let listed = self.listed.borrow();
         let of_run = |all: &BTreeSet<String>| {
             let all =
@@ -181,10 +191,18 @@ impl Shipper {
         };
         let objects: Vec<_> = listed.values().flat_map(of_run).collect();
         if let Some(other) = objects.iter().find(|name| **name != names.object) {
-            return Some(Outcome::Clash { object: other.clone() });
+            return Ok(Some(Outcome::Clash { object: other.clone() }));
         }
-        let has_receipt = listed.values().any(|all| all.contains(&names.receipt));
-        let is_there = !objects.is_empty() && has_receipt;
-        is_there.then(|| Outcome::Present { object: names.object.clone() })
+        let (has_receipt, object) =
+            (listed.values().any(|all| all.contains(&names.receipt)), names.object.clone());
+        match (objects.is_empty(), has_receipt) {
+            // It may have been put since the store was listed.
+            (true, true) => match self.store.get(&object) {
+                Err(error) if error.is_absent() => Err(ShipError::Lost { object }),
+                there => there.map(|_| Some(Outcome::Present { object })).map_err(ShipError::from),
+            },
+            (false, true) => Ok(Some(Outcome::Present { object })),
+            (_, false) => Ok(None),
+        }
     }
 }

@@ -47,6 +47,21 @@ pub enum StorageError {
     Runtime(#[source] io::Error),
 }
 
+impl StorageError {
+    /// Whether the store has no object of this name.
+    pub(crate) fn is_absent(&self) -> bool {
+        match self {
+            Self::File { source, .. } => source.kind() == io::ErrorKind::NotFound,
+            #[cfg(not(feature = "s3"))]
+            Self::NoS3 => false,
+            #[cfg(feature = "s3")]
+            Self::S3(error) => matches!(**error, object_store::Error::NotFound { .. }),
+            #[cfg(feature = "s3")]
+            Self::Runtime(_) => false,
+        }
+    }
+}
+
 impl ObjectStore {
     /// The object store at an address. A folder is made when the first object is put there.
     ///

@@ -14,19 +14,28 @@ pub struct StoredObject {
     pub name: String,
     /// Whether it has a receipt: it was read back after it had been put there.
     pub has_receipt: bool,
+    /// Whether only its receipt is there: it was lost since.
+    pub is_lost: bool,
 }
 
-/// All objects of a store, in the order of their names.
+/// All objects of a store, in the order of their names, and those of which there is only a receipt.
 ///
 /// # Errors
 /// [`StorageError`].
 pub fn objects(store: &ObjectStore) -> Result<Vec<StoredObject>, StorageError> {
     let names = store.list("")?;
-    let object = |name: &String| {
-        let has_receipt = names.binary_search(&names::receipt_of(name)).is_ok();
-        StoredObject { name: name.clone(), has_receipt }
-    };
-    Ok(names.iter().filter(|name| names::is_object(name)).map(object).collect())
+    let is_there = |name: &String| names.binary_search(name).is_ok();
+    let there = names.iter().filter(|name| names::is_object(name)).map(|name| StoredObject {
+        name: name.clone(),
+        has_receipt: is_there(&names::receipt_of(name)),
+        is_lost: false,
+    });
+    let lost =
+        names.iter().filter_map(|name| names::object_of(name)).filter(|name| !is_there(name));
+    let lost = lost.map(|name| StoredObject { name, has_receipt: true, is_lost: true });
+    let mut all: Vec<_> = there.chain(lost).collect();
+    all.sort_by(|a, b| a.name.cmp(&b.name));
+    Ok(all)
 }
 
 impl StoredObject {
@@ -46,7 +55,13 @@ impl StoredObject {
         key: Option<&PublicKey>,
     ) -> Result<ObjectVerdict, ShipError> {
         let object = &self.name;
-        let bytes = store.get(object)?;
+        let bytes = match store.get(object) {
+            // It may have been put since the store was listed.
+            Err(error) if self.is_lost && error.is_absent() => {
+                return Err(ShipError::Lost { object: object.clone() });
+            }
+            bytes => bytes?,
+        };
         let mut verdict = verify_object(bytes.clone(), key.map(PublicKey::bytes))
             .map_err(|source| ShipError::Object { object: object.clone(), source })?;
         let mut differs = |what: &str, expected: String, found: String| {

@@ -108,6 +108,31 @@ fn an_object_without_a_receipt_is_read_before_it_counts() {
 }
 
 #[test]
+fn an_object_that_is_lost_is_missed_by_its_receipt() {
+    let folder = TempDir::new().unwrap();
+    let data = folder.path().join("data");
+    with_runs(&data);
+    ship(&shipper(&folder, None), &data);
+    let all = objects(&object_store(&folder)).unwrap();
+    fs::remove_file(folder.path().join("objects").join(&all[0].name)).unwrap();
+    let found = objects(&object_store(&folder)).unwrap();
+    assert_eq!(found.len(), all.len());
+    assert!(found[0].is_lost && found[0].name == all[0].name, "{found:?}");
+    let store = object_store(&folder);
+    assert!(matches!(found[0].check(&store, None), Err(ShipError::Lost { .. })));
+    assert!(found[1].check(&store, None).unwrap().is_sound);
+    // It is not put there anew beside the receipt of another file.
+    let key = BenchKey::make(&folder.path().join("key")).unwrap();
+    let again = ship(&shipper(&folder, Some(key)), &data);
+    let lost = again.iter().filter(|one| matches!(one, Err(ShipError::Lost { .. }))).count();
+    assert_eq!(
+        (lost, object_store(&folder).list("").unwrap().len()),
+        (1, 2 * all.len() - 1),
+        "{again:?}"
+    );
+}
+
+#[test]
 fn two_runs_with_one_id_clash() {
     let folder = TempDir::new().unwrap();
     let data = folder.path().join("data");

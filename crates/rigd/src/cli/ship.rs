@@ -51,6 +51,8 @@ enum Word {
     Clash,
     /// It, or its object, is damaged.
     Refused,
+    /// The system, or the store, did not let it be shipped this time.
+    Failed,
 }
 
 impl Word {
@@ -61,6 +63,7 @@ impl Word {
             Self::Kept => "kept",
             Self::Clash => "clash",
             Self::Refused => "refused",
+            Self::Failed => "failed",
         }
     }
 }
@@ -79,18 +82,25 @@ struct ShippedView {
     reason: Option<String>,
 }
 
+/// One run that fails keeps back no other: at the next call it would be the same. After this many in a row the store, or the
+/// way to it, is taken for what fails.
+const FAILURES_MAX: usize = 3;
+
 pub(super) fn ship(args: &ShipArgs) -> Result<(), Failure> {
     let key = args.sign.as_deref().map(BenchKey::read).transpose()?;
     let store = ObjectStore::at(args.to.clone())?;
     let shipper = Shipper::new(store, args.lab.clone(), args.bench.clone(), key);
     let mut views = Vec::new();
-    let failure = sources(args)?
-        .into_iter()
-        .try_for_each(|(reader, run)| {
-            views.push(shipped(&shipper, &reader, &run)?);
-            Ok(())
-        })
-        .err();
+    let (mut failure, mut in_a_row) = (None, 0);
+    for (reader, run) in sources(args)? {
+        let (view, error) = shipped(&shipper, &reader, &run);
+        views.push(view);
+        in_a_row = if error.is_some() { in_a_row + 1 } else { 0 };
+        failure = failure.or(error);
+        if in_a_row == FAILURES_MAX {
+            break;
+        }
+    }
     report(args, &views)?;
     if let Some(failure) = failure {
         return Err(failure);
@@ -126,7 +136,9 @@ fn sources(args: &ShipArgs) -> Result<Vec<(Rc<Reader>, Run)>, Failure> {
     Ok(all)
 }
 
-fn shipped(shipper: &Shipper, reader: &Reader, run: &Run) -> Result<ShippedView, Failure> {
+/// What became of a run, and why it could not be shipped this time.
+fn shipped(shipper: &Shipper, reader: &Reader, run: &Run) -> (ShippedView, Option<Failure>) {
+    let mut failure = None;
     let (outcome, object, reason) = match shipper.ship(reader, run) {
         Ok(Outcome::Shipped { object }) => (Word::Shipped, Some(object), None),
         Ok(Outcome::Present { object }) => (Word::Present, Some(object), None),
@@ -139,10 +151,14 @@ fn shipped(shipper: &Shipper, reader: &Reader, run: &Run) -> Result<ShippedView,
             error @ ShipError::Store(StoreError::Archived { .. } | StoreError::NotSealed { .. }),
         ) => (Word::Kept, None, Some(with_causes(&error))),
         Err(error) if error.is_of_run() => (Word::Refused, None, Some(with_causes(&error))),
-        Err(error) => return Err(error.into()),
+        Err(error) => {
+            let reason = with_causes(&error);
+            failure = Some(error.into());
+            (Word::Failed, None, Some(reason))
+        }
     };
     let (run_id, kind, name) = (run.id.to_string(), run.kind.name(), run.short_name());
-    Ok(ShippedView { run_id, kind, name, outcome, object, reason })
+    (ShippedView { run_id, kind, name, outcome, object, reason }, failure)
 }
 
 fn report(args: &ShipArgs, views: &[ShippedView]) -> Result<(), Failure> {

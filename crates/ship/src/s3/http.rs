@@ -3,9 +3,11 @@
 use std::{env, io, path::PathBuf, sync::Arc, time::Duration};
 
 use async_trait::async_trait;
+use bytes::Bytes;
 use http_body_util::{BodyExt as _, Full};
 use hyper::{
-    Uri,
+    Response, Uri,
+    body::Incoming,
     client::conn::http1,
     header::{HOST, HeaderValue},
 };
@@ -21,7 +23,7 @@ use tokio::{
     io::{AsyncRead, AsyncWrite},
     net::TcpStream,
     task::JoinSet,
-    time::timeout,
+    time::{error::Elapsed, timeout},
 };
 use tokio_rustls::{
     TlsConnector,
@@ -32,8 +34,10 @@ use tokio_rustls::{
     },
 };
 
-/// Time limit of a request with its answer.
+/// Time limit until an answer begins, beside that of the body of the request, and of each further part of the answer.
 const LIMIT: Duration = Duration::from_secs(60);
+/// The slowest link that a body may take, bytes a second.
+const SLOWEST: f64 = 50_000.0;
 /// The certificates of authorities, where the system keeps them.
 const CERTIFICATES: &str = "/etc/ssl/certs/ca-certificates.crt";
 
@@ -99,13 +103,42 @@ fn trusting(path: &std::path::Path) -> Result<Arc<ClientConfig>, TrustError> {
 #[async_trait]
 impl HttpService for Client {
     async fn call(&self, request: HttpRequest) -> Result<HttpResponse, HttpError> {
-        let late = |error| HttpError::new(HttpErrorKind::Timeout, error);
-        timeout(LIMIT, self.exchange(request)).await.map_err(late)?
+        let body_s = request.body().content_length() as f64 / SLOWEST;
+        let limit = LIMIT + Duration::from_secs_f64(body_s);
+        timeout(limit, self.exchange(request)).await.map_err(late)??.whole().await
+    }
+}
+
+fn late(error: Elapsed) -> HttpError {
+    HttpError::new(HttpErrorKind::Timeout, error)
+}
+
+/// An answer whose body is still to come.
+struct Begun {
+    answer: Response<Incoming>,
+    /// It ends with this, also when that is cut short.
+    _connection: JoinSet<hyper::Result<()>>,
+}
+
+impl Begun {
+    /// The answer with all of its body.
+    async fn whole(self) -> Result<HttpResponse, HttpError> {
+        let failed = |error| HttpError::new(HttpErrorKind::Interrupted, error);
+        let (parts, mut body) = self.answer.into_parts();
+        let mut bytes = Vec::new();
+        while let Some(frame) = timeout(LIMIT, body.frame()).await.map_err(late)? {
+            if let Ok(data) = frame.map_err(failed)?.into_data() {
+                bytes.extend_from_slice(&data);
+            }
+        }
+        let body = Full::new(Bytes::from(bytes));
+        let body = HttpResponseBody::new(body.map_err(|never| match never {}));
+        Ok(HttpResponse::from_parts(parts, body))
     }
 }
 
 impl Client {
-    async fn exchange(&self, request: HttpRequest) -> Result<HttpResponse, HttpError> {
+    async fn exchange(&self, request: HttpRequest) -> Result<Begun, HttpError> {
         let refused = |error| HttpError::new(HttpErrorKind::Unknown, error);
         let uri = request.uri().clone();
         let bad = || refused(ConnectError::Uri { uri: uri.clone() });
@@ -139,7 +172,7 @@ impl Client {
 async fn send(
     stream: impl AsyncRead + AsyncWrite + Unpin + Send + 'static,
     mut request: HttpRequest,
-) -> Result<HttpResponse, HttpError> {
+) -> Result<Begun, HttpError> {
     let failed = |error| HttpError::new(HttpErrorKind::Interrupted, error);
     let uri = request.uri();
     let authority = uri.authority().map_or("", |authority| authority.as_str());
@@ -151,11 +184,8 @@ async fn send(
     request.headers_mut().entry(HOST).or_insert(host);
     let handshake = http1::handshake::<_, HttpRequestBody>(TokioIo::new(stream));
     let (mut sender, connection) = handshake.await.map_err(failed)?;
-    // It ends with this function, also when that is cut short.
     let mut connections = JoinSet::new();
     connections.spawn(connection);
-    let (parts, body) = sender.send_request(request).await.map_err(failed)?.into_parts();
-    let body = Full::new(body.collect().await.map_err(failed)?.to_bytes());
-    let body = HttpResponseBody::new(body.map_err(|never| match never {}));
-    Ok(HttpResponse::from_parts(parts, body))
+    let answer = sender.send_request(request).await.map_err(failed)?;
+    Ok(Begun { answer, _connection: connections })
 }

@@ -98,6 +98,7 @@ class Axis(Device):
         self.axis = axis
         self.key = f"{axis}_{self.UNITS[axis]}"
         self.hints = {"fields": [self.name]}
+        self._moving: Status | None = None
 
     @property
     def position(self) -> float:
@@ -105,14 +106,17 @@ class Axis(Device):
         return float(self.rig.state[self.key])
 
     def set(self, value: float) -> Status:
-        return Status(lambda: self._move(value))
+        self._moving = Status(lambda: self._move(value))
+        return self._moving
 
     def _move(self, value: float) -> None:
         self.rig.move(self.axis, float(value))
 
     def stop(self, *, success: bool = False) -> None:
-        """Stops both axes and retracts; the rig latches. A move that has ended needs no stop."""
-        if not success:
+        """Stops both axes and retracts; the rig latches. The run engine also asks for it with `success`, at the end of
+        a plan and when it pauses: then only a move that is under way is stopped."""
+        is_moving = self._moving is not None and not self._moving.done
+        if is_moving or not success:
             self.rig.stop()
 
     def read(self) -> Reading:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 import time
 import urllib.error
 import urllib.parse
@@ -81,6 +82,11 @@ class Rig:
     def request(self, method: str, path: str, body: Json | str | None = None,
                 headers: dict[str, str] | None = None) -> bytes:
         """One request below `/api/v1`; a body of text is a protocol in TOML."""
+        return self._request(method, path, body, headers)[0]
+
+    def _request(self, method: str, path: str, body: Json | str | None = None,
+                 headers: dict[str, str] | None = None) -> tuple[bytes, str]:
+        """The answer, and its header `Link`."""
         sent = {**self._headers, **(headers or {})}
         data = None
         if isinstance(body, str):
@@ -90,7 +96,7 @@ class Rig:
         order = urllib.request.Request(f"{self.url}/api/v1{path}", data, sent, method=method)
         try:
             with urllib.request.urlopen(order, timeout=self.timeout_s) as answer:
-                return bytes(answer.read())
+                return bytes(answer.read()), str(answer.headers.get("Link", ""))
         except urllib.error.HTTPError as error:
             text = error.read()
             try:
@@ -192,9 +198,14 @@ class Rig:
         """A run by its id, its short name such as `smoke-7`, or `latest`."""
         return Run(self, self.get(f"/runs/{urllib.parse.quote(name, safe='')}")["id"])
 
-    def runs(self) -> Iterator[Json]:
-        """The runs, the latest first."""
-        yield from self.get("/runs")
+    def runs(self, page: int = 1000) -> Iterator[Json]:
+        """The runs, the latest first. They are fetched in pages of this many."""
+        path = f"/runs?limit={page}"
+        while path:
+            text, link = self._request("GET", path)
+            yield from json.loads(text)
+            following = re.match(r'</api/v1([^>]*)>; rel="next"', link)
+            path = following.group(1) if following else ""
 
     def stop(self) -> Json:
         """Stops both axes, retracts, and latches."""

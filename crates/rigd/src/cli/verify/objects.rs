@@ -40,14 +40,22 @@ impl<'a> Objects<'a> {
 
     pub(super) fn verify(self, args: &VerifyArgs) -> Result<(), Failure> {
         let key = args.signed_by.as_ref();
-        let views = match self {
-            Self::File(path) => vec![of_file(path, key)?],
+        let (views, failure) = match self {
+            Self::File(path) => (vec![of_file(path, key)?], None),
             Self::Store(address) => of_store(address, key)?,
         };
         let printed =
             if args.output.json { print_json(&views) } else { views.iter().try_for_each(say) };
         let is_sound = |view: &ObjectView| view.verdict.as_ref().is_some_and(|one| one.is_sound);
-        let verdict = if views.iter().all(is_sound) { Ok(()) } else { Err(Failure::NotSound) };
+        let verdict = match failure {
+            Some((unread, failure))
+                if views.iter().all(|view| is_sound(view) || unread.contains(&view.object)) =>
+            {
+                Err(failure)
+            }
+            _ if views.iter().all(is_sound) => Ok(()),
+            _ => Err(Failure::NotSound),
+        };
         concluded(printed, verdict)
     }
 }
@@ -58,30 +66,47 @@ fn of_file(path: &Path, key: Option<&PublicKey>) -> Result<ObjectView, Failure> 
     let object = path.display().to_string();
     let checked = verify_object(bytes.into(), key.map(PublicKey::bytes));
     let checked = checked.map_err(|source| ShipError::Object { object: object.clone(), source });
-    ObjectView::new(object, checked)
+    Ok(ObjectView::new(object, checked.map_err(|error| with_causes(&error))))
 }
 
-fn of_store(address: Address, key: Option<&PublicKey>) -> Result<Vec<ObjectView>, Failure> {
+/// After this many objects in a row that cannot be read, the store, or the way to it, is taken for what fails.
+const FAILURES_MAX: usize = 3;
+
+/// The objects of a store, and of those that the system did not let read the names, and why the first one was not.
+type OfStore = (Vec<ObjectView>, Option<(Vec<String>, Failure)>);
+
+fn of_store(address: Address, key: Option<&PublicKey>) -> Result<OfStore, Failure> {
     let store = ObjectStore::at(address)?;
     let found = objects(&store)?;
     if found.is_empty() {
         return Err(Failure::NoObjects { store: store.address().to_string() });
     }
-    let view = |object: rig_ship::StoredObject| {
+    let (mut views, mut unread, mut in_a_row) = (Vec::new(), None::<(Vec<String>, Failure)>, 0);
+    for object in found {
         let checked = object.check(&store, key);
-        ObjectView::new(object.name, checked)
-    };
-    found.into_iter().map(view).collect()
+        let reason = checked.map_err(|error| (with_causes(&error), error));
+        let is_unread = reason.as_ref().is_err_and(|(_, error)| !error.is_of_run());
+        let checked = reason.map_err(|(reason, error)| {
+            if is_unread {
+                let (names, _) = unread.get_or_insert_with(|| (Vec::new(), error.into()));
+                names.push(object.name.clone());
+            }
+            reason
+        });
+        views.push(ObjectView::new(object.name, checked));
+        in_a_row = if is_unread { in_a_row + 1 } else { 0 };
+        if in_a_row == FAILURES_MAX {
+            break;
+        }
+    }
+    Ok((views, unread))
 }
 
 impl ObjectView {
-    fn new(object: String, checked: Result<ObjectVerdict, ShipError>) -> Result<Self, Failure> {
+    fn new(object: String, checked: Result<ObjectVerdict, String>) -> Self {
         match checked {
-            Ok(verdict) => Ok(Self { object, verdict: Some(verdict), reason: None }),
-            Err(error) if error.is_of_run() => {
-                Ok(Self { object, verdict: None, reason: Some(with_causes(&error)) })
-            }
-            Err(error) => Err(error.into()),
+            Ok(verdict) => Self { object, verdict: Some(verdict), reason: None },
+            Err(reason) => Self { object, verdict: None, reason: Some(reason) },
         }
     }
 }
