@@ -42,8 +42,8 @@ pub use kind::Kind;
 pub use probe_radius::{prior_by_blocks, prior_by_rule, probe_radius};
 pub use question::{Answer, Asked, Choice, NotAnAnswer};
 pub use record::{
-    Calibration, Circumstances, NoTemperature, UnreadableCalibration, Unwritable, file_name,
-    temperature,
+    Calibration, Circumstances, HOLDS_S, NoTemperature, UnreadableCalibration, Unwritable,
+    file_name, temperature,
 };
 pub use standing::{Standing, Why, checks, holding, is_homing_begun, last_accepted, last_change};
 pub use step::Step;

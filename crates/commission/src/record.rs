@@ -22,7 +22,7 @@ const VOID: &str = "void";
 const BEGUN: &str = "begun";
 
 /// How long a calibration holds, s: a year. What changes on the bench ends it earlier.
-const HOLDS_S: i64 = 365 * 86_400;
+pub const HOLDS_S: i64 = 365 * 86_400;
 
 /// How far a clock is set back by the service that keeps it right, s, at most.
 const CLOCK_S: i64 = 60;

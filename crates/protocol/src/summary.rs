@@ -120,7 +120,7 @@ const ADAPTIVE_READINGS: usize = 64;
 /// About the number of readings of a survey.
 const SURVEY_READINGS: usize = 500;
 /// About the number of sweeps by which the level is checked after it.
-const LEVEL_SWEEPS: usize = 16;
+const LEVEL_SWEEPS: usize = 24;
 
 /// What is expected of the steps of a plan.
 #[derive(Debug)]

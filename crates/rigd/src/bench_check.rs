@@ -19,7 +19,7 @@ use crate::{
     loaded_rig::{FileError, RigFacts},
     local_time::local,
     protocol_file::LoadedProtocol,
-    run_of_bench::{NotOfBench, is_of_bench, is_since_change, times},
+    run_of_bench::{NotOfBench, is_of_bench, still_shows, times},
 };
 
 /// The shipped protocols of a check.
@@ -146,7 +146,7 @@ fn admit(runs: [&Run; 2], records: &[Calibration], basis: &Basis) -> Result<Time
             begun: references.started_at.clone(),
         });
     }
-    is_since_change(block, Kind::Check, (records, basis))?;
+    still_shows(block, Kind::Check, Timestamp::now(), (records, basis))?;
     Ok(on_references.ended)
 }
 

@@ -18,7 +18,7 @@ use crate::{
     bench_check::tilt_deg,
     calibrations::{self, CalibrationsError, InPieces, Witness, in_one_piece},
     loaded_rig::FileError,
-    run_of_bench::{NotOfBench, is_of_bench, is_since_change, times},
+    run_of_bench::{NotOfBench, is_of_bench, still_shows, times},
 };
 
 /// Largest tilt of a touch that counts as level, degrees.
@@ -111,7 +111,8 @@ fn surfaces(
         let (height_mm, sigma_mm) = (surface.position_mm, surface.sigma_mm);
         surfaces.push(FoundSurface { tilt_deg, height_mm, sigma_mm, descent });
     }
-    is_since_change(run, kind, (&calibrations::read(bench.data)?, bench.basis))?;
+    let known = calibrations::read(bench.data)?;
+    still_shows(run, kind, Timestamp::now(), (&known, bench.basis))?;
     Ok(surfaces)
 }
 

@@ -2,7 +2,7 @@
 //! bench was changed last.
 
 use jiff::Timestamp;
-use rig_commission::{Basis, Calibration, Kind, last_change};
+use rig_commission::{Basis, Calibration, HOLDS_S, Kind, last_change};
 use rig_files::rig_file::RigFile;
 use rig_store::{Run, RunStarted, Source};
 
@@ -21,6 +21,8 @@ pub(crate) enum NotOfBench {
         local(changed)
     )]
     Changed { run: String, begun: String, changed: String, change: String },
+    #[error("{run} ended {}, and a calibration holds for a year", local(ended))]
+    Expired { run: String, ended: String },
     #[error("{run} is still under way")]
     UnderWay { run: String },
     #[error("{run} has a time that this rigd does not read")]
@@ -64,17 +66,23 @@ pub(crate) fn is_of_bench(
     Ok(())
 }
 
-/// Refuses a run that was begun before a change of the bench has voided what was shown of a kind.
+/// Refuses a run that was begun before a change of the bench has voided what was shown of a kind, or that ended longer ago
+/// than a calibration holds.
 ///
 /// # Errors
 /// [`NotOfBench`].
-pub(crate) fn is_since_change(
+pub(crate) fn still_shows(
     run: &Run,
     kind: Kind,
+    now: Timestamp,
     (records, basis): (&[Calibration], &Basis),
 ) -> Result<(), NotOfBench> {
+    let Times { begun, ended } = times(run)?;
+    if ended.as_second() + HOLDS_S <= now.as_second() {
+        return Err(NotOfBench::Expired { run: run.short_name(), ended: ended.to_string() });
+    }
     let Some(change) = last_change(kind, records, basis) else { return Ok(()) };
-    if times(run)?.begun.as_second() < change.made_unix_s() {
+    if begun.as_second() < change.made_unix_s() {
         return Err(NotOfBench::Changed {
             run: run.short_name(),
             begun: run.started_at.clone(),
@@ -103,4 +111,42 @@ pub(crate) fn times(run: &Run) -> Result<Times, NotOfBench> {
     let ended = run.finished_at.as_deref();
     let ended = ended.ok_or_else(|| NotOfBench::UnderWay { run: run.short_name() })?;
     Ok(Times { begun: read(&run.started_at)?, ended: read(ended)? })
+}
+
+#[cfg(test)]
+mod tests {
+    use jiff::SignedDuration;
+    use rig_store::{Ending, RunKind, RunStatus};
+
+    use super::*;
+
+    #[test]
+    fn a_run_shows_a_bench_for_a_year() {
+        let text = include_str!("../../../config/rigs/simulated.toml");
+        let basis = Basis::of(&RigFile::read("rig.toml", text).unwrap(), [None, None]);
+        let run = Run {
+            id: "01890a5d-ac96-774b-bcce-b302099a8057".parse().unwrap(),
+            kind: RunKind::Run,
+            name: "block".to_owned(),
+            number: 3,
+            started_at: "2026-03-01T08:00:00.000Z".to_owned(),
+            finished_at: Some("2026-03-01T09:00:00.000Z".to_owned()),
+            wall_s: Some(3600.0),
+            status: RunStatus::Ended(Ending::Completed),
+            records: 100,
+            epoch: 1,
+            amendments: 0,
+            is_sealed: true,
+        };
+        let shows = |now: Timestamp| still_shows(&run, Kind::Scale, now, (&[], &basis));
+        let expires: Timestamp = "2027-03-01T09:00:00Z".parse().unwrap();
+        assert!(shows(expires - SignedDuration::from_secs(1)).is_ok());
+        let refused = shows(expires).unwrap_err();
+        assert!(refused.is_other_run());
+        let said = refused.to_string();
+        assert!(
+            said.starts_with("block-3 ended 2026-03-0") && said.ends_with("holds for a year"),
+            "{said}"
+        );
+    }
 }

@@ -142,8 +142,8 @@ fn an_aim_out_of_reach_or_without_a_meaning_is_refused_with_its_limit() {
     let contact = "[contact_sweep]\nmethod = \"adaptive\"";
     let rows: [(&[(&str, &str)], &str); 12] = [
         (&[(WANTED, "stiffness_percent = 1")], "is below 2.27"),
-        (&[(WANTED, "seconds_per_touch = 2")], "is below 5.58 s"),
-        (&[(WANTED, "seconds_per_touch = 2")], "use at least 5.59"),
+        (&[(WANTED, "seconds_per_touch = 2")], "is below 5.60 s"),
+        (&[(WANTED, "seconds_per_touch = 2")], "use at least 5.60"),
         (&[(WANTED, "")], "[aim] has neither"),
         (&[(WANTED, "stiffness_percent = 2\nseconds_per_touch = 5")], "here are both"),
         (&[(WANTED, "stiffness_percent = 0.001")], "is below the limit of 0.01"),

@@ -226,12 +226,14 @@ impl CommissionFailure {
             Self::Check(
                 CheckError::Used { .. }
                 | CheckError::Apart { .. }
-                | CheckError::NotOfBench(NotOfBench::Changed { .. }),
+                | CheckError::NotOfBench(NotOfBench::Changed { .. } | NotOfBench::Expired { .. }),
             ) => {
                 Some("run both protocols of the check again, the block first, and judge these runs")
             }
             Self::Block(BlockRunError::NotOfBench(
-                NotOfBench::OtherAxes { .. } | NotOfBench::Changed { .. },
+                NotOfBench::OtherAxes { .. }
+                | NotOfBench::Changed { .. }
+                | NotOfBench::Expired { .. },
             )) => Some("run the protocol again, and evaluate that run"),
             Self::RigFile { kind: Some(Kind::Latency), .. } => {
                 Some("change the rig file, and judge the same run again")
