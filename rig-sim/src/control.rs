@@ -27,7 +27,8 @@ fault PORT KIND [KEY=VALUE ...] [unit=N] [nth=N|next=N|rate=P]
   replies:  drop-reply, delay ms=N, duplicate, corrupt, truncate, noise bytes=N, echo,
             wrong-unit as=N, disconnect-reply
   devices:  reboot, alarm code=N, stall, jam, lose-steps by=X, miscount by=X, limit-switch,
-            emergency-stop, overload, blind-contact, stuck-contact, stuck-frequency, knock by=HZ
+            emergency-stop, overload, blind-contact, stuck-contact, stuck-frequency, knock by=HZ,
+            wrong-reading by=FACTOR
   nth: once, at the N-th frame from now; next: at each of the next N frames; rate: at each
   frame with this probability. By default a fault of a device is injected at once, any other
   at the next frame.
@@ -170,6 +171,9 @@ const MOST_WAY: f64 = 1000.0;
 /// The largest knock, Hz: a sensor has about 140 Hz.
 const MOST_KNOCK_HZ: f64 = 50.0;
 
+/// The largest factor of a wrong reading.
+const MOST_FACTOR: f64 = 1000.0;
+
 /// The exception code of a busy Modbus unit.
 const BUSY: u8 = 6;
 
@@ -201,6 +205,11 @@ fn fault_kind(kind: &str, options: &Options<'_>) -> Result<FaultKind, ControlErr
         "limit-switch" => device(DeviceFault::LimitSwitch),
         "emergency-stop" => device(DeviceFault::EmergencyStop),
         "overload" => device(DeviceFault::Overload),
+        "wrong-reading" => {
+            let range = -MOST_FACTOR..=MOST_FACTOR;
+            let factor = options.within("by", range, "factor from -1000 to 1000")?;
+            device(DeviceFault::WrongReading(factor))
+        }
         "blind-contact" => device(DeviceFault::BlindContact),
         "stuck-contact" => device(DeviceFault::StuckContact),
         "stuck-frequency" => device(DeviceFault::StuckFrequency),
@@ -339,6 +348,7 @@ mod tests {
             "stuck-contact",
             "stuck-frequency",
             "knock",
+            "wrong-reading",
         ];
         for kind in kinds {
             assert!(HELP.contains(kind), "{kind}");

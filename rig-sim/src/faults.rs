@@ -102,6 +102,8 @@ pub enum DeviceFault {
     EmergencyStop,
     /// The input of the analyzer is overloaded at the next measurement.
     Overload,
+    /// The impedance of the next measurement is this many times what was measured.
+    WrongReading(f64),
     /// The impedance is that of a free sensor, also in contact.
     BlindContact,
     /// The impedance is that of a sensor in contact, also when it is clear.

@@ -27,3 +27,4 @@ mod runs;
 mod shared_reference;
 mod stops;
 mod sweeps;
+mod wrong_readings;

@@ -214,12 +214,8 @@ impl Tally {
             settle_s: 0.5,
             level: DriveLevel { volt: 1.0 },
         };
-        let mut prior = Prior {
-            circuit: None,
-            within: WINDOW,
-            noise: noise.is_none().then_some(NOISE),
-            bench: None,
-        };
+        let mut prior =
+            Prior { noise: noise.is_none().then_some(NOISE), ..Prior::anywhere(WINDOW, None) };
         if survey_s > 0 {
             prior.bench = self.survey(&mut bench, &request, &prior, scene, random);
             if prior.bench.is_none() {

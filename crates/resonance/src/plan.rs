@@ -13,7 +13,8 @@ use rig_model::{Reading, SweepMethod, SweepPoint, SweepRequest, Window};
 
 use crate::{
     Bench, Circuit, FitOptions, FitOutcome, Fitter, Limit, Reason, Refusal, Timing,
-    diagnose::doubts::doubt_place, fit::decay::learn::learn,
+    diagnose::doubts::{doubt_capacitance, doubt_place},
+    fit::decay::learn::learn,
 };
 use decay::Decay;
 use limit::{READINGS_MAX, ROWS_PER_PLAN, ROWS_PER_READING_JUDGED, SECONDS_PER_ROW, VERDICTS_MAX};
@@ -34,6 +35,8 @@ pub enum Next {
 pub struct Planner {
     request: SweepRequest,
     options: FitOptions,
+    /// The static capacitance of the sensor and its standard deviation, F, if known.
+    capacitance_farad: Option<(f64, f64)>,
     readings: Vec<Reading>,
     fitter: Fitter,
     method: Method,
@@ -113,6 +116,7 @@ impl Planner {
         Self {
             request: *request,
             options,
+            capacitance_farad: prior.and_then(|prior| prior.capacitance_farad),
             readings: Vec::new(),
             fitter: Fitter::default(),
             method,
@@ -191,7 +195,12 @@ impl Planner {
             Method::Uniform { .. } => None,
             Method::Adaptive { decay, .. } => decay.circuit(),
         };
-        self.fitter.fit(&self.readings, &self.options)
+        let verdict = self.fitter.fit(&self.readings, &self.options);
+        let FitOutcome::Accepted(found) = &verdict else { return verdict };
+        match self.capacitance_farad.and_then(|known| doubt_capacitance(found, known)) {
+            Some(reason) => FitOutcome::Refused(Refusal { reason, estimate: Some(*found) }),
+            None => verdict,
+        }
     }
 
     /// The verdict after a survey, with what it says of the bench.
@@ -261,7 +270,8 @@ impl Planner {
         }
     }
 
-    /// The inputs of the last outcome, other than the readings.
+    /// The inputs of the last fit, other than the readings. Target, rival circuits and the capacitance of the sensor are held
+    /// against its result.
     pub const fn fit_options(&self) -> FitOptions {
         self.options
     }

@@ -98,7 +98,7 @@ fn readings_without_times_name_no_moment() {
 fn a_planned_sweep_of_a_moving_resonance_holds_for_its_moment() {
     let request = SweepRequest { target_sigma_hz: 0.02, ..request(SweepMethod::Adaptive) };
     let noise = Some(NoisePrior { at_ten_cycles: NOISE, degrees_of_freedom: 1000.0 });
-    let prior = Prior { circuit: None, within: request.window, noise, bench: None };
+    let prior = Prior { noise, ..Prior::anywhere(request.window, None) };
     let (mut answers, mut without_window, mut most_off) = (0, 0, 0.0_f64);
     for seed in 0..10 {
         let mut random = Random::new(seed);

@@ -29,7 +29,7 @@ fn sweep(scene: &Scene, seed: u64) -> (FitOutcome, f64) {
     let request = SweepRequest { target_sigma_hz, ..request(SweepMethod::Adaptive) };
     let known = NoisePrior { at_ten_cycles: noise, degrees_of_freedom: 1000.0 };
     let known = is_known.then_some(known);
-    let prior = Prior { circuit: None, within: request.window, noise: known, bench: None };
+    let prior = Prior { noise: known, ..Prior::anywhere(request.window, None) };
     let mut planner = Planner::new(&request, Some(&prior));
     let mut plant = Plant::at_rest(Circuit { resonance_hz, ..circuit(q, k_eff_squared) });
     let (mut now, mut last_hz) = (RigTime::from_micros(1_000_000), 0.0);

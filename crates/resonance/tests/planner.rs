@@ -6,7 +6,7 @@ mod support;
 use std::time::Duration;
 
 use num_complex::Complex64;
-use rig_model::{RigTime, SweepMethod, SweepRequest, Window};
+use rig_model::{Impedance, PointResult, Reading, RigTime, SweepMethod, SweepRequest, Window};
 use rig_resonance::{
     Circuit, FitOutcome, Limit, Next, NoisePrior, Planner, Prior, Reason, Resonance,
 };
@@ -67,12 +67,9 @@ fn run_disturbed(
 }
 
 fn known_noise() -> Prior {
-    Prior {
-        circuit: None,
-        within: request(SweepMethod::Adaptive).window,
-        noise: Some(NoisePrior { at_ten_cycles: NOISE, degrees_of_freedom: 1000.0 }),
-        bench: None,
-    }
+    let noise = NoisePrior { at_ten_cycles: NOISE, degrees_of_freedom: 1000.0 };
+    let within = request(SweepMethod::Adaptive).window;
+    Prior { noise: Some(noise), ..Prior::anywhere(within, None) }
 }
 
 /// Runs cold sweeps at several resonances; every one must be right, and nineteen of twenty must
@@ -478,5 +475,62 @@ fn the_time_allowed_holds_on_an_analyzer_that_integrates_longer_than_asked() {
         let taken_s = now.since(RigTime::ZERO).as_secs_f64();
         assert!(taken_s <= time_limit_s, "{taken_s} of {time_limit_s} s");
         assert!(taken_s > 0.5 * (time_limit_s - SHORTEST_S), "{taken_s} of {time_limit_s} s");
+    }
+}
+
+/// Readings of a campaign on an HP 4284A, whose frequencies are a hertz apart: all are beside the antiresonance of a sensor that
+/// resonates 5 Hz lower.
+#[test]
+fn a_circuit_with_another_static_capacitance_than_that_of_the_free_sensor_needs_more_readings() {
+    const READINGS: [(f64, f64, f64, f64, f64); 7] = [
+        (67_916.0, -41_802.6, 180.419, 0.0, 0.190_082_551_467_465_36),
+        (101_696.0, -29_635.2, 180.419, 0.191, 0.190_082_551_467_465_36),
+        (105_413.0, -25_435.7, 180.419, 0.382, 0.190_082_551_467_465_36),
+        (106_095.0, -24_575.2, 180.419, 0.573, 0.190_082_551_467_465_36),
+        (106_719.0, -25_114.7, 180.419, 0.764, 0.190_082_551_467_465_36),
+        (106_013.0, -25_100.3, 181.374, 0.0, 0.189_950_000_031_341_74),
+        (106_389.0, -24_061.6, 181.374, 0.191, 0.189_950_000_031_341_74),
+    ];
+    let free = Circuit {
+        resonance_hz: 140.446_943,
+        q: 65.752,
+        c0_farad: 27.892e-9,
+        c1_farad: 0.083_70 * 27.892e-9,
+        loss_tangent: 0.0,
+    };
+    let noise = NoisePrior { at_ten_cycles: 0.005_032, degrees_of_freedom: 22.333 };
+    let within = Window { min_hz: 139.04, max_hz: 166.0 };
+    let request = SweepRequest {
+        window: Window { min_hz: 136.0, max_hz: 166.0 },
+        target_sigma_hz: 0.2,
+        ..request(SweepMethod::Adaptive)
+    };
+    let reading = |&(resistance_ohm, reactance_ohm, started_s, settle_s, integration_s)| Reading {
+        frequency_hz: 152.671_755_7,
+        measured: PointResult::Value(Impedance { resistance_ohm, reactance_ohm }),
+        started: RigTime::ZERO + Duration::from_secs_f64(started_s),
+        settle_s,
+        integration_s,
+    };
+    let prior = Prior {
+        circuit: Some(free),
+        capacitance_farad: Some((free.c0_farad, 0.477e-9)),
+        noise: Some(noise),
+        ..Prior::anywhere(within, None)
+    };
+    let mut planner = Planner::new(&request, Some(&prior)).with_shortest_integration(0.19);
+    let mut readings = READINGS.iter().map(reading);
+    loop {
+        match planner.next() {
+            Next::Finished(verdict) => panic!("{verdict:?}"),
+            Next::Measure(points) => {
+                let stay: Vec<Reading> = readings.by_ref().take(points.len()).collect();
+                if stay.len() < points.len() {
+                    assert!(planner.readings().len() >= 7 && planner.verdicts() > 0);
+                    return;
+                }
+                planner.add(&stay);
+            }
+        }
     }
 }

@@ -106,7 +106,7 @@ impl Scene {
         bench: Option<Bench>,
     ) -> (FitOutcome, Option<Bench>, usize) {
         let noise = Some(NoisePrior { at_ten_cycles: self.noise, degrees_of_freedom: 1000.0 });
-        let prior = Prior { circuit: None, within: request.window, noise, bench };
+        let prior = Prior { noise, ..Prior::anywhere(request.window, bench) };
         let mut planner = Planner::new(request, Some(&prior));
         for _ in 0..1000 {
             match planner.next() {

@@ -25,9 +25,10 @@ const SIGMA_LEAST_TOGETHER: f64 = 0.98;
 /// A reading is certainly wrong if the sweep without it has a cost that is lower by this, in units of its scatter. rigd leaves
 /// out those that save 22; chance makes one that saves this in about two sweeps of a hundred.
 const OUTLIER_GAIN: f64 = 15.0;
-/// A stated standard deviation over that of this checker with a possible second mode, at most: the rest is
-/// for readings that were left out.
+/// A stated standard deviation over that of this checker with a possible second mode, at most; and if readings were left out,
+/// behind which more may be hidden.
 const SIGMA_MOST: f64 = 2.0;
+const SIGMA_MOST_OF_REST: f64 = 3.0;
 /// What an unknown course of a moving resonance adds, as a part of its change.
 const SHAPE: f64 = 0.1;
 /// The same on a given grid, where other causes stay open too: over that of this checker without a second
@@ -235,7 +236,21 @@ fn without_worst(
     mut readings: Vec<Reading>,
     (most, found): (usize, Vec<Finding>),
 ) -> Result<Option<Agreement>, Vec<Finding>> {
-    for _ in 0..most {
+    // Of two that are far off, each keeps the fit without the other from converging.
+    let mut left = most;
+    if most > 1
+        && let Some((scatter, rest)) = without_pair(accepted, &readings)
+    {
+        let (found, _, agreement) = check_readings(accepted, &rest);
+        if found.0.is_empty() {
+            return Ok(agreement);
+        }
+        let single = singles(accepted, &readings).first().map_or(f64::INFINITY, |one| one.scatter);
+        if scatter < single {
+            (readings, left) = (rest, most - 2);
+        }
+    }
+    for _ in 0..left {
         let all = singles(accepted, &readings);
         // Two readings may be about as far off: the record does not say which one was left out.
         if let Some(one) = all.iter().find(|one| one.is_explained) {
@@ -245,6 +260,21 @@ fn without_worst(
         readings = best.readings;
     }
     Err(found)
+}
+
+/// The two readings without which the scatter is least: the scatter, and the others.
+fn without_pair(accepted: &Accepted, readings: &[Reading]) -> Option<(f64, Vec<Reading>)> {
+    let suspects = suspects(readings);
+    let pairs = suspects.iter().enumerate();
+    let pairs =
+        pairs.flat_map(|(n, one)| suspects[n + 1..].iter().map(move |other| [*one, *other]));
+    let without = |gone: [usize; 2]| {
+        let rest = readings.iter().enumerate().filter(|(index, _)| !gone.contains(index));
+        let rest: Vec<Reading> = rest.map(|(_, reading)| *reading).collect();
+        (check_readings(accepted, &rest).1, rest)
+    };
+    let all = pairs.map(without).filter(|(scatter, _)| scatter.is_finite());
+    all.min_by(|one, other| one.0.total_cmp(&other.0))
 }
 
 /// How well a result agrees with the readings without those, at most `most`, that are certainly wrong; `None` without one.
@@ -387,7 +417,8 @@ fn check_outcome(
     settings: Option<&FitSettings>,
     add: &mut impl FnMut(Check, &str, String, f64, Option<String>),
 ) {
-    let Outcome::Accepted { resonance_hz, sigma_hz, circuit, effective_time_s, .. } = outcome
+    let Outcome::Accepted { resonance_hz, sigma_hz, circuit, effective_time_s, left_out, .. } =
+        outcome
     else {
         return;
     };
@@ -411,7 +442,8 @@ fn check_outcome(
         // a linewidth, and neither does a dispersion by which the capacitance changes as much as it is.
         let of_bench = phase_sigma.hypot(dispersion_sigma) * fit_hz / quality_factor;
         let of_fit = fitted.with_mode_hz.hypot(of_bench);
-        SIGMA_MOST * of_fit.hypot(SHAPE * fitted.moved_hz)
+        let most = if *left_out > 0 { SIGMA_MOST_OF_REST } else { SIGMA_MOST };
+        most * of_fit.hypot(SHAPE * fitted.moved_hz)
     } else {
         f64::max(SIGMA_MOST_ON_GRID * fit_sigma, SIGMA_LINEWIDTHS * fit_hz / quality_factor)
     };

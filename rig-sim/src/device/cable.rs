@@ -34,6 +34,7 @@ pub(crate) trait Analyzer: fmt::Debug + Send {
     fn take_said(&mut self, id: ClientId) -> Vec<(RigTime, Vec<u8>)>;
     fn hang_up(&mut self, id: ClientId);
     fn overload(&mut self);
+    fn read_wrongly(&mut self, factor: f64);
     fn clear_faults(&mut self);
     fn restart(&mut self, now: RigTime, world: &mut World);
 }
@@ -61,6 +62,10 @@ impl<M: Model<Command: Send + Sync> + Send> Analyzer for Meter<M> {
 
     fn overload(&mut self) {
         self.overload();
+    }
+
+    fn read_wrongly(&mut self, factor: f64) {
+        self.read_wrongly(factor);
     }
 
     fn clear_faults(&mut self) {
@@ -173,6 +178,7 @@ impl Socket {
                 self.boots_until = now + BOOT;
             }
             DeviceFault::Overload => self.analyzer.overload(),
+            DeviceFault::WrongReading(factor) => self.analyzer.read_wrongly(factor),
             DeviceFault::BlindContact => world.set_contact_fault(now, Some(ContactFault::Blind)),
             DeviceFault::StuckContact => world.set_contact_fault(now, Some(ContactFault::Stuck)),
             DeviceFault::Knock(by_hz) => world.knock(now, by_hz),

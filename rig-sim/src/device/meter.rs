@@ -63,7 +63,7 @@ fn binary(numbers: impl Iterator<Item = f64>, is_swapped: bool) -> Value {
 #[derive(Debug)]
 enum Phase {
     Waiting,
-    Integrating { frequency_hz: f64, is_overloaded: bool },
+    Integrating { frequency_hz: f64, is_overloaded: bool, factor: f64 },
 }
 
 #[derive(Debug)]
@@ -106,6 +106,8 @@ pub(crate) struct Meter<M: Model> {
     /// Whether nothing can happen before a client says something or the measurement continues.
     is_settled: bool,
     overloads: u32,
+    /// Of the next measured points, the last one first.
+    wrong: Vec<f64>,
 }
 
 impl<M: Model> Meter<M> {
@@ -127,6 +129,7 @@ impl<M: Model> Meter<M> {
             free_at: RigTime::ZERO,
             is_settled: false,
             overloads: 0,
+            wrong: Vec::new(),
         }
     }
 
@@ -164,9 +167,15 @@ impl<M: Model> Meter<M> {
         self.overloads += 1;
     }
 
-    /// Clears an overload that is not applied yet.
+    /// The impedance of the next measured point is multiplied by this.
+    pub(crate) fn read_wrongly(&mut self, factor: f64) {
+        self.wrong.insert(0, factor);
+    }
+
+    /// Clears the faults that have not happened yet.
     pub(crate) fn clear_faults(&mut self) {
         self.overloads = 0;
+        self.wrong.clear();
     }
 
     /// Switches the instrument off and on again.
@@ -387,12 +396,14 @@ impl<M: Model> Meter<M> {
                 let until = world.begin_reading(at, point.cycles);
                 let is_overloaded = self.overloads > 0;
                 self.overloads = self.overloads.saturating_sub(1);
+                let factor = self.wrong.pop().unwrap_or(1.0);
                 let frequency_hz = point.frequency_hz;
-                running.phase = Phase::Integrating { frequency_hz, is_overloaded };
+                running.phase = Phase::Integrating { frequency_hz, is_overloaded, factor };
                 running.until = until;
             }
-            Phase::Integrating { frequency_hz, is_overloaded } => {
-                let impedance_ohm = world.end_reading().filter(|_| !is_overloaded);
+            Phase::Integrating { frequency_hz, is_overloaded, factor } => {
+                let measured_ohm = world.end_reading().filter(|_| !is_overloaded);
+                let impedance_ohm = measured_ohm.map(|ohm| factor * ohm);
                 running.readings.push(FinishedPoint { frequency_hz, impedance_ohm });
                 self.next_point(at, world);
             }

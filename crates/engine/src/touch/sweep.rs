@@ -20,11 +20,11 @@ impl TouchMachine {
     ) -> MachineStep<TouchResult> {
         let planned = context.plan.contact_sweep;
         let request = &SweepRequest { window: self.window.unwrap_or(planned.window), ..planned };
-        // A refused sweep is repeated without the prior, which may be wrong.
+        // A refused sweep is repeated without the prior, which may be wrong. The sensor is the same.
         let prior = if retries_left == RETRIES {
             self.stiffened(request.window, context.bench)
         } else {
-            Prior::anywhere(request.window, context.bench)
+            Prior::anywhere(request.window, context.bench).of_sensor(&self.no_load)
         };
         let (sweep, step) = Sweep::begin(
             context.now,

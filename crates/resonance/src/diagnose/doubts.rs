@@ -24,6 +24,11 @@ const K_SQUARED_MAX: f64 = 0.6;
 const LOSS_TANGENT_MIN: f64 = -0.1;
 const LOSS_SIGMAS: f64 = 4.0;
 
+/// The static capacitance of a sensor is that of its last resonance, within this part of it and this many standard deviations:
+/// it changes with the temperature, and not in contact.
+const CAPACITANCE_REL: f64 = 0.3;
+const CAPACITANCE_SIGMAS: f64 = 4.0;
+
 /// Largest mean distance of the readings of a grid, in linewidths. With more, a resonance can hide between
 /// them, and one or two wrong readings resemble one.
 const SPACING_MAX_LINEWIDTHS: f64 = 5.0;
@@ -71,6 +76,22 @@ pub(crate) fn doubt_loss(at: &ModelEstimate, found: &Resonance) -> Option<Reason
     let is_below = loss_tangent + LOSS_SIGMAS * sigma < LOSS_TANGENT_MIN;
     let (quantity, limit) = ("loss tangent", LOSS_TANGENT_MIN);
     is_below.then_some(Reason::NotASensor { quantity, found: loss_tangent, limit })
+}
+
+/// Checks that the static capacitance is that of the last circuit of the sensor. All readings beside the antiresonance look like
+/// those at the resonance of a sensor with a small one.
+pub(crate) fn doubt_capacitance(
+    found: &Resonance,
+    (last_farad, last_sigma_farad): (f64, f64),
+) -> Option<Reason> {
+    let sigma_farad = found.c0_sigma_farad().hypot(last_sigma_farad);
+    let allowed_farad = CAPACITANCE_REL * last_farad + CAPACITANCE_SIGMAS * sigma_farad;
+    let off_farad = found.c0_farad - last_farad;
+    let is_that = off_farad.abs() <= allowed_farad;
+    let limit_farad = last_farad + allowed_farad.copysign(off_farad);
+    let [found, limit] = [found.c0_farad, limit_farad].map(|farad| 1e9 * farad);
+    let quantity = "static capacitance in nF";
+    (!is_that).then_some(Reason::NotASensor { quantity, found, limit })
 }
 
 /// Checks that the readings, spread over a span, can show a resonance as narrow as the one found.

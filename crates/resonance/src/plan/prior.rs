@@ -12,6 +12,8 @@ const NOISE_DEGREES_MAX: f64 = 1000.0;
 pub struct Prior {
     /// The last fitted circuit.
     pub circuit: Option<Circuit>,
+    /// The static capacitance of the sensor and its standard deviation, F, if known: it is the same in contact.
+    pub capacitance_farad: Option<(f64, f64)>,
     /// The possible range of its resonance.
     pub within: Window,
     /// The noise of the analyzer, if known.
@@ -23,7 +25,7 @@ pub struct Prior {
 impl Prior {
     /// A prior of any resonance in this window on a known bench.
     pub const fn anywhere(within: Window, bench: Option<Bench>) -> Self {
-        Self { circuit: None, within, noise: None, bench }
+        Self { circuit: None, capacitance_farad: None, within, noise: None, bench }
     }
 
     /// Creates a prior from the last resonance, which may have moved anywhere in `within`.
@@ -32,7 +34,14 @@ impl Prior {
             at_ten_cycles: last.noise_at_ten_cycles,
             degrees_of_freedom: last.noise_degrees_of_freedom.min(NOISE_DEGREES_MAX),
         };
-        Self { circuit: Some(last.circuit()), within, noise: Some(noise), bench }
+        let prior = Self::anywhere(within, bench).of_sensor(last);
+        Self { circuit: Some(last.circuit()), noise: Some(noise), ..prior }
+    }
+
+    /// The prior for the sensor that had this resonance.
+    #[must_use]
+    pub fn of_sensor(self, last: &Resonance) -> Self {
+        Self { capacitance_farad: Some((last.c0_farad, last.c0_sigma_farad())), ..self }
     }
 }
 

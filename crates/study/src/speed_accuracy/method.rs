@@ -20,8 +20,10 @@ pub(super) enum Method {
     Even { points: u32 },
     /// Even points without settling.
     Fast { points: u32, cycles: u32 },
-    /// The planner that fits the free decay, up to a target standard deviation.
+    /// The planner that fits the free decay, up to a target standard deviation, after a survey.
     Decay { target_hz: f64 },
+    /// The same without a survey.
+    Unsurveyed { target_hz: f64 },
 }
 
 /// The sweep of a careful laboratory.
@@ -51,6 +53,7 @@ impl Method {
             Self::Even { .. } => "uniform",
             Self::Fast { .. } => "fast uniform",
             Self::Decay { .. } => "free-decay planner",
+            Self::Unsurveyed { .. } => "free-decay planner without a survey",
         }
     }
 
@@ -60,7 +63,7 @@ impl Method {
             Self::Steady { points } => format!("{points} points; 10 cycles"),
             Self::Even { points } => format!("{points} points; 10 cycles; 5 time constants"),
             Self::Fast { points, cycles } => format!("{points} points; {cycles} cycles"),
-            Self::Decay { target_hz } => {
+            Self::Decay { target_hz } | Self::Unsurveyed { target_hz } => {
                 format!("{:.0} mHz", 1000.0 * target_hz)
             }
         }
@@ -92,6 +95,10 @@ impl Method {
                 let prior = Prior { bench: survey.bench, ..cold(case.noise) };
                 plan(&mut analyzer(random), &request(target_hz), &prior)
             }
+            Self::Unsurveyed { target_hz } => {
+                let mut analyzer = at_rest(random).with_any_phase(Gaps::USUAL);
+                plan(&mut analyzer, &request(target_hz), &cold(case.noise))
+            }
         }
     }
 }
@@ -99,7 +106,7 @@ impl Method {
 /// The prior before the survey: only the noise of the analyzer.
 pub(super) fn cold(noise: f64) -> Prior {
     let noise = NoisePrior { at_ten_cycles: noise, degrees_of_freedom: 1000.0 };
-    Prior { circuit: None, within: WINDOW, noise: Some(noise), bench: None }
+    Prior { noise: Some(noise), ..Prior::anywhere(WINDOW, None) }
 }
 
 /// The request for a sweep with a target standard deviation.

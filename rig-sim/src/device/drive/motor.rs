@@ -184,6 +184,7 @@ impl Motor {
             | DeviceFault::Alarm(_)
             | DeviceFault::LimitSwitch
             | DeviceFault::Overload
+            | DeviceFault::WrongReading(_)
             | DeviceFault::BlindContact
             | DeviceFault::StuckContact
             | DeviceFault::Knock(_)
