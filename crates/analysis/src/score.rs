@@ -77,9 +77,36 @@ pub fn wilson_95(correct: u32, trials: u32) -> (f64, f64) {
     ((middle - half).max(0.0), (middle + half).min(1.0))
 }
 
+/// The 95 % confidence interval of a rate from groups of `trials` trials each, which within a group may depend on each other: by
+/// the scatter of the groups, or Wilson's if there is none.
+pub fn grouped_95(correct: &[u32], trials: u32) -> (f64, f64) {
+    const Z: f64 = 1.959963984540054;
+    let groups = correct.len() as f64;
+    let rates = || correct.iter().map(|one| f64::from(*one) / f64::from(trials));
+    let mean = rates().sum::<f64>() / groups;
+    let scatter = rates().map(|rate| (rate - mean).powi(2)).sum::<f64>() / (groups - 1.0);
+    if scatter > 0.0 {
+        let half = Z * (scatter / groups).sqrt();
+        return ((mean - half).max(0.0), (mean + half).min(1.0));
+    }
+    let count = u32::try_from(correct.len()).unwrap_or(u32::MAX);
+    wilson_95(correct.iter().sum(), trials.saturating_mul(count))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn trials_that_depend_on_each_other_widen_an_interval() {
+        // Half of the groups are all right, and half all wrong: each group is one trial.
+        let groups: Vec<u32> = (0..100).map(|group| 10 * (group % 2)).collect();
+        let (low, high) = grouped_95(&groups, 10);
+        let (narrow_low, narrow_high) = wilson_95(500, 1000);
+        assert!((high - low) / (narrow_high - narrow_low) > 3.0, "{low} {high}");
+        assert!((0.5 * (low + high) - 0.5).abs() < 1e-12);
+        assert_eq!(grouped_95(&[10; 100], 10), wilson_95(1000, 1000));
+    }
 
     #[test]
     fn clusters_are_matched_to_labels_so_that_most_agree() {

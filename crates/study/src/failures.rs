@@ -122,7 +122,7 @@ impl Args {
 /// A path at a point of an axis.
 type Job = (Axis, Path, usize);
 
-/// Both paths on these axes.
+/// All paths on these axes.
 fn jobs(axes: &[Axis]) -> Vec<Job> {
     axes.iter()
         .flat_map(|&axis| Path::ALL.map(|path| (axis, path)))
@@ -130,7 +130,7 @@ fn jobs(axes: &[Axis]) -> Vec<Job> {
         .collect()
 }
 
-/// Judges both paths on these axes.
+/// Judges all paths on these axes.
 fn judge_all(axes: &[Axis], trials: u32, planned: u32, seeds: Range<u64>) -> Vec<Cell> {
     judge_jobs(jobs(axes), trials, planned, seeds).into_iter().flatten().collect()
 }
@@ -141,7 +141,7 @@ fn judge_jobs(jobs: Vec<Job>, trials: u32, planned: u32, seeds: Range<u64>) -> V
     let judge = |(axis, path, point)| {
         let trials = match path {
             Path::Fit => trials,
-            Path::Planner => planned,
+            Path::Planner | Path::Unsurveyed => planned,
         };
         let found = judge::judge((axis, path), point, trials, seeds.clone());
         bar.inc(1);

@@ -5,12 +5,12 @@ use super::{
     judge::{Cell, SweepResult},
     path::Path,
 };
+use rig_analysis::score::wilson_95;
+
 use crate::{files::Csv, page::Table};
 
 /// Half of a 95 % interval in standard deviations.
 const INTERVAL_SIGMAS: f64 = 1.96;
-/// Least number of accepted results for a share of their intervals: it has a standard error of 2 % or less.
-const ACCEPTED_MIN: usize = 100;
 
 /// Statistics of sweeps.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,6 +19,9 @@ pub(super) struct Statistics {
     pub(super) accepted: usize,
     /// Accepted results with a true resonance: their error in own standard deviations.
     sigmas: Spread,
+    /// Number of these results, and of those whose 95 % interval contains the truth.
+    errors: u32,
+    inside: u32,
     /// Share of the 95 % intervals that contain the truth, %.
     pub(super) coverage: f64,
     /// Time of the accepted sweeps, s.
@@ -68,6 +71,7 @@ impl Statistics {
             .iter()
             .filter_map(|result| result.sigmas().filter(|sigmas| sigmas.is_finite()))
             .collect();
+        let count = |of: usize| u32::try_from(of).unwrap_or(u32::MAX);
         let inside = sigmas.iter().filter(|sigmas| **sigmas < INTERVAL_SIGMAS).count();
         let times_s = |is_accepted: bool| {
             let of = results.iter().filter(|result| result.found.is_some() == is_accepted);
@@ -76,6 +80,8 @@ impl Statistics {
         Self {
             sweeps: results.len(),
             accepted: results.iter().filter(|result| result.found.is_some()).count(),
+            errors: count(sigmas.len()),
+            inside: count(inside),
             coverage: 100.0 * inside as f64 / sigmas.len() as f64,
             sigmas: Spread::of(sigmas),
             accepted_s: times_s(true),
@@ -101,9 +107,9 @@ pub(super) fn on_page(path: Path, cells: &[Cell]) -> Table {
         "median",
         "99 %",
         "in the 95 % interval",
-        "least at one value",
+        "lowest at one value",
     ];
-    if path == Path::Planner {
+    if path.is_planned() {
         columns.extend([
             "accepted, s: mean",
             "median",
@@ -132,7 +138,7 @@ pub(super) fn on_page(path: Path, cells: &[Cell]) -> Table {
             number(all.coverage, 1),
             least(of()),
         ];
-        if path == Path::Planner {
+        if path.is_planned() {
             row.extend(all.times_s().map(|seconds| number(seconds, 2)));
             row.push(share(all.without_survey));
         }
@@ -141,13 +147,17 @@ pub(super) fn on_page(path: Path, cells: &[Cell]) -> Table {
     table
 }
 
-/// The least share of 95 % intervals with the truth at one value, among those with enough results.
+/// The share of 95 % intervals with the truth at the value at which it is certainly lowest: that with the lowest upper end of
+/// its own 95 % interval.
 fn least<'a>(cells: impl Iterator<Item = &'a Cell>) -> String {
-    let all = cells.map(|cell| (cell.value, Statistics::of(cell.results.iter())));
-    let enough = all.filter(|(_, of)| of.accepted >= ACCEPTED_MIN && of.coverage.is_finite());
-    let least = enough.min_by(|(_, one), (_, other)| one.coverage.total_cmp(&other.coverage));
-    least.map_or_else(String::new, |(value, Statistics { coverage, accepted, .. })| {
-        format!("{coverage:.1} of {accepted} (at {value})")
+    let of = |cell: &Cell| {
+        let Statistics { inside, errors, .. } = Statistics::of(cell.results.iter());
+        (errors > 0).then(|| (cell.value, inside, errors, wilson_95(inside, errors)))
+    };
+    let least = cells.filter_map(of).min_by(|one, other| one.3.1.total_cmp(&other.3.1));
+    least.map_or_else(String::new, |(value, inside, errors, (low, high))| {
+        let [low, high] = [low, high].map(|share| 100.0 * share);
+        format!("{inside} of {errors} ({low:.0} to {high:.0} %; at {value})")
     })
 }
 
@@ -172,10 +182,8 @@ pub(super) fn table(cells: &[Cell]) -> String {
     ]);
     for cell in cells {
         let all = Statistics::of(cell.results.iter());
-        let times = all.times_s().map(|seconds| match cell.path {
-            Path::Fit => String::new(),
-            Path::Planner => number(seconds, 3),
-        });
+        let of_plan = |text: String| if cell.path.is_planned() { text } else { String::new() };
+        let times = all.times_s().map(|seconds| of_plan(number(seconds, 3)));
         let counts = [all.sweeps, all.accepted, cell.counts().wrong as usize];
         let row =
             [cell.axis.file().to_owned(), cell.value.to_string(), cell.path.name().to_owned()];
@@ -183,10 +191,7 @@ pub(super) fn table(cells: &[Cell]) -> String {
             [all.sigmas.mean, all.sigmas.median, all.sigmas.at_99].map(|value| number(value, 3));
         let coverage = [number(all.coverage, 2)];
         let row = row.into_iter().chain(counts.map(|count| count.to_string()));
-        let without_survey = match cell.path {
-            Path::Fit => String::new(),
-            Path::Planner => all.without_survey.to_string(),
-        };
+        let without_survey = of_plan(all.without_survey.to_string());
         table.row(row.chain(sigmas).chain(coverage).chain(times).chain([without_survey]));
     }
     table.text().to_owned()

@@ -4,7 +4,7 @@ use super::{
     Args,
     axis::Axis,
     counts, coverage, gate,
-    judge::{Cell, Counts, SURVEY_S, others},
+    judge::{Cell, Counts, SURVEY_OF_POOR_S, SURVEY_S, others},
     maps,
     path::Path,
     power, reasons,
@@ -86,9 +86,11 @@ fn introduction(page: &mut Page, args: &Args) {
         "Unless the axis says otherwise, a fitted sweep has 101 settled points from 112 to 168 Hz, \
          and noise of 0.5 %. The `planner` is that of the daemon, on an analyzer whose drive starts \
          at any phase at each change of frequency, with gaps of up to 3 ms before each reading, known \
-         to 1 ms. As in a run, a survey of {SURVEY_S} s comes first, on a bench that stands still but has \
-         the other disturbances of the axis; if it is refused twice, the sweep counts as refused and does not \
-         begin. The sweep itself starts cold, with a limit of 30 s and a target of 10 mHz \
+         to 1 ms. As in a run by `three-direction.toml`, a survey of {SURVEY_S} s comes first ({SURVEY_OF_POOR_S} s for a quality of \
+         10, which would miss its target), on a bench that stands \
+         still but has the other disturbances of the axis; if it is refused twice, the sweep counts as refused and does \
+         not begin. `planner without a survey` is that of a protocol without `survey_s`: nothing is known of the \
+         phase of the analyzer and of the dielectric, and second modes are looked for in each sweep alone. The sweep itself starts cold, with a limit of 30 s and a target of 10 mHz \
          (quality 10, coupling 0.02: 30 mHz). Half of the surveys know the noise, as after an earlier \
          run, and the others nothing. On the axis `contact` the sweep starts from the survey, as every \
          touch starts from a sweep without a sample; the resonance then lies where a contact may put it, \
@@ -145,7 +147,7 @@ fn percent(counts: Counts) -> String {
 }
 
 fn goals(cells: &[Cell]) -> Table {
-    let [fit, planner] = Path::ALL.map(|path| counts(path, cells));
+    let [fit, planner] = [Path::Fit, Path::Planner].map(|path| counts(path, cells));
     let both = fit.plus(planner);
     let mut table = Table::new(&["goal", "limit", "found", "met"]);
     let mut row = |quantity: String, limit: String, found: String, is_met: bool| {
@@ -171,17 +173,24 @@ fn goals(cells: &[Cell]) -> Table {
         let (found, verb) =
             if is_accepted { (1.0 - refused, "accepted") } else { (refused, "refused") };
         let values: Vec<String> = values.iter().map(f64::to_string).collect();
+        let results = cells.iter().filter(is_of).flat_map(|cell| &cell.results);
+        let surveys = results.filter(|result| result.time_s.is_none()).count();
+        let by_survey = if path.is_planned() && !is_accepted {
+            format!(", {surveys} of them in the survey")
+        } else {
+            String::new()
+        };
         row(
             format!("{verb} by `{}`: {} {}", path.name(), axis.label(), values.join(", ")),
             format!("{:.0} %", 100.0 * least),
-            format!("{:.1} % of {}", 100.0 * found, counts.sweeps()),
+            format!("{:.1} % of {}{by_survey}", 100.0 * found, counts.sweeps()),
             found >= least,
         );
     }
     table
 }
 
-/// The points with silently wrong results of fit and planner, the worst first.
+/// The points with silently wrong results of the production paths, the worst first.
 pub(super) fn where_wrong<'a>(cells: impl Iterator<Item = &'a Cell>) -> Vec<(String, String)> {
     let mut all: Vec<(f64, String, String)> = cells
         .map(|cell| (cell, cell.counts()))
@@ -209,13 +218,15 @@ fn accepted(page: &mut Page, cells: &[Cell]) {
     page.text(
         "Errors of accepted results in their own standard deviations, over all values of an axis. A \
          normal error has a mean of 0.80, a median of 0.67, 99 % within 2.58, and 95 % in the 95 % \
-         interval; beside it stands the least such share at one value with 100 accepted results or more. \
+         interval; beside it stands the value at which that share is certainly lowest, with its own 95 % interval. \
          Results for sensors without a resonance have no error and are silently wrong. \
          `coverage.csv` has the same for each value.",
     );
     page.table(coverage::on_page(Path::Fit, cells));
     page.text("The planner, with its time on the rig:");
     page.table(coverage::on_page(Path::Planner, cells));
+    page.text("The planner without a survey:");
+    page.table(coverage::on_page(Path::Unsurveyed, cells));
 }
 
 fn refused(page: &mut Page, cells: &[Cell]) {

@@ -38,7 +38,7 @@ pub(super) fn table(cells: &[Cell], first_seed: u64) -> String {
     for cell in cells {
         let trials = match cell.path {
             super::Path::Fit => TRIALS,
-            super::Path::Planner => PLANNED,
+            super::Path::Planner | super::Path::Unsurveyed => PLANNED,
         };
         let is_here = |id: &super::judge::SweepId| {
             id.trial < trials && (first_seed..first_seed + SEEDS).contains(&id.seed)

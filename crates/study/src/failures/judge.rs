@@ -41,8 +41,11 @@ const OWN_SIGMAS: f64 = 5.0;
 const BOUNDS: f64 = 10.0;
 /// Time limit of a planned sweep, s: that of the shipped protocols.
 const LIMIT_S: f64 = 30.0;
-/// Duration of the survey before a planned sweep, s.
-pub(super) const SURVEY_S: u32 = 240;
+/// Duration of the survey before a planned sweep, s: that of the shipped protocol of the experiment, and one after which a sensor of
+/// a quality below [`POOR_Q`] reaches its target.
+pub(super) const SURVEY_S: u32 = 10;
+pub(super) const SURVEY_OF_POOR_S: u32 = 60;
+const POOR_Q: f64 = 20.0;
 /// The resonance of a planned sweep is shifted at random by at most this much, Hz.
 const MOVED_HZ: f64 = 5.0;
 
@@ -210,7 +213,9 @@ pub(super) fn judge(
         let scene = if is_positive { scene } else { scene.reversed() };
         match path {
             Path::Fit => fitted(axis, scene, id, random),
-            Path::Planner => (planned(axis, scene, id, random), Vec::new()),
+            Path::Planner | Path::Unsurveyed => {
+                (planned((axis, path), scene, id, random), Vec::new())
+            }
         }
     };
     let outcomes: Vec<_> = sweeps.par_iter().map(one).collect();
@@ -224,9 +229,8 @@ pub(super) fn judge(
 
 /// The random numbers of a sweep: each one has its own.
 fn stream(axis: Axis, path: Path, point: usize, id: SweepId) -> Stream {
-    let index = |is: bool| u64::from(is);
     let axis = axis.file().bytes().fold(0, |name: u64, byte| name.rotate_left(5) ^ u64::from(byte));
-    let name = axis << 20 | index(path == Path::Planner) << 16 | (point as u64) << 8;
+    let name = axis << 20 | (path as u64) << 16 | (point as u64) << 8;
     Stream::of_trial(id.seed, name | id.sensor as u64, id.trial.into())
 }
 
@@ -273,10 +277,15 @@ fn before_survey(scene: &Scene, trial: u32) -> Prior {
     Prior { noise, ..Prior::anywhere(scene.window, None) }
 }
 
-/// Judges the planner of the daemon. It measures as the daemon does: after a survey of the sensor
-/// without a sample, with a drive of any phase, gaps of unknown length, and all readings of a stay at
-/// once.
-fn planned(axis: Axis, scene: Scene, id: SweepId, mut random: Stream) -> SweepResult {
+/// Judges the planner of the daemon. It measures as the daemon does: with a drive of any phase, gaps of unknown length, and all
+/// readings of a stay at once; after a survey of the sensor without a sample, if there is one, or else, where a contact follows,
+/// after a sweep without a sample.
+fn planned(
+    (axis, path): (Axis, Path),
+    scene: Scene,
+    id: SweepId,
+    mut random: Stream,
+) -> SweepResult {
     /// Possible drift since the reference, relative, as in the engine.
     const DRIFT: f64 = 0.01;
     let scene = moved(axis, Scene { is_any_phase: true, ..scene }, MOVED_HZ, &mut random);
@@ -285,23 +294,41 @@ fn planned(axis: Axis, scene: Scene, id: SweepId, mut random: Stream) -> SweepRe
     let free =
         scene.reference.map_or(at_rest, |(resonance_hz, q)| Scene { q, resonance_hz, ..at_rest });
     let anywhere = before_survey(&free, id.trial);
-    let method = SweepMethod::Survey { seconds: SURVEY_S };
-    let mut survey = sweep(&free, method, &anywhere, &mut random);
-    if survey.planner.bench().is_none() {
-        // The daemon repeats a refused survey once too.
-        survey = sweep(&free, method, &anywhere, &mut random);
+    let first = match (path, scene.reference) {
+        (Path::Unsurveyed, None) => None,
+        (Path::Unsurveyed, Some(_)) => Some(SweepMethod::Adaptive),
+        (Path::Fit | Path::Planner, _) => {
+            let seconds = if free.q < POOR_Q { SURVEY_OF_POOR_S } else { SURVEY_S };
+            Some(SweepMethod::Survey { seconds })
+        }
+    };
+    let mut prior = anywhere;
+    if let Some(method) = first {
+        let is_survey = method != SweepMethod::Adaptive;
+        let is_known = |one: &Measured| match &one.verdict {
+            FitOutcome::Accepted(found) if !is_survey || one.planner.bench().is_some() => {
+                Some(*found)
+            }
+            _ => None,
+        };
+        let mut reference = sweep(&free, method, &anywhere, &mut random);
+        if is_known(&reference).is_none() {
+            // The daemon repeats a refused one once too.
+            reference = sweep(&free, method, &anywhere, &mut random);
+        }
+        let Some(found) = is_known(&reference) else {
+            return result(axis, &scene, id, &reference.verdict);
+        };
+        let bench = reference.planner.bench();
+        prior = match scene.reference {
+            // A contact hardly lowers the resonance.
+            Some((reference_hz, _)) => {
+                let within = Window { min_hz: reference_hz * (1.0 - DRIFT), ..scene.window };
+                Prior::moved(&found, within, bench)
+            }
+            None => Prior { bench, ..anywhere },
+        };
     }
-    let (FitOutcome::Accepted(found), bench @ Some(_)) = (&survey.verdict, survey.planner.bench())
-    else {
-        return result(axis, &scene, id, &survey.verdict);
-    };
-    let prior = if let Some((reference_hz, _)) = scene.reference {
-        // A contact hardly lowers the resonance.
-        let within = Window { min_hz: reference_hz * (1.0 - DRIFT), ..scene.window };
-        Prior::moved(found, within, bench)
-    } else {
-        Prior { bench, ..anywhere }
-    };
     let Measured { planner, verdict, time_s } =
         sweep(&scene, SweepMethod::Adaptive, &prior, &mut random);
     // The truth is the resonance at the effective time of the result.

@@ -1,4 +1,4 @@
-//! The two ways to a resonance.
+//! The ways to a resonance.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,19 +10,27 @@ use super::axis::Axis;
 pub(super) enum Path {
     /// The fit of a sweep of points chosen in advance.
     Fit,
-    /// The planner of the daemon: it chooses the points.
+    /// The planner of the daemon after a survey: it chooses the points.
     Planner,
+    /// The same without a survey, as in a protocol that has none.
+    Unsurveyed,
 }
 
 impl Path {
-    pub(super) const ALL: [Self; 2] = [Self::Fit, Self::Planner];
+    pub(super) const ALL: [Self; 3] = [Self::Fit, Self::Planner, Self::Unsurveyed];
 
     /// The name in tables.
     pub(super) const fn name(self) -> &'static str {
         match self {
             Self::Fit => "maximum-likelihood",
             Self::Planner => "planner",
+            Self::Unsurveyed => "planner without a survey",
         }
+    }
+
+    /// Whether it plans its sweeps.
+    pub(super) const fn is_planned(self) -> bool {
+        !matches!(self, Self::Fit)
     }
 
     /// Whether the axis has an effect on this path.
@@ -32,7 +40,7 @@ impl Path {
                 axis,
                 Axis::Target | Axis::Relaxation | Axis::Gap | Axis::ClockError | Axis::Contact
             ),
-            Self::Planner => !matches!(
+            Self::Planner | Self::Unsurveyed => !matches!(
                 axis,
                 Axis::PointsPerLinewidth
                     | Axis::DriftBothWays

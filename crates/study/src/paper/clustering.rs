@@ -112,7 +112,7 @@ pub(super) fn add(page: &mut Page, repeats: u32, seed: u64) {
         "The paper: {PRINTED_RIGHT} of 50 correct by k-means, 92 %; the 95 % interval of one such \
          experiment is {:.0} to {:.0} %. Our numbers are means over {repeats} experiments of fifty \
          touches at random angles up to 45°, by the optimal partition of least squares and by the \
-         common k-means from one random start. k-means on shifts fails systematically: the shifts \
+         common k-means from one random start. With the indentation held, k-means on shifts fails systematically: the shifts \
          of the stiffest sample spread over as many hertz as separate the softest two, so that the \
          least squares split the one and merge the others. On a logarithmic scale all samples are \
          about equally wide. Centres calibrated beforehand, on twelve touches of each sample, do \

@@ -1,7 +1,7 @@
 //! Lump or normal tissue: the clinical claim, with rates and intervals.
 
 use rayon::prelude::*;
-use rig_analysis::score::wilson_95;
+use rig_analysis::score::grouped_95;
 use rig_contact::{ContactLaw, Direction, Friction, Models, Sensor, Tier};
 use rig_model::random::Stream;
 
@@ -51,16 +51,19 @@ pub(super) fn add(page: &mut Page, repeats: u32, seed: u64) {
     for (index, ratio) in RATIOS.into_iter().enumerate() {
         for is_known in [false, true] {
             let stream = (700 + 2 * index as u64 + u64::from(is_known)) << 32;
-            let [found, spared] = (0..repeats)
+            let experiments: Vec<[u32; 2]> = (0..repeats)
                 .into_par_iter()
                 .map(|repeat| {
                     let mut random = Stream::new(seed, stream | u64::from(repeat));
                     experiment(ratio, is_known, &mut random)
                 })
-                .reduce(|| [0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
-            let cells = [found, spared].map(|right| {
-                let (low, high) = wilson_95(right, repeats * TRIALS);
-                let rate = 100.0 * f64::from(right) / f64::from(repeats * TRIALS);
+                .collect();
+            let cells = [0, 1].map(|tissue| {
+                // The touches of an experiment share their calibration.
+                let right: Vec<u32> = experiments.iter().map(|one| one[tissue]).collect();
+                let (low, high) = grouped_95(&right, TRIALS);
+                let right = f64::from(right.iter().sum::<u32>());
+                let rate = 100.0 * right / f64::from(repeats * TRIALS);
                 [format!("{rate:.2}"), format!("{:.2} to {:.2}", 100.0 * low, 100.0 * high)]
             });
             let angle = if is_known { "known" } else { "unknown" };

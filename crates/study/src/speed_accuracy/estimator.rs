@@ -31,7 +31,10 @@ impl SweepEstimator {
     pub(super) fn of(method: Method) -> Vec<Self> {
         let baselines: &[Estimator] = match method {
             Method::Even { .. } => &Estimator::ALL,
-            Method::Steady { .. } | Method::Fast { .. } | Method::Decay { .. } => &[],
+            Method::Steady { .. }
+            | Method::Fast { .. }
+            | Method::Decay { .. }
+            | Method::Unsurveyed { .. } => &[],
         };
         let baselines = baselines.iter().filter(|&&one| one != Estimator::MaximumLikelihood);
         let baselines = baselines.map(|&estimator| Self::Baseline(estimator));

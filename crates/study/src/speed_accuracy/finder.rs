@@ -19,8 +19,8 @@ use crate::{analyzer::reading, files::Csv};
 pub(super) const SAMPLES: [&str; 3] = ["1", "3", "5"];
 /// Settling at each step, s.
 const SETTLINGS_S: [f64; 3] = [0.02, 0.1, 0.5];
-/// The approach of the shipped protocol.
-const SHIPPED: Approach = Approach {
+/// The approach, beside what is varied.
+const APPROACH: Approach = Approach {
     start_above_mm: 0.8,
     give_up_below_mm: 0.8,
     coarse_step_mm: 0.1,
@@ -86,7 +86,7 @@ pub(super) fn try_all(searches: u32, seed: u64) -> Vec<Searches> {
     for sample in SAMPLES {
         for settle_s in SETTLINGS_S {
             for fine_step_mm in [0.05, 0.02, 0.01, 0.005, 0.002] {
-                let approach = Approach { settle_s, fine_step_mm, ..SHIPPED };
+                let approach = Approach { settle_s, fine_step_mm, ..APPROACH };
                 let one = |number: u32| search(approach, sample, seed + u64::from(number));
                 let found: Vec<_> = (0..searches).into_par_iter().filter_map(one).collect();
                 all.push(Searches { sample, approach, found, count: searches });

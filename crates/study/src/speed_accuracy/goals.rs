@@ -3,7 +3,7 @@
 use super::{
     accuracy,
     case::{Case, NOISE},
-    method::Method,
+    method::{Method, SURVEY_S},
     trial::{self, Group},
     warm::{self, Warm},
 };
@@ -54,7 +54,7 @@ pub(super) struct ColdRuns {
 pub(super) const RATIO_MAX: f64 = 1.05;
 /// The target of the goals from rest, Hz.
 const COLD_TARGET_HZ: f64 = 0.01;
-/// The goals of the free-decay planner from rest, the stays that exclude a second mode included.
+/// The goals of the free-decay planner from rest. Without a survey its own stays exclude a second mode.
 const COLD: [ColdGoal; 5] = [
     cold_goal(100.0, 0.1, [0.70, 0.90]),
     cold_goal(100.0, 0.02, [0.80, 1.1]),
@@ -80,9 +80,11 @@ pub(super) fn track(runs: u32, seed: u64) -> Vec<Warm> {
 
 /// The runs from rest of the goals.
 pub(super) fn start(runs: u32, seed: u64) -> Vec<ColdRuns> {
-    let method = Method::Decay { target_hz: COLD_TARGET_HZ };
-    COLD.into_iter()
-        .flat_map(|goal| {
+    let target_hz = COLD_TARGET_HZ;
+    [Method::Unsurveyed { target_hz }, Method::Decay { target_hz }]
+        .into_iter()
+        .flat_map(|method| COLD.map(|goal| (method, goal)))
+        .flat_map(|(method, goal)| {
             let ColdGoal { q, coupling, .. } = goal;
             let groups = trial::run(Case { q, coupling, noise: NOISE }, method, runs, seed);
             groups.into_iter().map(move |group| ColdRuns { group, goal })
@@ -138,24 +140,32 @@ fn cold(runs: &ColdRuns) -> Goal {
     let ColdRuns { group, goal: ColdGoal { seconds: [median_s, most_s], .. } } = runs;
     let time = |share: f64| group.time_to_reach_s(COLD_TARGET_HZ, share);
     let in_words = |time_s: Option<f64>| {
-        time_s.map_or_else(|| "never".to_owned(), |time_s| format!("{time_s:.2} s"))
+        time_s.map_or_else(|| "never".to_owned(), |time_s| format!("{time_s:.3} s"))
+    };
+    let after = match group.method {
+        Method::Decay { .. } => format!(" after a survey of {SURVEY_S} s"),
+        _ => String::new(),
     };
     let is_within = |share, limit_s: f64| time(share).is_some_and(|time_s| time_s <= limit_s);
     Goal {
         quantity: format!(
-            "{}, cold, {}: {:.0} mHz",
+            "{}, cold{after}, {}: {:.0} mHz",
             group.method.name(),
             group.case,
             1000.0 * COLD_TARGET_HZ
         ),
         limit: format!("median {median_s:.2} s, 95 % within {most_s:.2} s"),
         measured: format!(
-            "median {}, mean {:.2} s, 95 % within {}, 99 % within {}; {:.1} % of the runs within {most_s:.2} s",
+            "median {}, mean {:.3} s, 95 % within {}, 99 % within {}; {:.1} % of the {} runs within {most_s:.2} s; \
+             {:.1} % of the 95 % intervals contain the truth, the farthest error is {:.1} standard deviations",
             in_words(time(0.5)),
             group.mean_time_s(),
             in_words(time(0.95)),
             in_words(time(0.99)),
             100.0 * group.reached(COLD_TARGET_HZ, *most_s),
+            group.trials.len(),
+            100.0 * group.coverage().unwrap_or(f64::NAN),
+            group.worst_sigmas().unwrap_or(f64::NAN),
         ),
         is_met: is_within(0.5, *median_s) && is_within(0.95, *most_s),
     }

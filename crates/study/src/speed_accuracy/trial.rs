@@ -126,6 +126,26 @@ impl Group {
             .max_by(f64::total_cmp)
     }
 
+    /// The share of the stated 95 % intervals that contain the truth.
+    pub(super) fn coverage(&self) -> Option<f64> {
+        const INTERVAL_SIGMAS: f64 = 1.96;
+        let is_inside = |found: Estimate| {
+            Some(f64::from(found.error_hz.abs() < INTERVAL_SIGMAS * found.sigma_hz?))
+        };
+        mean(self.found().filter_map(is_inside))
+    }
+
+    /// The error that is to be expected, Hz: of a planned sweep what it states, of given points their bound, which the fit
+    /// reaches.
+    pub(super) fn expected_hz(&self) -> Option<f64> {
+        match self.method {
+            Method::Decay { .. } | Method::Unsurveyed { .. } => {
+                mean(self.found().filter_map(|found| Some(found.sigma_hz?.powi(2)))).map(f64::sqrt)
+            }
+            Method::Steady { .. } | Method::Even { .. } | Method::Fast { .. } => self.bound_hz(),
+        }
+    }
+
     /// The time within which this share of the sweeps ends, s.
     pub(super) fn time_s(&self, share: f64) -> f64 {
         let mut times: Vec<f64> = self.trials.iter().map(|trial| trial.time_s).collect();

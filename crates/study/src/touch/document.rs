@@ -108,16 +108,25 @@ pub(super) fn page(args: &Args, groups: &[Group], troubles: &[Group]) -> Page {
     let all = || groups.iter().chain(troubles);
     page.text("Runs that ended before their last touch, with the reason of the first one of each setting:");
     page.table(endings(all()));
-    let planned: usize = all().map(|one| one.summary.planned()).sum();
-    page.text(format!(
-        "Of all {planned} planned touches of this page, the sample was turned with the probe in it, or pressed deeper \
-         than it bears: {}. Stiffnesses that are wrong without notice: {}. The way down to the first search of a run is \
+    page.text(never(groups, troubles));
+    page
+}
+
+/// What may never be, and how often it was.
+fn never(groups: &[Group], troubles: &[Group]) -> String {
+    let all = || groups.iter().chain(troubles);
+    let sum = |count: fn(&Summary) -> usize| all().map(|one| count(&one.summary)).sum::<usize>();
+    let (planned, measured) = (sum(Summary::planned), sum(Summary::measured));
+    let reached = planned - sum(Summary::not_reached);
+    format!(
+        "Of the {reached} touches of this page that were reached ({planned} were planned), the sample was turned with the \
+         probe in it, or pressed deeper than it bears: {}. Of the {measured} stiffnesses that were measured, wrong without \
+         notice: {}. The way down to the first search of a run is \
          made in steps with a reading after each, so that a surface far above the place where the rig file has it ends \
          the run.",
         named(all(), Summary::violations),
         named(all(), Summary::wrong)
-    ));
-    page
+    )
 }
 
 /// The groups in which something was found, with their counts.
