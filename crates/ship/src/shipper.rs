@@ -12,7 +12,7 @@ use rig_verify::{ObjectError, verify_object};
 use crate::{
     BenchKey, KeyError, Label, LabelError, ObjectStore, StorageError,
     names::{self, Names},
-    receipt::Receipt,
+    receipt::{Receipt, sha256},
 };
 
 /// Ships the runs of benches of one laboratory to an object store.
@@ -135,7 +135,7 @@ impl Shipper {
     /// [`ShipError`]. The object is in the store as a whole or not at all.
     pub fn ship(&self, reader: &Reader, run: &Run) -> Result<Outcome, ShipError> {
         let names = self.names(reader, run)?;
-        if let Some(outcome) = self.found(&names)? {
+        if let Some(outcome) = self.found(&names) {
             return Ok(outcome);
         }
         let (sealed, records) = reader.sealed(run.id)?;
@@ -144,6 +144,14 @@ impl Shipper {
         let mut object = Vec::new();
         export::sealed(&SealDocument::new(&sealed, signature), &records, &mut object)?;
         drop(records);
+        // Beside the receipt of another file it would be refuted for good.
+        if self.has_receipt(&names) {
+            let receipt = Receipt::read(&names.object, &self.store.get(&names.receipt)?)?;
+            let is_absent = || self.store.get(&names.object).is_err_and(|error| error.is_absent());
+            if receipt.sha256 != sha256(&object) && is_absent() {
+                return Err(ShipError::Lost { object: names.object });
+            }
+        }
         let is_new = self.store.put_new(&names.object, &object.into())?;
         let back = self.store.get(&names.object)?;
         let verdict = verify_object(back.clone(), None)
@@ -182,7 +190,7 @@ impl Shipper {
     }
 
     /// What the store had of a run when it was listed.
-    fn found(&self, names: &Names) -> Result<Option<Outcome>, ShipError> {
+    fn found(&self, names: &Names) -> Option<Outcome> {
         let listed = self.listed.borrow();
         let of_run = |all: &BTreeSet<String>| {
             let all =
@@ -191,18 +199,14 @@ impl Shipper {
         };
         let objects: Vec<_> = listed.values().flat_map(of_run).collect();
         if let Some(other) = objects.iter().find(|name| **name != names.object) {
-            return Ok(Some(Outcome::Clash { object: other.clone() }));
+            return Some(Outcome::Clash { object: other.clone() });
         }
-        let (has_receipt, object) =
-            (listed.values().any(|all| all.contains(&names.receipt)), names.object.clone());
-        match (objects.is_empty(), has_receipt) {
-            // It may have been put since the store was listed.
-            (true, true) => match self.store.get(&object) {
-                Err(error) if error.is_absent() => Err(ShipError::Lost { object }),
-                there => there.map(|_| Some(Outcome::Present { object })).map_err(ShipError::from),
-            },
-            (false, true) => Ok(Some(Outcome::Present { object })),
-            (_, false) => Ok(None),
-        }
+        let is_there = !objects.is_empty() && self.has_receipt(names);
+        is_there.then(|| Outcome::Present { object: names.object.clone() })
+    }
+
+    /// Whether the store had the receipt of a run when it was listed.
+    fn has_receipt(&self, names: &Names) -> bool {
+        self.listed.borrow().values().any(|all| all.contains(&names.receipt))
     }
 }

@@ -130,6 +130,10 @@ fn an_object_that_is_lost_is_missed_by_its_receipt() {
         (1, 2 * all.len() - 1),
         "{again:?}"
     );
+    // The same file is.
+    let healed = ship(&shipper(&folder, None), &data);
+    assert!(healed.iter().any(|one| matches!(one, Ok(Outcome::Shipped { .. }))), "{healed:?}");
+    assert!(objects(&store).unwrap().iter().all(|one| one.check(&store, None).unwrap().is_sound));
 }
 
 #[test]
