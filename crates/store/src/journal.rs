@@ -11,7 +11,7 @@ use std::{
 };
 
 use rusqlite::params;
-use uuid::{NoContext, Timestamp, Uuid};
+use uuid::{ContextV7, Timestamp, Uuid};
 
 use crate::{
     Digest, Ending, GivenUp, MemoryDisk, Reader, Record, RunFinished, RunId, RunKind, RunStatus,
@@ -151,8 +151,10 @@ impl Store {
     /// # Errors
     /// [`StoreError`] of the system or of SQLite, or [`StoreError::Closed`].
     pub fn begin(&self, kind: RunKind, name: &str) -> Result<Journal, StoreError> {
-        // `now_v7` keeps its ids in order: after the wall clock was set back, it goes on from the time before.
-        let id = RunId::new(Uuid::new_v7(Timestamp::now(NoContext)));
+        // To a fraction of a microsecond, for runs that begin in one millisecond. A context that is kept, as that of
+        // `now_v7`, would keep the ids in order too: after the wall clock was set back, it goes on from the time before.
+        let context = ContextV7::new().with_additional_precision();
+        let id = RunId::new(Uuid::new_v7(Timestamp::now(context)));
         let last = locked(&self.writer, |writer| writer.insert_run(id, kind, name))?;
         Ok(self.journal(id, kind, last))
     }

@@ -2,11 +2,11 @@
 
 use super::sample::{Directory, append, records, run_started, sweep};
 use crate::{
-    Axis, ChainCheck, Ending, FORMAT, Move, Reader, Record, RunFinished, RunKind, RunStatus, Store,
-    StoreError, SweepPurpose,
+    Axis, ChainCheck, Ending, FORMAT, MemoryDisk, Move, Reader, Record, RunFinished, RunId,
+    RunKind, RunStatus, Store, StoreError, SweepPurpose,
 };
 
-fn write_run(store: &Store) -> crate::RunId {
+fn write_run(store: &Store) -> RunId {
     let mut journal = store.begin(RunKind::Run, "one touch").unwrap();
     for (second, record) in (0..).zip(records()) {
         append(&mut journal, second, &record);
@@ -43,6 +43,14 @@ fn records_are_read_back_as_they_were_written() {
     );
     assert!(run.started_at.len() == 24 && run.started_at.ends_with('Z'), "{run:?}");
     assert_eq!(reader.runs().unwrap(), [run]);
+}
+
+#[test]
+fn runs_that_begin_in_one_millisecond_have_ids_in_their_order() {
+    let store = Store::open_in_memory(&MemoryDisk::new().unwrap()).unwrap();
+    let begun: Vec<RunId> =
+        (0..200).map(|_| store.begin(RunKind::Run, "short").unwrap().id()).collect();
+    assert!(begun.is_sorted(), "{begun:?}");
 }
 
 #[test]
