@@ -13,7 +13,7 @@ import { silentRequests } from "./silence.mjs";
 import { ownStreams, stoppedWithEightTabs, takenFromASilentTab } from "./tabs.mjs";
 import { asksAboutChanges, forgetsEarlierErrors, saysWhatIsUnread } from "./unread.mjs";
 import { needsToken } from "./token.mjs";
-import { button, config, keeper, look, passed, run, serve, shots, state, visit } from "./support.mjs";
+import { button, config, keeper, look, passed, run, serve, shots, state, stood, visit } from "./support.mjs";
 
 const rigOf = async (base) => (await fetch(`${base}/api/v1/rig`)).json();
 
@@ -52,6 +52,7 @@ async function atThePaceOfTheWall() {
   assert.equal(await page.evaluate(() => document.activeElement?.id), "prompt-title");
   await look(page, "prompt-sample");
   await page.getByRole("heading", { name: "Put sample 1 under the probe" }).focus();
+  await stood(page, "Waiting for you");
   await page.keyboard.press("Enter");
   await page.getByRole("heading", { name: "Turn the sensor to front/back" }).waitFor();
   assert.equal((await rigOf(base)).asked.what, "turn_sensor");

@@ -1,6 +1,6 @@
 // Presses that must do nothing: those meant for an earlier card, and those of a key that only pauses.
 import assert from "node:assert/strict";
-import { button, serve, state, visit } from "./support.mjs";
+import { button, passed, serve, state, visit } from "./support.mjs";
 
 const rigOf = async (base) => (await fetch(`${base}/api/v1/rig`)).json();
 
@@ -28,8 +28,9 @@ export async function doneTwice() {
   assert.equal(answers.length, 1, `answered: ${answers}`);
   assert.equal((await rigOf(base)).asked.what, "turn_sensor");
   // A press that is meant for it answers it.
+  const pressed = Date.now();
   await button(page, /^Done$/).click();
-  await state(page, "Running");
+  await passed(page, "Running", pressed);
   assert.equal(answers.length, 2, `answered: ${answers}`);
   await page.context().close();
 }

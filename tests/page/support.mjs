@@ -83,6 +83,8 @@ export async function tab(context, base, isExpecting = () => false) {
 export const state = (page, word) => page.getByRole("heading", { level: 1, name: word, exact: true }).waitFor({ timeout: 60_000 });
 /** A state that may have passed already: it stood on the screen at or after this moment, ms. */
 export const passed = (page, word, since) => page.waitForFunction(([wanted, from]) => window.seen.some(([text, ms]) => text === wanted && ms >= from), [word, since], { timeout: 60_000 });
+/** As long as a card must have stood on the screen before an Enter answers it. */
+export const stood = (page, word) => page.waitForFunction((wanted) => window.seen.some(([text, ms]) => text === wanted && Date.now() - ms > 1000), word, { timeout: 60_000 });
 export const button = (page, name) => page.getByRole("button", { name });
 
 /** No violation of accessibility, in both themes and three sizes, with a picture of each. */
