@@ -40,7 +40,7 @@ async fn a_run_with_wrong_readings_is_sound_and_has_no_wrong_shift() {
     let undisturbed = shifts(&rig, run);
     rig.close().await;
     let mut with_left_out = 0;
-    for (factor, rate) in [(1.06, 0.05), (0.7, 0.02), (-1.0, 0.01)] {
+    for (factor, rate) in [(1.06, 0.05), (0.7, 0.02), (-1.0, 0.01), (10.0, 0.01), (0.01, 0.03)] {
         let rig = TestRig::open().await;
         rig.fault(&format!("fault analyzer wrong-reading by={factor} rate={rate}"));
         let (run, ending) = rig.run(rig.protocol(&smoke)).await;

@@ -70,7 +70,18 @@ pub(crate) struct Fitted {
 pub(crate) fn is_usable(reading: &Reading) -> bool {
     let numbers = [reading.resistance_ohm, reading.reactance_ohm];
     let is_finite = numbers.iter().all(|x| x.is_some_and(f64::is_finite));
-    reading.flag == Flag::Normal && is_finite && reading.frequency_hz * reading.integration_s > 0.0
+    reading.flag == Flag::Normal && is_finite && has_place(reading)
+}
+
+/// Whether a reading has a place in its stay. Without a value it still says when the others began: one that was recorded
+/// late is known by the next.
+pub(crate) fn has_place(reading: &Reading) -> bool {
+    reading.frequency_hz * reading.integration_s > 0.0 && reading.begin_s().is_finite()
+}
+
+/// A reading of which only the place is left.
+pub(crate) const fn without_value(reading: Reading) -> Reading {
+    Reading { resistance_ohm: None, reactance_ohm: None, ..reading }
 }
 
 /// What is known of the motion of the sensor during the readings.
@@ -135,13 +146,14 @@ fn capacitance_f(reading: &Reading) -> f64 {
 
 /// The median of these capacitances: a free decay can make any impedance large, and with a small unit the expected loss
 /// would be small too.
-fn unit_f(readings: &[Reading]) -> f64 {
-    let mut all: Vec<f64> = readings.iter().map(capacitance_f).collect();
+fn unit_f(usable: &[Reading]) -> f64 {
+    let mut all: Vec<f64> = usable.iter().map(capacitance_f).collect();
     all.sort_by(f64::total_cmp);
     all[all.len() / 2]
 }
 
-/// Fits usable readings from the neighbourhood of a statement; `None` if that does not converge.
+/// Fits the usable ones of these readings, which all have a place, from the neighbourhood of a statement; `None` if that does
+/// not converge.
 pub(crate) fn fit(
     readings: &[Reading],
     motion: Motion,
@@ -149,13 +161,15 @@ pub(crate) fn fit(
     stated: Stated<'_>,
 ) -> Option<Fitted> {
     let first = readings.first()?;
+    let usable: Vec<Reading> = readings.iter().filter(|one| is_usable(one)).copied().collect();
+    let first_usable = usable.first()?;
     let (is_ringing, first_gap_s) = match motion {
         Motion::Settled => (false, 0.0),
         Motion::Ringing { first_gap_s } => (true, first_gap_s),
     };
     let is_noise_unknown = noise.is_none() && !is_ringing;
     let noise = noise.unwrap_or(if is_ringing { NOISE } else { NOISE_OF_SETTLED });
-    let unit = if is_ringing { unit_f(readings) } else { capacitance_f(first) };
+    let unit = if is_ringing { unit_f(&usable) } else { capacitance_f(first_usable) };
     let stays = stays(readings, unit, first_gap_s);
     let mut trace = Trace { stays, is_ringing, first_gap_s, beside: None };
     let beside = stated.beside((first.begin_s(), trace.span_s()), is_ringing, unit);
@@ -170,7 +184,7 @@ pub(crate) fn fit(
     };
     let mut variance = noise.at_ten_cycles.powi(2);
     at.amplitudes = trace.first_amplitudes(&at.circuit, variance);
-    let rows = 2 * readings.len() + CIRCUIT - 1;
+    let rows = 2 * usable.len() + CIRCUIT - 1;
     let unknowns = CIRCUIT + beside.map_or(0, Beside::count);
     let degrees = rows.saturating_sub(unknowns).max(1) as f64;
     let (mut found, mut widest, mut mode_variance) = (None, 0.0, 0.0);

@@ -69,11 +69,12 @@ fn scatter_sigmas(reason: &str) -> Option<f64> {
 
 /// The resonance within the window of a sweep that its readings determine, if the noise is known.
 fn determined(sweep: &Sweep, before: &Circuit, sigmas: f64) -> Option<Fitted> {
-    let usable = sweep.readings.iter().filter(|reading| fit::is_usable(reading));
-    let readings: Vec<Reading> = usable.copied().collect();
+    let readings = sweep.readings.iter().filter(|reading| fit::has_place(reading));
+    let readings: Vec<Reading> = readings.copied().collect();
+    let usable = readings.iter().filter(|reading| fit::is_usable(reading)).count();
     let settings = sweep.fit.as_ref()?;
     let noise = settings.noise?;
-    if !(READINGS_MIN..=READINGS_MAX).contains(&readings.len()) {
+    if !(READINGS_MIN..=READINGS_MAX).contains(&usable) {
         return None;
     }
     let [min_hz, max_hz] = settings.window_hz;

@@ -164,19 +164,20 @@ fn check_together(sweeps: &[Accepted], agreements: &[Option<Agreement>], finding
 
 /// Fits an accepted sweep. `None` on a given grid, and where something was found.
 fn check_one(accepted: &Accepted, findings: &mut Findings) -> Option<Agreement> {
-    let usable = |reading: &&Reading| fit::is_usable(reading);
     let Accepted { seq, sweep, .. } = accepted;
-    let readings = sweep.readings.iter().skip(sweep.probe_readings).filter(usable);
-    let readings: Vec<Reading> = readings.copied().collect();
-    if readings.len() < READINGS_MIN {
+    let of_sweep = sweep.readings.iter().skip(sweep.probe_readings);
+    let readings: Vec<Reading> =
+        of_sweep.filter(|reading| fit::has_place(reading)).copied().collect();
+    let usable = places_of_usable(&readings).count();
+    if usable < READINGS_MIN {
         let what = format!("sweep {}: the number of readings behind a resonance", sweep.number);
-        let (found, expected) = (readings.len() as f64, format!("at least {READINGS_MIN}"));
+        let (found, expected) = (usable as f64, format!("at least {READINGS_MIN}"));
         findings.within(Check::Resonance, *seq, what, expected, found, None);
         return None;
     }
     let all = follows(accepted, &readings);
     let Outcome::Accepted { left_out, .. } = sweep.outcome else { return None };
-    let most = left_out.min(readings.len().div_ceil(READINGS_PER_OUTLIER));
+    let most = left_out.min(usable.div_ceil(READINGS_PER_OUTLIER));
     let rest = nearest(&readings, &sweep.outcome, most).filter(|_| most > 0);
     // The statement must follow from the others as well. Two readings that are off by any factor keep each fit without one of
     // them from converging: those that are farthest from the stated circuit go first.
@@ -206,6 +207,20 @@ fn follows(accepted: &Accepted, readings: &[Reading]) -> Result<Option<Agreement
     if found.0.is_empty() { Ok(agreement) } else { Err(found.0) }
 }
 
+/// The places of the readings with a value that can be used.
+fn places_of_usable(readings: &[Reading]) -> impl Iterator<Item = usize> {
+    readings.iter().enumerate().filter(|(_, one)| fit::is_usable(one)).map(|(index, _)| index)
+}
+
+/// The readings without the values of these.
+fn without_values(readings: &[Reading], gone: &[usize]) -> Vec<Reading> {
+    let mut rest = readings.to_vec();
+    for &index in gone {
+        rest[index] = fit::without_value(rest[index]);
+    }
+    rest
+}
+
 /// A sweep without one of its readings.
 struct Without {
     scatter: f64,
@@ -218,8 +233,7 @@ struct Without {
 /// The sweep without each of its readings, those with the least scatter first.
 fn singles(accepted: &Accepted, readings: &[Reading]) -> Vec<Without> {
     let without = |k: usize| {
-        let mut rest = readings.to_vec();
-        rest.remove(k);
+        let rest = without_values(readings, &[k]);
         let (found, scatter, agreement) = check_readings(accepted, &rest);
         Without { scatter, is_explained: found.0.is_empty(), agreement, readings: rest }
     };
@@ -269,8 +283,7 @@ fn without_pair(accepted: &Accepted, readings: &[Reading]) -> Option<(f64, Vec<R
     let pairs =
         pairs.flat_map(|(n, one)| suspects[n + 1..].iter().map(move |other| [*one, *other]));
     let without = |gone: [usize; 2]| {
-        let rest = readings.iter().enumerate().filter(|(index, _)| !gone.contains(index));
-        let rest: Vec<Reading> = rest.map(|(_, reading)| *reading).collect();
+        let rest = without_values(readings, &gone);
         (check_readings(accepted, &rest).1, rest)
     };
     let all = pairs.map(without).filter(|(scatter, _)| scatter.is_finite());
@@ -287,7 +300,7 @@ fn without_outliers(
     let mut agreement = None;
     for _ in 0..most {
         let best = singles(accepted, &readings).into_iter().next()?;
-        let count = readings.len() as f64;
+        let count = places_of_usable(&readings).count() as f64;
         let gain = 2.0 * (count * scatter / best.scatter - (count - 1.0));
         if gain < OUTLIER_GAIN {
             break;
@@ -306,11 +319,9 @@ fn nearest(readings: &[Reading], outcome: &Outcome, most: usize) -> Option<Vec<R
         let stated = fit::impedance(circuit, *resonance_hz, reading.frequency_hz);
         (fit::measured(reading) - stated).norm() / stated.norm()
     };
-    let mut by_distance: Vec<usize> = (0..readings.len()).collect();
+    let mut by_distance: Vec<usize> = places_of_usable(readings).collect();
     by_distance.sort_by(|a, b| off(&readings[*b]).total_cmp(&off(&readings[*a])));
-    let gone = by_distance.get(..most)?;
-    let rest = readings.iter().enumerate().filter(|(index, _)| !gone.contains(index));
-    Some(rest.map(|(_, reading)| *reading).collect())
+    Some(without_values(readings, by_distance.get(..most)?))
 }
 
 /// The readings that can be wrong, by their index: those that differ most from the others at their
@@ -318,7 +329,8 @@ fn nearest(readings: &[Reading], outcome: &Outcome, most: usize) -> Option<Vec<R
 fn suspects(readings: &[Reading]) -> Vec<usize> {
     let parts = [|one: &Reading| one.resistance_ohm, |one: &Reading| one.reactance_ohm];
     let off = |reading: &Reading| {
-        let is_here = |other: &&Reading| other.frequency_hz == reading.frequency_hz;
+        let is_here =
+            |other: &&Reading| fit::is_usable(other) && other.frequency_hz == reading.frequency_hz;
         let [re, im] = parts.map(|part| {
             let mut here: Vec<f64> = readings.iter().filter(is_here).filter_map(part).collect();
             here.sort_by(f64::total_cmp);
@@ -327,7 +339,7 @@ fn suspects(readings: &[Reading]) -> Vec<usize> {
         });
         re.0.hypot(im.0) / re.1.hypot(im.1)
     };
-    let mut all: Vec<usize> = (0..readings.len()).collect();
+    let mut all: Vec<usize> = places_of_usable(readings).collect();
     if all.len() > SUSPECTS {
         all.sort_by(|a, b| off(&readings[*b]).total_cmp(&off(&readings[*a])));
         all.truncate(SUSPECTS);

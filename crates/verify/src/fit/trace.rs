@@ -7,6 +7,7 @@ use num_complex::Complex64;
 use crate::{
     fit::{
         beside::{self, Beside, Course, Place},
+        is_usable,
         motion::{Branch, Mean, Passage, decay, resting},
     },
     normal::{GLOBAL, Normal, Part, Step},
@@ -54,6 +55,8 @@ pub(super) struct Sample {
     when: f64,
     /// Impedance times the unit of capacitance, s.
     z: Complex64,
+    /// Whether there is one.
+    is_used: bool,
 }
 
 /// Readings at one frequency.
@@ -81,6 +84,7 @@ pub(super) fn stays(readings: &[Reading], unit: f64, first_gap_s: f64) -> Vec<St
             settle_s: reading.settle_s,
             when: 2.0 * (middle_s(reading) - first_s) / (last_s - first_s) - 1.0,
             z: measured(reading) * unit,
+            is_used: is_usable(reading),
         };
         let is_same = before.is_some_and(|before| before.frequency_hz == reading.frequency_hz);
         before = Some(reading);
@@ -527,7 +531,8 @@ impl Trace {
     }
 }
 
-/// The variance of each part of a reading by the noise.
+/// The variance of each part of a reading by the noise; infinite for one that is not used.
 fn noise(stay: &Stay, sample: &Sample, variance: f64) -> f64 {
+    let variance = if sample.is_used { variance } else { f64::INFINITY };
     variance * 10.0 * 2.0 * PI / (sample.integration_s * stay.omega)
 }
